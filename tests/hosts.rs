@@ -14,9 +14,10 @@ use common::laboratory::{free_port, serial_line};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use run_log::{CaptureFigures, LinkFigures};
 use shared_types::digest::ExperimentDigest;
+use shared_types::rotation::exp;
 
 use host::in_process::{InProcess, TickSink};
 use proptest::prelude::*;
@@ -317,7 +318,7 @@ impl CaptureServer {
         self.number += 1;
         let pose = WorldPose {
             position_world: Vector3::new(0.0, 0.0, -1e-9 * f64::from(self.number)),
-            world_from_body: Matrix3::identity(),
+            world_from_body: exp(&Vector3::new(1e-7 * f64::from(self.number), 0.0, 0.0)),
         };
         self.server.serve(&["quad"]);
         let now_ns = monotonic_ns();

@@ -74,7 +74,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
     let Some((feed, diagnosis)) = vehicle else {
         return Ok(Exit::Success);
     };
-    let findings = diagnosis.with(&source).to_string();
+    let findings = diagnosis.with(&source, feed.frozen_part()).to_string();
     print(describe_feed(&feed));
     if feed.counts().believed == 0 {
         let because = if findings.is_empty() {

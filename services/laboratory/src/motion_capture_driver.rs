@@ -4,14 +4,14 @@
 //! pose that was captured by its tick; between two captures it says that the body was not seen, which the estimator
 //! ignores. `vehicle/truth` is never due: the truth is not known.
 //!
-//! A restarted driver begins to listen without memory: it knows neither the server's clock nor the vehicle's place.
+//! A restarted driver goes on with the clock, the order of frames and the pose of the one before it, if they are recent.
 
 use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use motion_capture::diagnosis::Diagnosis;
-use motion_capture::feed::{Feed, Health, VehiclePose};
+use motion_capture::feed::{Feed, FeedMemory, Health, VehiclePose};
 use motion_capture::figures::Second;
 use motion_capture::transport::{Address, CaptureSource};
 use runtime::flight_clock::monotonic_ns;
@@ -23,6 +23,7 @@ use shared_types::{Now, ServiceId};
 
 use super::is_under_way;
 use run_log::CaptureFigures;
+use zerocopy::{FromBytes, IntoBytes};
 
 /// Pause between two attempts to open a socket that a dead process had, ns.
 const RETRY_NS: u64 = 500_000_000;
@@ -101,7 +102,7 @@ impl MotionCaptureDriver {
                 *believed_at_ns = Some(pose.arrived_ns);
             }
         });
-        reason.update(now_ns, diagnosis, source);
+        reason.update(now_ns, diagnosis, source, feed);
     }
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
@@ -179,14 +180,17 @@ impl ErasedService for MotionCaptureDriver {
     }
 
     fn state_size(&self) -> usize {
-        0
+        size_of::<FeedMemory>()
     }
 
     fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
-        keep(&[]);
+        keep(self.feed.save().as_bytes());
     }
 
-    fn restore(&mut self, _bytes: &[u8]) {}
+    fn restore(&mut self, bytes: &[u8]) {
+        let memory = FeedMemory::read_from_bytes(bytes).expect("a state of this service has this size");
+        self.feed.restore(&memory, monotonic_ns());
+    }
 }
 
 /// Text about refusals, without an allocation.
@@ -208,7 +212,7 @@ impl Default for Reason {
 
 impl Reason {
     /// Writes what is known now, a few times a second.
-    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &CaptureSource) {
+    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &CaptureSource, feed: &Feed) {
         if now_ns < self.due_ns {
             return;
         }
@@ -217,7 +221,7 @@ impl Reason {
             ..Self::default()
         };
         // An error means that the text is full.
-        let _ = write!(self, "{}", diagnosis.with(source));
+        let _ = write!(self, "{}", diagnosis.with(source, feed.frozen_part()));
     }
 }
 

@@ -4,26 +4,34 @@
 //! stamp. A line below such points relates the clocks: its slope is the median of the slopes between points far apart,
 //! which a few bad windows do not move.
 //!
-//! A stamp that the line finds too early or too late is refused. If more of them agree on another offset than do not, by
-//! 25, the sender's clock was set, and the estimate restarts.
+//! Failure policy: a stamp whose time is known to 60 ms is mapped.
+//!
+//! | arrival beside the line | response |
+//! | --- | --- |
+//! | up to 60 ms early | the line was too high: it goes through this packet from now on |
+//! | up to 60 ms late | mapped by the line |
+//! | all packets of two windows more than 4 ms late | the way has become longer, or the clock was set back: the line is raised to the soonest of them |
+//! | earlier or later by more than 60 ms | refused; if more of them agree on another offset than do not, by 25, the sender's clock was set, and the estimate restarts |
+//!
+//! Lowering or raising the line keeps its slope; points from before do not count any more.
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 500_000_000;
 /// Windows that are remembered.
 const WINDOWS: usize = 64;
 /// Windows below which the slope counts as 0, and points are kept for [`SHORT_MEMORY`] windows only.
-const WINDOWS_FOR_SLOPE: usize = 12;
+const WINDOWS_FOR_SLOPE: usize = WINDOWS / 2;
 /// Windows that count without a slope: within them no clock drifts far.
 const SHORT_MEMORY: usize = 2;
 /// Largest drift of a quartz, per unit.
-const LARGEST_DRIFT: f64 = 5e-4;
-/// Largest lead of a packet over the soonest packet so far without a refusal, ns.
+const LARGEST_DRIFT: f64 = 1e-4;
+/// Lead of a packet over the line that no error of the slope explains, ns.
 const EARLY_NS: i64 = 2_000_000;
-/// Largest lag of a packet behind the soonest packet without a refusal, ns.
-const LATE_NS: i64 = 60_000_000;
+/// Largest distance of a packet from the line without a refusal, ns.
+const LARGEST_NS: i64 = 60_000_000;
 /// Largest lag of a window's soonest packet behind the line, ns.
 const WINDOW_LATE_NS: i64 = 4_000_000;
-/// Windows in a row that are later after which the clock was set.
+/// Windows in a row that are later after which the line is raised.
 const LATE_WINDOWS: u32 = 2;
 /// Refused stamps that agree, beyond those that do not, after which they are accepted.
 const CONFIRMATIONS: u32 = 25;
@@ -41,7 +49,7 @@ pub enum Mapped {
     Listening,
     /// The stamp is too far from the line.
     Doubted,
-    /// The sender's clock was set, or the latency grew for good; the estimate has restarted.
+    /// The sender's clock was set; the estimate has restarted.
     Stepped,
 }
 
@@ -53,10 +61,23 @@ struct Point {
     offset_ns: i64,
 }
 
+/// Line that relates the clocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ClockLine {
+    /// Arrival of a packet on the line, ns of the local clock.
+    pub(crate) arrived_ns: u64,
+    /// Its arrival minus its stamp, ns.
+    pub(crate) offset_ns: i64,
+    /// Rate at which the local clock gains on the sender's.
+    pub(crate) slope: f64,
+}
+
 /// Offset and drift of a sender's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RemoteClock {
     began_ns: Option<u64>,
+    /// `true` once stamps are mapped.
+    is_settled: bool,
     window_end_ns: u64,
     window: Option<Point>,
     points: [Option<Point>; WINDOWS],
@@ -81,6 +102,7 @@ impl RemoteClock {
     pub fn new() -> Self {
         Self {
             began_ns: None,
+            is_settled: false,
             window_end_ns: 0,
             window: None,
             points: [None; WINDOWS],
@@ -91,6 +113,34 @@ impl RemoteClock {
             doubted: 0,
             doubted_offset_ns: 0,
         }
+    }
+
+    /// Makes the estimate that goes on with a line.
+    pub(crate) fn with_line(line: ClockLine) -> Self {
+        let mut clock = Self {
+            began_ns: Some(0),
+            is_settled: true,
+            slope: line.slope,
+            ..Self::new()
+        };
+        clock.restart_at(Point {
+            arrived_ns: line.arrived_ns,
+            offset_ns: line.offset_ns,
+        });
+        clock
+    }
+
+    /// Returns the line; `None` while stamps are not mapped.
+    pub(crate) fn line(&self) -> Option<ClockLine> {
+        let Point {
+            arrived_ns,
+            offset_ns,
+        } = self.anchor.filter(|_| self.is_settled)?;
+        Some(ClockLine {
+            arrived_ns,
+            offset_ns,
+            slope: self.slope,
+        })
     }
 
     /// Returns the rate at which the local clock gains on the sender's, per unit.
@@ -116,20 +166,19 @@ impl RemoteClock {
             return Mapped::Listening;
         };
         let late_ns = offset_ns.saturating_sub(self.offset_ns(arrived_ns));
-        let is_listening = arrived_ns.saturating_sub(began_ns) < LISTEN_NS;
-        // At first the collected stamps may have been late ones, so that it is early by more.
-        let early_ns = if is_listening { LATE_NS } else { EARLY_NS };
-        if !(-early_ns..=LATE_NS).contains(&late_ns) {
+        if !(-LARGEST_NS..=LARGEST_NS).contains(&late_ns) {
             return self.doubt(point);
         }
         self.doubted = 0;
-        if self.take(point) {
-            self.begin(point);
-            return Mapped::Stepped;
+        if late_ns < -EARLY_NS {
+            self.restart_at(point);
+        } else {
+            self.take(point);
         }
-        if is_listening {
+        if arrived_ns.saturating_sub(began_ns) < LISTEN_NS {
             return Mapped::Listening;
         }
+        self.is_settled = true;
         Mapped::At(sent_ns.saturating_add(self.offset_ns(arrived_ns)))
     }
 
@@ -165,20 +214,21 @@ impl RemoteClock {
         Mapped::Stepped
     }
 
-    /// Takes an accepted point; returns whether too many windows were late.
-    fn take(&mut self, point: Point) -> bool {
+    /// Leads the line through a point, without those before it.
+    fn restart_at(&mut self, point: Point) {
+        self.points = [None; WINDOWS];
+        self.count = 0;
+        self.late_windows = 0;
+        self.window = Some(point);
+        self.window_end_ns = point.arrived_ns + WINDOW_NS;
+        self.anchor = Some(point);
+    }
+
+    /// Takes an accepted point.
+    fn take(&mut self, point: Point) {
         if point.arrived_ns >= self.window_end_ns {
             if let Some(soonest) = self.window.take() {
-                let line_ns = self.offset_ns(soonest.arrived_ns);
-                let is_late = self.count > 0 && soonest.offset_ns - line_ns > WINDOW_LATE_NS;
-                self.late_windows = if is_late { self.late_windows + 1 } else { 0 };
-                if self.late_windows >= LATE_WINDOWS {
-                    return true;
-                }
-                if !is_late {
-                    self.points[self.count % WINDOWS] = Some(soonest);
-                    self.count += 1;
-                }
+                self.close(soonest);
             }
             self.window_end_ns = point.arrived_ns + WINDOW_NS;
             self.window = Some(point);
@@ -192,7 +242,20 @@ impl RemoteClock {
                 self.anchor = Some(point);
             }
         }
-        false
+    }
+
+    /// Takes the soonest point of a window that has ended.
+    fn close(&mut self, soonest: Point) {
+        let line_ns = self.offset_ns(soonest.arrived_ns);
+        let is_late = self.count > 0 && soonest.offset_ns - line_ns > WINDOW_LATE_NS;
+        self.late_windows = if is_late { self.late_windows + 1 } else { 0 };
+        if self.late_windows >= LATE_WINDOWS {
+            self.restart_at(soonest);
+        }
+        if self.late_windows == 0 {
+            self.points[self.count % WINDOWS] = Some(soonest);
+            self.count += 1;
+        }
     }
 
     /// Fits the line: its slope by the points far apart, its height by the soonest.

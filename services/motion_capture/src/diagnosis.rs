@@ -7,7 +7,7 @@ use std::fmt::{Display, Formatter, Result};
 
 use scenario::{CaptureSystem, MotionCapture, Problem};
 
-use crate::feed::Selector;
+use crate::feed::{PosePart, Selector};
 use crate::natnet::Version;
 use crate::refusals::Tally;
 use crate::transport::CaptureSource;
@@ -111,12 +111,14 @@ impl Diagnosis {
         self.last_stamp_ns.filter(|_| is_standing)
     }
 
-    /// Returns the findings with what the source knows, for display; empty if there are none.
+    /// Returns the findings with what the source and the feed know, for display; empty if there are none. `frozen` is the
+    /// part of the vehicle's pose that does not move.
     #[must_use]
-    pub fn with<'a>(&'a self, source: &'a CaptureSource) -> Findings<'a> {
+    pub fn with<'a>(&'a self, source: &'a CaptureSource, frozen: Option<PosePart>) -> Findings<'a> {
         Findings {
             diagnosis: self,
             source,
+            frozen,
         }
     }
 }
@@ -137,6 +139,7 @@ fn is_near(name: &Name, wanted: &Name) -> bool {
 pub struct Findings<'a> {
     diagnosis: &'a Diagnosis,
     source: &'a CaptureSource,
+    frozen: Option<PosePart>,
 }
 
 impl Display for Findings<'_> {
@@ -155,6 +158,14 @@ impl Display for Findings<'_> {
                 "poses of the vehicle refused: {}",
                 diagnosis.vehicle
             ))?;
+        }
+        match self.frozen {
+            Some(PosePart::Attitude) => list.add(format_args!(
+                "the attitude of `{}` does not move: is it tracked by one marker?",
+                diagnosis.name
+            ))?,
+            Some(PosePart::Pose) | None => {}
+            Some(part) => list.add(format_args!("the {part} of `{}` does not move", diagnosis.name))?,
         }
         if !diagnosis.is_seen {
             self.names(&mut list)?;
@@ -278,7 +289,7 @@ mod tests {
         for frame in frames {
             diagnosis.take(frame);
         }
-        diagnosis.with(&source).to_string()
+        diagnosis.with(&source, None).to_string()
     }
 
     #[test]
@@ -362,7 +373,7 @@ mod tests {
         }
         let system = CaptureSystem::Natnet;
         let diagnosis = Diagnosis::new(system, &stated(system, object)).unwrap();
-        diagnosis.with(&source).to_string()
+        diagnosis.with(&source, None).to_string()
     }
 
     #[test]

@@ -4,25 +4,29 @@
 //! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`FeedCounts`]).
 //! Missing poses never look like a vehicle that stands still: without an accepted pose there is no output.
 
+mod memory;
 mod numbering;
+mod stillness;
 mod track;
 
 use std::cmp::Ordering;
 
-use nalgebra::{Matrix3, Vector3};
 use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
 use shared_types::service::nanoseconds;
 
 pub use crate::counts::FeedCounts;
+pub use memory::FeedMemory;
+pub use stillness::PosePart;
 pub use track::Bounds;
 
 use crate::clock::{Mapped, RemoteClock};
 use crate::conventions::{Calibration, WorldPose};
 use crate::figures::Figures;
-use crate::wire::{CapturePose, Frame, LONGEST_NAME, Name, Stamp, WireBody};
+use crate::wire::{Frame, LONGEST_NAME, Name, Stamp, WireBody};
 use numbering::{Numbering, Order};
+use stillness::Stillness;
 use track::{PoseDecision, Tracks};
 
 /// Largest lead of a pose's capture time over its arrival, ns: an error of the clock's estimate.
@@ -100,9 +104,9 @@ pub enum Health {
     Absent,
     /// Poses come, and are not accepted yet.
     Settling,
-    /// The last frame had an accepted pose.
+    /// Poses are accepted.
     Good,
-    /// The last frame had none.
+    /// Poses were accepted, and none has been for two periods of the slowest stated rate.
     Doubtful,
 }
 
@@ -118,7 +122,14 @@ pub struct Feed {
     figures: Figures,
     counts: FeedCounts,
     last_stamp_ns: i64,
-    last_pose: Option<(Vector3<f64>, Matrix3<f64>)>,
+    stillness: Stillness,
+    frozen: Option<PosePart>,
+    /// Arrival of the last frame, ns of the local clock; 0 before the first.
+    heard_at_ns: u64,
+    /// Arrival of the last accepted pose, ns of the local clock.
+    believed_at_ns: u64,
+    /// Time without an accepted pose after which the feed is doubtful, ns.
+    patience_ns: u64,
     health: Health,
 }
 
@@ -150,7 +161,11 @@ impl Feed {
             figures: Figures::new(stated.rate),
             counts: FeedCounts::default(),
             last_stamp_ns: i64::MIN,
-            last_pose: None,
+            stillness: Stillness::default(),
+            frozen: None,
+            heard_at_ns: 0,
+            believed_at_ns: 0,
+            patience_ns: nanoseconds(2.0 / stated.rate[0]),
             health: Health::Silent,
         })
     }
@@ -173,6 +188,12 @@ impl Feed {
         self.health
     }
 
+    /// Returns the part of the vehicle's last pose that does not change although cameras have noise.
+    #[must_use]
+    pub fn frozen_part(&self) -> Option<PosePart> {
+        self.frozen
+    }
+
     /// Returns the drift of the sender's clock against the local one, per unit.
     #[must_use]
     pub fn drift(&self) -> f64 {
@@ -192,6 +213,24 @@ impl Feed {
             return None;
         }
         self.counts.frames += 1;
+        self.heard_at_ns = arrived_ns;
+        let pose = self.accepted(frame, vehicle, arrived_ns);
+        match (&pose, self.health) {
+            (Some(pose), _) => {
+                self.believed_at_ns = pose.arrived_ns;
+                self.health = Health::Good;
+            }
+            (None, Health::Good) if arrived_ns.saturating_sub(self.believed_at_ns) > self.patience_ns => {
+                self.health = Health::Doubtful;
+            }
+            (None, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
+            (None, _) => {}
+        }
+        pose
+    }
+
+    /// Returns the vehicle's pose in a frame, if its time is known and it is accepted.
+    fn accepted(&mut self, frame: &Frame, vehicle: Option<usize>, arrived_ns: u64) -> Option<VehiclePose> {
         if !self.is_new(frame) {
             return None;
         }
@@ -199,22 +238,13 @@ impl Feed {
         let captured_ns = self.captured_ns(frame, arrived_ns)?;
         let pose = self.believed(frame, vehicle, captured_ns);
         self.look_at_others(frame, vehicle, captured_ns);
-        match (&pose, self.health) {
-            (Some(_), _) => self.health = Health::Good,
-            (None, Health::Good) => self.health = Health::Doubtful,
-            (None, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
-            (None, _) => {}
-        }
         let pose = pose?;
         self.counts.believed += 1;
         self.figures.believe(arrived_ns.saturating_sub(captured_ns));
         Some(VehiclePose {
             captured_ns,
             arrived_ns,
-            pose: self.calibration.world_pose(&CapturePose {
-                position: pose.0,
-                capture_from_markers: pose.1,
-            }),
+            pose,
         })
     }
 
@@ -288,28 +318,24 @@ impl Feed {
     }
 
     /// Returns the vehicle's pose in a frame, if it is accepted.
-    fn believed(
-        &mut self,
-        frame: &Frame,
-        vehicle: Option<usize>,
-        captured_ns: u64,
-    ) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    fn believed(&mut self, frame: &Frame, vehicle: Option<usize>, captured_ns: u64) -> Option<WorldPose> {
         let Some(index) = vehicle else {
             self.counts.absent += 1;
             return None;
         };
         let body = &frame.bodies()[index];
-        let Some(pose) = &body.pose else {
+        let Some(captured) = &body.pose else {
             self.counts.occluded += 1;
             return None;
         };
-        let pose = (pose.position, pose.capture_from_markers);
-        if self.last_pose.replace(pose) == Some(pose) {
+        let pose = self.calibration.world_pose(captured);
+        self.frozen = self.stillness.take(&pose);
+        if self.frozen.is_some() {
             self.counts.frozen += 1;
             return None;
         }
-        let (position, rotation) = pose;
-        let counter = match self.tracks.vehicle(&position, &rotation, captured_ns) {
+        let (position, rotation) = (&captured.position, &captured.capture_from_markers);
+        let counter = match self.tracks.vehicle(position, rotation, captured_ns) {
             PoseDecision::Follows => return Some(pose),
             PoseDecision::Settled => {
                 self.counts.settled += 1;

@@ -13,8 +13,9 @@ use motion_capture::sender::server::quaternion;
 use motion_capture::transport::{Address, CaptureSource};
 use motion_capture::vrpn::{self, COOKIE, PoseReport};
 use motion_capture::wire::{CapturePose, Frame};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use scenario::{CaptureSystem, MotionCapture};
+use shared_types::rotation::exp;
 
 const FRAMES: u32 = 500;
 
@@ -22,8 +23,8 @@ const FRAMES: u32 = 500;
 fn pose(system: CaptureSystem, number: u32) -> CapturePose {
     let t = f64::from(number) * 0.01;
     Calibration::new(system, None, None).capture_pose(&WorldPose {
-        position_world: Vector3::new(libm::cos(t), libm::sin(t), -1.0),
-        world_from_body: Matrix3::identity(),
+        position_world: Vector3::new(libm::cos(t), libm::sin(t), -1.0 + 0.1 * libm::sin(3.0 * t)),
+        world_from_body: exp(&(Vector3::new(libm::sin(5.0 * t), libm::cos(5.0 * t), 0.0) * 0.1)),
     })
 }
 

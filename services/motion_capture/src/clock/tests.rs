@@ -109,3 +109,60 @@ proptest! {
         prop_assert!(worst < MS, "{worst} ns");
     }
 }
+
+/// A way that takes longer for a while, or from then on, costs no pose: the time of each is known to the delay.
+#[test]
+fn a_slower_network_bends_the_line_and_refuses_nothing() {
+    for (extra_ms, until_s) in [(0, 6.0), (3, 6.0), (6, 5.2), (6, 6.0), (10, 60.0), (20, 7.0)] {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender {
+            offset_ns: 5,
+            drift: 2e-5,
+            random: 9,
+        };
+        let mut last_arrival = 0;
+        for tick in 0..3000_i64 {
+            let sent = 1_000_000_000 + tick * 10 * MS;
+            let seconds = tick as f64 * 0.01;
+            let extra = if (4.0..until_s).contains(&seconds) {
+                extra_ms * MS
+            } else {
+                0
+            };
+            let (stamp, arrival) = sender.packet(sent);
+            last_arrival = (arrival + extra.unsigned_abs()).max(last_arrival);
+            let mapped = clock.hear(stamp, last_arrival);
+            let case = format!("{extra_ms} ms until {until_s} s, at {seconds} s");
+            if tick > 20 {
+                let Mapped::At(at) = mapped else {
+                    panic!("{case}: {mapped:?}")
+                };
+                let error = (at - sent - MS / 5).abs();
+                assert!(error < extra_ms * MS + MS, "{case}: {error} ns");
+                // Two windows after the end of the delay nothing is left of it.
+                assert!(seconds < until_s + 1.5 || error < MS, "{case}: {error} ns");
+            }
+        }
+        assert!(clock.drift().abs() < 1e-4 + 1e-9);
+    }
+}
+
+#[test]
+fn a_stamp_that_is_early_by_mistake_is_forgotten_after_two_windows() {
+    let mut clock = RemoteClock::new();
+    let mut sender = Sender {
+        offset_ns: 0,
+        drift: 0.0,
+        random: 3,
+    };
+    listen(&mut clock, &mut sender, 1, 20);
+    let early = 21_000_000_000 - 30 * MS;
+    assert!(matches!(
+        clock.hear(21_000_000_000 - MS, early as u64 + 1),
+        Mapped::At(_)
+    ));
+    let (worst, mapped) = listen(&mut clock, &mut sender, 21, 2);
+    assert!(worst < 31 * MS && mapped == 200);
+    let (worst, mapped) = listen(&mut clock, &mut sender, 23, 5);
+    assert!(worst < MS && mapped == 500, "{worst} ns");
+}

@@ -33,6 +33,19 @@ pub(super) struct Numbering {
 }
 
 impl Numbering {
+    /// Makes the order after a number.
+    pub(super) fn after(newest: u32) -> Self {
+        Self {
+            newest: Some(newest),
+            ..Self::default()
+        }
+    }
+
+    /// Returns the newest number.
+    pub(super) fn newest(&self) -> Option<u32> {
+        self.newest
+    }
+
     /// Takes the next frame's number.
     pub(super) fn look(&mut self, number: u32) -> Order {
         let Some(newest) = self.newest else {

@@ -2,8 +2,11 @@
 
 use std::net::Ipv4Addr;
 
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::exp;
+
 use super::*;
-use crate::wire::Frame;
+use crate::wire::{CapturePose, Frame};
 
 const MS: u64 = 1_000_000;
 const START: u64 = 5_000 * MS;
@@ -38,10 +41,16 @@ impl Room {
         room
     }
 
-    /// Returns the vehicle's place now: on a circle of 1 m/s, with a small part that never repeats.
+    /// Returns the vehicle's place now: on a circle of 1 m/s, with the noise of cameras.
     fn quad(&self) -> Vector3<f64> {
         let t = (self.now_ns - START) as f64 * 1e-9;
-        Vector3::new(libm::cos(t), libm::sin(t), 1.0)
+        Vector3::new(libm::cos(t), libm::sin(t), 1.0 + 1e-4 * libm::sin(29.0 * t))
+    }
+
+    /// Returns an attitude that is level but for the noise of the cameras.
+    fn attitude(&self) -> Matrix3<f64> {
+        let t = (self.now_ns - START) as f64 * 1e-9;
+        exp(&(Vector3::new(libm::sin(31.0 * t), libm::cos(17.0 * t), libm::sin(7.0 * t)) * 1e-3))
     }
 
     /// Another body, 3 m away and moving along.
@@ -50,6 +59,7 @@ impl Room {
     }
 
     fn fill(&mut self, bodies: &[(&str, Vector3<f64>)]) {
+        let attitude = self.attitude();
         self.frame.clear();
         self.frame.number = Some(self.number);
         for (name, position) in bodies {
@@ -58,7 +68,7 @@ impl Room {
                     name: Name::new(name.as_bytes()).unwrap(),
                     number: 0,
                     pose: (*position != Vector3::zeros())
-                        .then(|| CapturePose::new((*position).into(), Matrix3::identity()).unwrap()),
+                        .then(|| CapturePose::new((*position).into(), attitude).unwrap()),
                 })
                 .unwrap();
         }
@@ -242,4 +252,131 @@ fn a_body_is_named_by_its_name_its_number_or_both() {
     assert!(!selects(CaptureSystem::Vrpn, "quad", &body(b"quad", 1)));
     assert!(selects(CaptureSystem::Vrpn, "quad#1", &body(b"quad", 1)));
     assert!(!selects(CaptureSystem::ViconUdp, "quad", &body(b"quad2", 0)));
+}
+
+#[test]
+fn a_part_that_freezes_alone_is_not_accepted_and_named() {
+    let mut room = Room::new();
+    room.fly(&[("quad", room.quad())]);
+    let still = room.attitude();
+    for _ in 0..20 {
+        room.number += 1;
+        room.frame.clear();
+        room.frame.number = Some(room.number);
+        room.frame
+            .push(WireBody {
+                name: Name::new(b"quad").unwrap(),
+                number: 0,
+                pose: Some(CapturePose::new(room.quad().into(), still).unwrap()),
+            })
+            .unwrap();
+        room.now_ns += 10 * MS;
+        room.feed.take(&room.frame, room.now_ns);
+    }
+    assert_eq!(room.feed.frozen_part(), Some(PosePart::Attitude));
+    assert_eq!(room.feed.counts().frozen, 19);
+    assert_eq!(room.feed.health(), Health::Doubtful);
+    room.now_ns += 10 * MS;
+    assert!(room.truth().is_some());
+    assert_eq!(
+        (room.feed.frozen_part(), room.feed.health()),
+        (None, Health::Good)
+    );
+}
+
+#[test]
+fn frames_that_repeat_or_come_late_do_not_keep_the_feed_good() {
+    let mut room = Room::new();
+    room.truth();
+    let newest = room.number;
+    for _ in 0..3 {
+        room.number = newest - 1;
+        room.truth();
+    }
+    assert_eq!(
+        room.feed.health(),
+        Health::Good,
+        "for two periods of the slowest rate"
+    );
+    for _ in 0..3 {
+        room.number = newest - 1;
+        room.truth();
+    }
+    assert_eq!(room.feed.health(), Health::Doubtful);
+}
+
+#[test]
+fn a_feed_that_goes_on_with_a_memory_accepts_the_next_pose() {
+    let mut room = Room::new();
+    for _ in 0..100 {
+        room.truth();
+    }
+    let memory = room.feed.save();
+    // Of two frames, while the driver restarts, nothing is known.
+    room.number += 2;
+    room.now_ns += 20 * MS;
+    let restarted = |room: &Room, now_ns| {
+        let mut feed = Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap();
+        feed.restore(&memory, now_ns);
+        Room {
+            feed,
+            frame: Frame::new(),
+            ..*room
+        }
+    };
+    let mut after = restarted(&room, room.now_ns);
+    assert!(after.truth().is_some());
+    assert_eq!((after.feed.counts().lost, after.feed.health()), (2, Health::Good));
+
+    let mut elsewhere = restarted(&room, room.now_ns);
+    let away = elsewhere.quad() + Vector3::new(0.0, 0.0, 5.0);
+    assert_eq!(elsewhere.fly(&[("quad", away)]), None, "it cannot have got there");
+
+    let mut late = restarted(&room, room.now_ns + 3_000 * MS);
+    assert_eq!(late.truth(), None, "a memory of three seconds ago is not used");
+}
+
+#[test]
+fn a_feed_of_stamps_goes_on_with_the_clock_of_its_memory() {
+    let stated = MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "quad");
+    let mut feed = Feed::new(CaptureSystem::Vrpn, &stated).unwrap();
+    let mut frame = Frame::new();
+    let mut take = |feed: &mut Feed, at: u64| {
+        let now_ns = START + at * 10 * MS;
+        let phase = at as f64;
+        frame.clear();
+        let sent_ns = (now_ns - START) as i64 + 77_000_000_000;
+        frame.stamp = Some(Stamp {
+            exposed_ns: sent_ns,
+            sent_ns,
+        });
+        let noise = Vector3::new(
+            libm::sin(31.0 * phase),
+            libm::cos(17.0 * phase),
+            libm::sin(7.0 * phase),
+        );
+        let pose = CapturePose::new((noise * 1e-4).into(), exp(&(noise * 1e-3))).unwrap();
+        let name = Name::new(b"quad").unwrap();
+        frame
+            .push(WireBody {
+                name,
+                number: 0,
+                pose: Some(pose),
+            })
+            .unwrap();
+        feed.take(&frame, now_ns)
+    };
+    let accepted = (0..100).filter(|&at| take(&mut feed, at).is_some()).count();
+    assert!(accepted > 40, "{accepted}");
+    let memory = feed.save();
+    let mut restarted = Feed::new(CaptureSystem::Vrpn, &stated).unwrap();
+    assert_eq!(
+        take(&mut restarted, 101),
+        None,
+        "without a memory it listens first"
+    );
+    let mut restarted = Feed::new(CaptureSystem::Vrpn, &stated).unwrap();
+    restarted.restore(&memory, START + 1010 * MS);
+    let pose = take(&mut restarted, 102).unwrap();
+    assert_eq!(pose.captured_ns, START + 1020 * MS - 4 * MS);
 }

@@ -1,10 +1,12 @@
-//! Tracks: the accepted places of bodies, and their possible next places.
+//! Tracks: the accepted poses of bodies, and their possible next poses.
 //!
-//! A pose follows a track if the body could have got there at the stated speed and rate of turn since the last accepted
-//! pose. That distance grows with the time, but not beyond a fifth of a second: a body that was away for long must
-//! settle again. Poses that continue refused ones are refused too, even if they have come into reach by then. A track
-//! restarts when poses followed each other for the stated time, unless they began where another body was: then the
-//! markers were exchanged, and the poses are refused for any time.
+//! A pose follows a track if the body could have got there, in position *and* attitude, at the stated speed and rate of
+//! turn since the last accepted pose. Both reaches grow with the time and saturate: after a fifth of a second in
+//! position, and at 1 rad in attitude, so that a body that was away for long, or came back turned, must settle again.
+//! Poses that continue refused ones are refused too, even if they have come into reach by then: a pose belongs to the
+//! track from which the body gets there sooner. A track restarts when poses followed each other for the
+//! stated time, unless they began where another body was: then the markers were exchanged, and the poses are refused
+//! for any time.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -16,6 +18,8 @@ const LONGEST_NS: u64 = 200_000_000;
 const POSITION_NOISE: f64 = 0.02;
 /// The same of an attitude, rad.
 const ATTITUDE_NOISE: f64 = 0.1;
+/// Largest turn between two accepted poses, rad.
+const LARGEST_TURN: f64 = 1.0;
 /// Time for which another body's last place is kept, ns.
 const OTHER_NS: u64 = 1_000_000_000;
 /// A place is another body's if the way from there is shorter by this factor than from the vehicle's last place.
@@ -49,11 +53,12 @@ pub(super) enum PoseDecision {
     Exchanged,
 }
 
+/// Pose of a body at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
-    position: Vector3<f64>,
-    rotation: Matrix3<f64>,
-    at_ns: u64,
+pub(super) struct Place {
+    pub(super) position: Vector3<f64>,
+    pub(super) rotation: Matrix3<f64>,
+    pub(super) at_ns: u64,
 }
 
 /// Poses that follow each other and are not accepted yet.
@@ -80,19 +85,29 @@ pub(super) struct Tracks {
     others: Vec<Other>,
 }
 
+impl Place {
+    /// Returns way and turn to another one, m and rad.
+    fn way_and_turn(&self, to: &Self) -> [f64; 2] {
+        // |R1 − R2|F = √8 sin(angle / 2)
+        let chord = (self.rotation - to.rotation).norm() / 8.0_f64.sqrt();
+        let turn = 2.0 * libm::asin(chord.min(1.0));
+        [(self.position - to.position).norm(), turn]
+    }
+}
+
 impl Bounds {
-    /// Returns the distance that a body can cover in a time, m.
-    fn reach(&self, ns: u64) -> f64 {
-        self.max_speed * seconds(ns) + POSITION_NOISE
+    fn can_follow(&self, from: &Place, to: &Place) -> bool {
+        let since_ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS) + self.time_noise_ns;
+        let reach = self.max_speed * seconds(since_ns) + POSITION_NOISE;
+        let reach_of_turn = (self.max_turn_rate * seconds(since_ns)).min(LARGEST_TURN) + ATTITUDE_NOISE;
+        let [way, turn] = from.way_and_turn(to);
+        way <= reach && turn <= reach_of_turn
     }
 
-    fn can_follow(&self, from: &Place, to: &Place) -> bool {
-        let ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS) + self.time_noise_ns;
-        let turn = self.max_turn_rate * seconds(ns) + ATTITUDE_NOISE;
-        // |R1 − R2|F = √8 sin(angle / 2)
-        let chord = (from.rotation - to.rotation).norm() / 8.0_f64.sqrt();
-        let is_turned = turn < std::f64::consts::PI && chord > libm::sin(turn / 2.0);
-        (from.position - to.position).norm() <= self.reach(ns) && !is_turned
+    /// Returns the shortest time in which the body gets from one place to another, s.
+    fn time_between(&self, from: &Place, to: &Place) -> f64 {
+        let [way, turn] = from.way_and_turn(to);
+        (way / self.max_speed).max(turn / self.max_turn_rate)
     }
 }
 
@@ -111,6 +126,16 @@ impl Tracks {
         }
     }
 
+    /// Returns the last accepted pose of the vehicle.
+    pub(super) fn believed(&self) -> Option<&Place> {
+        self.believed.as_ref()
+    }
+
+    /// Goes on from an accepted pose of the vehicle.
+    pub(super) fn restore(&mut self, believed: Place) {
+        self.believed = Some(believed);
+    }
+
     /// Takes the vehicle's next pose.
     pub(super) fn vehicle(
         &mut self,
@@ -123,13 +148,13 @@ impl Tracks {
             rotation: *rotation,
             at_ns,
         };
-        let away = |from: &Place| (from.position - place.position).norm();
+        let time = |from: &Place| self.bounds.time_between(from, &place);
         let continued = self
             .candidate
             .filter(|candidate| self.bounds.can_follow(&candidate.newest, &place));
         if let Some(believed) = self.believed
             && self.bounds.can_follow(&believed, &place)
-            && continued.is_none_or(|candidate| away(&believed) <= away(&candidate.newest))
+            && continued.is_none_or(|candidate| time(&believed) <= time(&candidate.newest))
         {
             self.believed = Some(place);
             self.candidate = None;
@@ -204,6 +229,96 @@ impl Tracks {
                 number: body.number,
                 place,
             });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use shared_types::rotation::exp;
+
+    use super::*;
+
+    const FRAME_NS: u64 = 10_000_000;
+
+    /// The track of a body that moves and turns steadily, with the noise of cameras.
+    struct Body {
+        tracks: Tracks,
+        velocity: Vector3<f64>,
+        rates: Vector3<f64>,
+        frame: u64,
+    }
+
+    impl Body {
+        fn settled(velocity: [f64; 3], rates: [f64; 3]) -> Self {
+            let mut body = Self {
+                tracks: Tracks::new(Bounds {
+                    max_speed: 10.0,
+                    max_turn_rate: 35.0,
+                    settle_ns: 300_000_000,
+                    time_noise_ns: 0,
+                }),
+                velocity: velocity.into(),
+                rates: rates.into(),
+                frame: 0,
+            };
+            while body.next(&Matrix3::identity()) != PoseDecision::Settled {
+                assert!(body.frame < 40);
+            }
+            body
+        }
+
+        /// The decision on the next pose, whose attitude is wrong by a turn.
+        fn next(&mut self, turn: &Matrix3<f64>) -> PoseDecision {
+            self.frame += 1;
+            let at_ns = self.frame * FRAME_NS;
+            let phase = self.frame as f64;
+            let noise = Vector3::new(
+                libm::sin(31.0 * phase),
+                libm::cos(17.0 * phase),
+                libm::sin(7.0 * phase),
+            );
+            let position = self.velocity * seconds(at_ns) + noise * 1e-4;
+            let rotation = exp(&(self.rates * seconds(at_ns))) * turn * exp(&(noise * 1e-3));
+            self.tracks.vehicle(&position, &rotation, at_ns)
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_turn_at_once_is_refused_for_the_whole_time_in_which_a_track_settles(
+            axis in prop::array::uniform3(-1.0..1.0f64),
+            degrees in 30.0..180.0f64,
+            lasts in 1..29u64,
+            velocity in prop::array::uniform3(-1.0..1.0f64),
+            rates in prop::array::uniform3(-2.0..2.0f64),
+        ) {
+            prop_assume!(Vector3::from(axis).norm() > 0.1);
+            let turn = exp(&(Vector3::from(axis).normalize() * degrees.to_radians()));
+            for (velocity, rates) in [([0.0; 3], [0.0; 3]), (velocity, rates)] {
+                let mut body = Body::settled(velocity, rates);
+                for _ in 0..lasts {
+                    prop_assert_eq!(body.next(&turn), PoseDecision::Jumped);
+                }
+                prop_assert_eq!(body.next(&Matrix3::identity()), PoseDecision::Follows);
+            }
+        }
+
+        #[test]
+        fn a_body_that_comes_back_turned_must_settle_however_long_it_was_away(
+            axis in prop::array::uniform3(-1.0..1.0f64),
+            degrees in 65.0..180.0f64,
+            away in 1..200u64,
+        ) {
+            prop_assume!(Vector3::from(axis).norm() > 0.1);
+            let turn = exp(&(Vector3::from(axis).normalize() * degrees.to_radians()));
+            let mut body = Body::settled([0.0; 3], [0.0; 3]);
+            body.frame += away;
+            for _ in 0..30 {
+                prop_assert_eq!(body.next(&turn), PoseDecision::Jumped);
+            }
+            prop_assert_eq!(body.next(&turn), PoseDecision::Settled);
         }
     }
 }

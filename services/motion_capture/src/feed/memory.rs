@@ -1,0 +1,101 @@
+//! Memory of a feed as a record, so that a restarted driver goes on with the clock and the pose of the one before it.
+//!
+//! It runs on the same machine and listens to the same server, so the line between the clocks holds on, and the vehicle
+//! is where it can have got to since. What is wrong in it is found as in a feed that never stopped: packets that
+//! disagree restart the clock's estimate, poses out of reach must settle.
+
+use nalgebra::Matrix3;
+use shared_types::rotation::{from_row_major, to_row_major};
+use shared_types::sample::Flag;
+use zerocopy::FromZeros;
+
+use super::Feed;
+use super::numbering::Numbering;
+use super::track::Place;
+use crate::clock::{ClockLine, RemoteClock};
+
+/// Age of a memory beyond which a feed starts without it, ns.
+const LONGEST_NS: u64 = 2_000_000_000;
+
+shared_types::sample! {
+    /// Memory of a feed. Times are of the local clock.
+    pub struct FeedMemory {
+        /// Arrival of the last frame, ns; 0 before the first.
+        pub heard_at_ns: u64,
+        /// Arrival of the packet through which the clock's line goes, ns.
+        pub arrived_ns: u64,
+        /// Its arrival minus its stamp, ns.
+        pub offset_ns: i64,
+        /// Rate at which the local clock gains on the sender's.
+        pub slope: f64,
+        /// Exposure of the newest frame by the sender's clock, ns.
+        pub last_stamp_ns: i64,
+        /// Capture of the last accepted pose, ns.
+        pub at_ns: u64,
+        /// Its position in the system's frame, m.
+        pub position: [f64; 3],
+        /// Its rotation from the markers' frame to the system's, row-major.
+        pub rotation: [f64; 9],
+        /// Number of the newest frame.
+        pub number: u32,
+        /// `true` if the clock's line is known.
+        pub is_timed: Flag,
+        /// `true` if frames have numbers.
+        pub is_numbered: Flag,
+        /// `true` if a pose was accepted.
+        pub is_tracked: Flag,
+        /// Explicit padding.
+        pub pad0: u8,
+    }
+}
+
+impl Feed {
+    /// Returns the memory.
+    #[must_use]
+    pub fn save(&self) -> FeedMemory {
+        let line = self.clock.line();
+        let place = self.tracks.believed();
+        let number = self.numbering.newest();
+        FeedMemory {
+            heard_at_ns: self.heard_at_ns,
+            arrived_ns: line.map_or(0, |line| line.arrived_ns),
+            offset_ns: line.map_or(0, |line| line.offset_ns),
+            slope: line.map_or(0.0, |line| line.slope),
+            last_stamp_ns: self.last_stamp_ns,
+            at_ns: place.map_or(0, |place| place.at_ns),
+            position: place.map_or([0.0; 3], |place| place.position.into()),
+            rotation: to_row_major(&place.map_or(Matrix3::identity(), |place| place.rotation)),
+            number: number.unwrap_or(0),
+            is_timed: line.is_some().into(),
+            is_numbered: number.is_some().into(),
+            is_tracked: place.is_some().into(),
+            ..FeedMemory::new_zeroed()
+        }
+    }
+
+    /// Goes on with a memory at a time of the local clock, ns, unless it is too old.
+    pub fn restore(&mut self, memory: &FeedMemory, now_ns: u64) {
+        if memory.heard_at_ns == 0 || now_ns.saturating_sub(memory.heard_at_ns) > LONGEST_NS {
+            return;
+        }
+        self.heard_at_ns = memory.heard_at_ns;
+        self.last_stamp_ns = memory.last_stamp_ns;
+        if memory.is_timed.is_set() {
+            self.clock = RemoteClock::with_line(ClockLine {
+                arrived_ns: memory.arrived_ns,
+                offset_ns: memory.offset_ns,
+                slope: memory.slope,
+            });
+        }
+        if memory.is_numbered.is_set() {
+            self.numbering = Numbering::after(memory.number);
+        }
+        if memory.is_tracked.is_set() {
+            self.tracks.restore(Place {
+                position: memory.position.into(),
+                rotation: from_row_major(&memory.rotation),
+                at_ns: memory.at_ns,
+            });
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Stillness: parts of a pose that no longer change although the rest does.
+//!
+//! Cameras have noise in every part of a pose, so what repeats is stale, or was never measured: a tracker of single
+//! markers sends one attitude for ever, and a filter in the capture program may hold a heading. Position and attitude
+//! are compared bit for bit with those of the frame before. A coordinate of the position, or the heading, can be equal
+//! by chance, so it must stand still for [`FRAMES`] frames in which the other ones move. A simulator without noise whose
+//! body hovers has no part that moves alone, and is not frozen.
+
+use std::fmt;
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::roll_pitch_yaw;
+
+use crate::conventions::WorldPose;
+
+/// Frames in a row in which a coordinate stands still before it counts as frozen.
+const FRAMES: u8 = 10;
+/// Changes below which a coordinate stands still, and above which one moves: m, and rad. The noise of cameras is above
+/// both, the rounding of a heading of single precision below the first.
+const STILL: [f64; 2] = [1e-9, 5e-7];
+const MOVES: [f64; 2] = [1e-6, 1e-5];
+
+/// Part of a pose that can freeze while the others change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PosePart {
+    /// The whole pose.
+    Pose,
+    /// The position.
+    Position,
+    /// The attitude.
+    Attitude,
+    /// One coordinate in {I}: x, y, z or yaw.
+    Coordinate(usize),
+}
+
+impl fmt::Display for PosePart {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Pose => "pose",
+            Self::Position => "position",
+            Self::Attitude => "attitude",
+            Self::Coordinate(index) => ["x", "y", "z", "yaw"][*index],
+        })
+    }
+}
+
+/// The last pose, and for how many frames each of its coordinates has stood still.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Stillness {
+    last: Option<(Vector3<f64>, Matrix3<f64>)>,
+    still_for: [u8; 4],
+}
+
+impl Stillness {
+    /// Takes the next pose; returns the part that is frozen.
+    pub(super) fn take(&mut self, pose: &WorldPose) -> Option<PosePart> {
+        let (position, rotation) = (pose.position_world, pose.world_from_body);
+        let last = self.last.replace((position, rotation))?;
+        let [dx, dy, dz] = (position - last.0).abs().into();
+        let (before, now) = (roll_pitch_yaw(&last.1), roll_pitch_yaw(&rotation));
+        let [roll, pitch, yaw] = std::array::from_fn(|axis| (now[axis] - before[axis]).abs());
+        for (still_for, (change, others, kind)) in self.still_for.iter_mut().zip([
+            (dx, dy.max(dz), 0),
+            (dy, dz.max(dx), 0),
+            (dz, dx.max(dy), 0),
+            (yaw, roll.max(pitch), 1),
+        ]) {
+            if change > STILL[kind] {
+                *still_for = 0;
+            } else if others > MOVES[kind] {
+                *still_for = still_for.saturating_add(1);
+            }
+        }
+        match (position == last.0, rotation == last.1) {
+            (true, true) => Some(PosePart::Pose),
+            (true, false) => Some(PosePart::Position),
+            (false, true) => Some(PosePart::Attitude),
+            (false, false) => {
+                let frozen = self.still_for.iter().position(|&frames| frames >= FRAMES);
+                frozen.map(PosePart::Coordinate)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use shared_types::rotation::from_roll_pitch_yaw;
+
+    use super::*;
+
+    /// Pose of a frame with the noise of good cameras, 20 µm and 0.1 mrad, on all coordinates but those that are frozen.
+    fn pose(frame: u32, is_frozen: [bool; 6]) -> WorldPose {
+        let mut coordinates = [1.0, -2.0, -1.5, 0.05, -0.02, 1.0];
+        for (index, coordinate) in (0_u32..).zip(&mut coordinates) {
+            let phase = f64::from(frame * (index + 3)) * 1.7;
+            let noise = if index < 3 { 2e-5 } else { 1e-4 };
+            if !is_frozen[index as usize] {
+                *coordinate += noise * libm::sin(phase);
+            }
+        }
+        let [x, y, z, roll, pitch, yaw] = coordinates;
+        WorldPose {
+            position_world: Vector3::new(x, y, z),
+            world_from_body: from_roll_pitch_yaw([roll, pitch, yaw]),
+        }
+    }
+
+    fn frozen(is_frozen: [bool; 6], frames: u32) -> Option<PosePart> {
+        let mut stillness = Stillness::default();
+        (0..frames).fold(None, |_, frame| stillness.take(&pose(frame, is_frozen)))
+    }
+
+    #[test]
+    fn cameras_with_noise_are_never_frozen() {
+        let mut stillness = Stillness::default();
+        assert!((0..10_000).all(|frame| stillness.take(&pose(frame, [false; 6])).is_none()));
+    }
+
+    #[test]
+    fn each_part_that_freezes_alone_is_found() {
+        let (position, attitude) = (
+            [true, true, true, false, false, false],
+            [false, false, false, true, true, true],
+        );
+        assert_eq!(frozen([true; 6], 2), Some(PosePart::Pose));
+        assert_eq!(frozen(position, 2), Some(PosePart::Position));
+        assert_eq!(frozen(attitude, 2), Some(PosePart::Attitude));
+        for (index, frozen_one) in [0, 1, 2, 5].into_iter().enumerate() {
+            let one = std::array::from_fn(|other| other == frozen_one);
+            assert_eq!(frozen(one, u32::from(FRAMES)), None);
+            assert_eq!(
+                frozen(one, u32::from(FRAMES) + 1),
+                Some(PosePart::Coordinate(index))
+            );
+        }
+    }
+
+    #[test]
+    fn a_simulator_without_noise_whose_body_comes_to_rest_is_not_frozen() {
+        let mut stillness = Stillness::default();
+        for frame in 0..1000 {
+            let near = 1e-3 * libm::exp(-0.1 * f64::from(frame)) + 1e-13 * f64::from(frame);
+            let pose = WorldPose {
+                position_world: Vector3::new(near, 1.0 + near, -1.0 - near),
+                world_from_body: from_roll_pitch_yaw([near, -near, 0.5 + near]),
+            };
+            assert_eq!(stillness.take(&pose), None, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn what_moves_again_is_no_longer_frozen() {
+        let mut stillness = Stillness::default();
+        for frame in 0..50 {
+            stillness.take(&pose(frame, [false, false, false, false, false, true]));
+        }
+        assert_eq!(stillness.take(&pose(50, [false; 6])), None);
+    }
+}
