@@ -56,6 +56,7 @@ pub mod launch;
 pub mod lock_step;
 pub mod orchestrator_watchdog;
 pub mod output_ports;
+pub mod peer;
 pub mod ports;
 pub mod process;
 mod process_error;

@@ -10,7 +10,6 @@ use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::Mode;
-use rustix::net::sockopt::socket_peercred;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::Pid;
 use serde::{Deserialize, Serialize};
@@ -18,6 +17,7 @@ use shared_types::ServiceId;
 use system_limits::packet;
 
 use crate::control::{Channel, Start};
+use crate::peer::peer_credentials;
 
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "succession";
@@ -136,9 +136,14 @@ impl TakeOverListener {
             .map_err(|error| std::io::Error::other(format!("a service did not introduce itself: {error}")))?;
         let files = <[OwnedFd; FILES]>::try_from(received.files)
             .map_err(|_| std::io::Error::other("a service did not hand over its files"))?;
+        let pid = peer_credentials(&line)?.pid.ok_or_else(|| {
+            std::io::Error::other(
+                "a service connected that cannot be seen from this container: it could not be supervised",
+            )
+        })?;
         Ok(Some(InheritedDescriptors {
             hello: serde_json::from_slice(&received.text)?,
-            pid: socket_peercred(&line)?.pid,
+            pid,
             channel: Channel::inherited(line),
             files,
         }))
@@ -147,7 +152,7 @@ impl TakeOverListener {
 
 /// Returns whether the peer of a connection is a process of this user. The folder of the socket admits no other.
 fn is_own(line: &OwnedFd) -> bool {
-    socket_peercred(line).is_ok_and(|peer| peer.uid == rustix::process::geteuid())
+    peer_credentials(line).is_ok_and(|peer| peer.user == rustix::process::geteuid().as_raw())
 }
 
 impl Drop for TakeOverListener {
