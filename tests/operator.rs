@@ -6,7 +6,7 @@ mod kill_switch;
 use std::fs::File;
 use std::process::Command;
 
-use common::processes::signal;
+use common::processes::{processes_of, signal};
 use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
 use live::runs::SCOPE;
 use live::{SOCKET, Snapshot};
@@ -86,6 +86,41 @@ fn a_run_is_found_from_every_environment() {
         "{killed}"
     );
     assert!(look(&place, &run).unwrap().killed);
+    end(run);
+}
+
+#[test]
+fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
+    let place = Place::new();
+    let run = take_off(&place, "out");
+    for _ in 0..3 {
+        for (_, pid) in processes_of(run.id()) {
+            signal(pid, Signal::KILL);
+        }
+        for arguments in [&["get", "controller.k1"][..], &["top", "--once"]] {
+            succeed(&mut place.gerono(arguments));
+        }
+        until("all services", || {
+            let seen = look(&place, &run)?;
+            seen.services.iter().all(|service| service.flies).then_some(())
+        });
+    }
+    // Nobody restarts them now, and nobody answers: what is left is the memory that the orchestrator has.
+    signal(run.id(), Signal::STOP);
+    for (_, pid) in processes_of(run.id()) {
+        signal(pid, Signal::KILL);
+    }
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(killed.contains("told directly"), "{killed}");
+    signal(run.id(), Signal::CONT);
+    until("the kill, once services live again", || {
+        look(&place, &run).filter(|seen| seen.killed)
+    });
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(
+        killed.contains(&format!("killed run {}, ", name_of(&run))),
+        "{killed}"
+    );
     end(run);
 }
 

@@ -303,7 +303,7 @@ fn the_commands_of_another_user_name_the_owner_and_what_to_type_and_do_nothing()
     let Some(users) = Users::of(2) else { return };
     let run = users.take_off();
     let name = format!("{}-0", run.id());
-    for command in ["kill", "arm", "disarm", "stop", "attach"] {
+    for command in ["kill", "arm", "disarm", "stop", "attach", "get"] {
         for arguments in [&[command][..], &[command, "--run", &name]] {
             let refused = output(&mut users.gerono(users.other, arguments));
             assert_eq!(refused.status.code(), Some(1));
@@ -324,8 +324,31 @@ fn the_commands_of_another_user_name_the_owner_and_what_to_type_and_do_nothing()
 fn root_finds_and_kills_the_run_of_a_user() {
     let Some(users) = Users::of(3) else { return };
     let run = users.take_off();
+    let name = format!("{}-0", run.id());
+    // Both processes are of one login where the system keeps it, and then of one person.
+    let login = fs::read_to_string("/proc/self/loginuid").unwrap_or_default();
+    if login.trim().parse().unwrap_or(u32::MAX) == u32::MAX {
+        // What turns motors asks whose run is meant; nobody confirms here.
+        let refused = output(&mut users.gerono(0, &["arm"]));
+        let text = complaint(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{text}");
+        for words in [
+            format!("run {name}, "),
+            format!("started by #{}", users.owner),
+            format!("--run {name}"),
+        ] {
+            assert!(text.contains(&words), "no {words:?} in {text}");
+        }
+    }
+    let refused = output(&mut users.gerono(0, &["arm", "--run", &name]));
+    assert_eq!(
+        refused.status.code(),
+        Some(7),
+        "the run itself refuses: {}",
+        said(&refused)
+    );
     let killed = said(&succeed(&mut users.gerono(0, &["kill"])));
-    assert!(killed.contains("killed"), "{killed}");
+    assert!(killed.contains(&format!("killed run {name}, ")), "{killed}");
     assert!(users.look(users.owner).unwrap().killed);
     signal(run.id(), Signal::STOP);
     let killed = said(&succeed(&mut users.gerono(0, &["kill"])));
@@ -347,8 +370,12 @@ fn a_socket_that_its_owner_has_opened_to_all_obeys_its_owner_alone() {
     acting_as(users.other, || {
         let socket = socket_to(&place.join(SOCKET)).unwrap();
         socket.send(&Question::Operate(Request::Kill)).unwrap();
-        let answer = socket.receive::<Answer>();
-        assert!(answer.is_err(), "{answer:?}");
+        let answer = socket.receive::<Answer>().unwrap();
+        let Answer::Refused(reason) = answer else {
+            panic!("{answer:?}");
+        };
+        assert!(reason.contains(&users.other.to_string()), "{reason}");
+        assert!(socket.receive::<Answer>().is_err(), "the connection is closed");
     });
     users.end(run);
 }
@@ -373,7 +400,15 @@ fn pretender(users: &Users, user: u32, folder: &Path) -> Begun {
         .uid(user)
         .gid(user)
         .stdin(Stdio::piped());
-    begin(&mut command)
+    let pretender = begin(&mut command);
+    // The system has its command line a moment after it has begun.
+    let line = format!("/proc/{}/cmdline", pretender.id());
+    until("the command line of a service", || {
+        fs::read(&line)
+            .ok()
+            .filter(|line| line.starts_with(b"sh\0service\0"))
+    });
+    pretender
 }
 
 #[test]

@@ -4,40 +4,40 @@
 //! message is one packet of JSON, as on the control channel: a [`Question`], and the [`Answer`] to it. Which runs there are,
 //! [`runs`] says.
 
+mod error;
+mod run_process;
 pub mod run_root;
 pub mod runs;
+mod search;
 pub mod snapshot;
 mod watching;
 
-use std::error::Error;
-use std::fmt::Write;
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use runtime::control::{Channel, ControlError, Host};
+use runtime::control::{Channel, ControlError};
+use runtime::peer::peer_credentials;
 use runtime::shared_page::Request;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{Mode, OFlags, fstat};
+use rustix::fs::fstat;
 use rustix::io::Errno;
-use rustix::net::sockopt::socket_peercred;
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 
+pub use error::{LiveError, Names, Searched};
+pub use search::{abandoned, find, find_to_watch};
 pub use snapshot::Snapshot;
-pub use watching::{Description, NewestSamples};
+pub use watching::{Description, NewestSamples, identity};
 
 use self::runs::{MachineRun, User};
-use command_line::terminal::printable;
+use command_line::terminal::{printable, printable_lines};
 
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "desk";
 
 /// Time for which an orchestrator may take to answer: it looks for questions a hundred times a second.
 pub const PATIENCE: Duration = Duration::from_secs(5);
-
-/// Runs that an error names at most.
-const NAMED: usize = 8;
 
 /// A question to a live run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,140 +83,6 @@ pub enum Answer {
     Closed(String),
 }
 
-/// Reason why a live run cannot be spoken to.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveError {
-    /// There is none.
-    #[error("no run in real time is under way{0}; start one with `gerono run SCENARIO --host realtime`")]
-    None(Searched),
-    /// There is none, of any host that can be watched.
-    #[error(
-        "no flight is under way{0}; start one with `gerono run SCENARIO`, or name a finished one: `gerono view DIR`"
-    )]
-    NoneToWatch(Searched),
-    /// There is none of this name, of any host that can be watched.
-    #[error("there is no flight `{0}` under way{1}; `gerono doctor` shows which runs there are")]
-    UnknownToWatch(String, Searched),
-    /// There is none of this name.
-    #[error("there is no live run `{0}` in real time{1}; `gerono doctor` shows which runs there are")]
-    Unknown(String, Searched),
-    /// There are several.
-    #[error("several runs are under way: {0}; name one with `--run`")]
-    Several(Names),
-    /// There are some, which belong to others.
-    #[error("{}", in_words_of_the_owners(.0, .1))]
-    NotPermitted(Names, &'static str),
-    /// No run has lost its orchestrator.
-    #[error("no run in real time goes on without an orchestrator{0}: there is nothing to take over")]
-    NoneAbandoned(Searched),
-    /// None of this name has.
-    #[error("there is no run `{0}` in real time that goes on without an orchestrator{1}")]
-    NotAbandoned(String, Searched),
-    /// The machine's processes cannot be looked at.
-    #[error("cannot look for live runs in /proc: {0}")]
-    Processes(#[source] std::io::Error),
-    /// The run goes on alone.
-    #[error(
-        "the orchestrator of the run `{0}` has died; its services land, or fly on, as the scenario says: `gerono attach \
-         --run {0}` takes them over, `gerono kill --run {0}` lets the motors rest"
-    )]
-    Abandoned(String),
-    /// The orchestrator says nothing.
-    #[error(
-        "the orchestrator of the run `{0}` does not answer: it is stopped (`kill -CONT` lets it go on), hung, or has too \
-         little of the machine; `gerono kill --run {0}` works without it"
-    )]
-    Silent(String),
-    /// The socket failed.
-    #[error("cannot speak to the run `{run}`: {source}")]
-    Socket {
-        /// Its name.
-        run: String,
-        /// The error of the system or of the run; harmless for a terminal.
-        source: Box<dyn Error + Send + Sync>,
-    },
-    /// The run has ended meanwhile.
-    #[error("the run `{0}` has ended")]
-    Ended(String),
-}
-
-/// Folder that was searched for runs, if not everywhere.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Searched {
-    scope: Option<PathBuf>,
-    are_others_hidden: bool,
-}
-
-impl Searched {
-    fn here() -> Self {
-        Self {
-            scope: runs::scope(),
-            are_others_hidden: runs::are_hidden(),
-        }
-    }
-}
-
-impl std::fmt::Display for Searched {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if let Some(scope) = &self.scope {
-            write!(
-                formatter,
-                " in {}, where {} says to look",
-                scope.display(),
-                runs::SCOPE
-            )?;
-        }
-        if self.are_others_hidden {
-            formatter.write_str(" that this user can see (the system hides the processes of others)")?;
-        }
-        Ok(())
-    }
-}
-
-/// The names of runs and of their owners.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Names(Vec<(String, User)>);
-
-impl Names {
-    fn of(runs: &[MachineRun]) -> Self {
-        // Where two have one name, processes tell them apart.
-        let name_of = |run: &MachineRun| {
-            let is_unique = runs.iter().filter(|other| other.name() == run.name()).count() == 1;
-            let pid = run.pids().next().filter(|_| !is_unique);
-            (
-                pid.map_or_else(|| run.name().to_owned(), |pid| pid.to_string()),
-                run.owner,
-            )
-        };
-        Self(runs.iter().map(name_of).collect())
-    }
-
-    fn listed(&self, describe: impl Fn(&str, User) -> String) -> String {
-        let some = self.0.iter().take(NAMED);
-        let mut list: Vec<_> = some.map(|(name, owner)| describe(name, *owner)).collect();
-        if self.0.len() > NAMED {
-            list.push(format!("{} more", self.0.len() - NAMED));
-        }
-        list.join(", ")
-    }
-}
-
-impl std::fmt::Display for Names {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(&self.listed(|name, owner| format!("{name} of {owner}")))
-    }
-}
-
-/// Whose the runs are, and what their owners or root can type.
-fn in_words_of_the_owners(runs: &Names, command: &str) -> String {
-    let mut text = String::from("not permitted: ");
-    let described = runs.listed(|name, owner| {
-        format!("the run `{name}` belongs to {owner} (`sudo -u '{owner}' gerono {command} --run {name}`)")
-    });
-    let _ = write!(text, "{described}; no run that this user may ask is under way");
-    text
-}
-
 /// Returns whether a user of this number may operate the runs of the user who runs this.
 #[must_use]
 pub fn may_operate(user: u32) -> bool {
@@ -227,8 +93,12 @@ pub fn may_operate(user: u32) -> bool {
 /// A line to a live run.
 #[derive(Debug)]
 pub struct LiveRun {
-    name: String,
+    owner: User,
+    /// Its folder, as its processes see it, and as it was opened.
+    path: PathBuf,
+    folder: OwnedFd,
     channel: Channel,
+    name: String,
 }
 
 impl LiveRun {
@@ -250,25 +120,26 @@ impl LiveRun {
             run: run.name().to_owned(),
             source,
         };
-        let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let folder = rustix::fs::open(run.folder_from_here(), flags, Mode::empty());
-        let folder = folder.map_err(|error| failed(error.into()))?;
+        let folder = run.open_folder().map_err(|error| failed(error.into()))?;
         let is_its_own = |user: u32| User::of(user) == run.owner;
         if !fstat(&folder).is_ok_and(|found| is_its_own(found.st_uid)) {
             return Err(failed("its folder belongs to another user".into()));
         }
-        // By the descriptor: it stays the folder that was looked at, and its path is short enough for a socket.
-        let socket = format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd());
-        let channel =
-            connect(Path::new(&socket), Instant::now() + patience).map_err(|error| match error {
-                Errno::CONNREFUSED | Errno::NOENT => LiveError::Abandoned(name.clone()),
-                Errno::AGAIN => LiveError::Silent(name.clone()),
-                error => failed(error.into()),
-            })?;
-        if !socket_peercred(&channel).is_ok_and(|peer| is_its_own(peer.uid.as_raw())) {
+        let channel = connect_in(&folder, Instant::now() + patience).map_err(|error| match error {
+            Errno::CONNREFUSED | Errno::NOENT => LiveError::Abandoned(name.clone()),
+            Errno::AGAIN => LiveError::Silent(name.clone()),
+            error => failed(error.into()),
+        })?;
+        if !peer_credentials(&channel).is_ok_and(|peer| is_its_own(peer.user)) {
             return Err(failed("another user answers in its place".into()));
         }
-        Ok(Self { name, channel })
+        Ok(Self {
+            owner: run.owner,
+            path: run.folder.clone(),
+            folder,
+            channel,
+            name,
+        })
     }
 
     /// Its name.
@@ -283,8 +154,11 @@ impl LiveRun {
     /// [`LiveError::Silent`] if none comes within `patience`, [`LiveError::Ended`] or [`LiveError::Socket`].
     pub fn ask(&self, question: &Question, patience: Duration) -> Result<Answer, LiveError> {
         let deadline = Instant::now() + patience;
-        if !self.say(question)? {
-            return Err(LiveError::Silent(self.name.clone()));
+        match self.say(question) {
+            Ok(true) => {}
+            Ok(false) => return Err(LiveError::Silent(self.name.clone())),
+            // Before it closed the connection, the run may have said why.
+            Err(error) => return self.hear().ok().flatten().ok_or(error),
         }
         loop {
             if let Some(answer) = self.hear()? {
@@ -319,7 +193,11 @@ impl LiveRun {
         match self.channel.try_receive() {
             Ok(Some(Answer::Closed(why))) => Err(LiveError::Socket {
                 run: self.name.clone(),
-                source: format!("it has closed the connection: {}; ask again", printable(&why)).into(),
+                source: format!(
+                    "it has closed the connection: {}; ask again",
+                    printable_lines(&why)
+                )
+                .into(),
             }),
             Ok(answer) => Ok(answer.map(Answer::printable)),
             Err(error) => Err(self.failure(&error)),
@@ -328,12 +206,38 @@ impl LiveRun {
 
     fn failure(&self, error: &ControlError) -> LiveError {
         match error {
-            ControlError::Closed => LiveError::Ended(self.name.clone()),
+            ControlError::Closed => self.closed(),
             error => LiveError::Socket {
                 run: self.name.clone(),
                 source: printable(&error.to_string()).into(),
             },
         }
+    }
+
+    /// Returns what it means that the connection is closed: the end of the run only if nothing of it is left.
+    fn closed(&self) -> LiveError {
+        let deadline = Instant::now() + search::PERSISTENCE;
+        // A run that ends closes its connections a moment before its last process and its lock are gone.
+        while self.lives() {
+            if Instant::now() < deadline {
+                std::thread::sleep(search::RETRY);
+                continue;
+            }
+            let is_abandoned = matches!(
+                connect_in(&self.folder, deadline),
+                Err(Errno::CONNREFUSED | Errno::NOENT)
+            );
+            return match is_abandoned {
+                true => LiveError::Abandoned(self.name.clone()),
+                false => LiveError::Disconnected(self.name.clone()),
+            };
+        }
+        LiveError::Ended(self.name.clone())
+    }
+
+    /// Returns whether a process or the lock of the run lives.
+    fn lives(&self) -> bool {
+        run_root::is_locked(&self.folder) || runs::has_processes(self.owner, &self.path)
     }
 }
 
@@ -341,6 +245,8 @@ impl Answer {
     /// With all text as a terminal may be given it: it comes from a scenario, and perhaps from another user's program.
     fn printable(self) -> Self {
         let text = |text: String| printable(&text).into_owned();
+        // These are sentences of the run's, in lines of its own.
+        let lines = |text: String| printable_lines(&text).into_owned();
         match self {
             Self::Snapshot(mut snapshot) => {
                 snapshot.change_texts(|shown| *shown = text(std::mem::take(shown)));
@@ -349,9 +255,9 @@ impl Answer {
             // Both are for programs, which make of them what they can show.
             Self::Description(_) | Self::Newest(_) => self,
             Self::Values(values) => Self::Values(values.into_iter().map(text).collect()),
-            Self::Done(what) => Self::Done(text(what)),
-            Self::Refused(why) => Self::Refused(text(why)),
-            Self::Closed(why) => Self::Closed(text(why)),
+            Self::Done(what) => Self::Done(lines(what)),
+            Self::Refused(why) => Self::Refused(lines(why)),
+            Self::Closed(why) => Self::Closed(lines(why)),
         }
     }
 }
@@ -363,73 +269,12 @@ impl AsFd for LiveRun {
     }
 }
 
-/// The live run in real time of a name, or the only one, that this user may operate by a command of this name.
+/// Connects to the orchestrator of the run whose folder this is, waiting for room until `deadline`.
 ///
-/// # Errors
-/// [`LiveError`].
-pub fn find(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
-    let found = select(name, command, MachineRun::is_permitted, is_in_real_time)?;
-    found.ok_or_else(|| match name {
-        None => LiveError::None(Searched::here()),
-        Some(name) => LiveError::Unknown(printable(name).into_owned(), Searched::here()),
-    })
-}
-
-/// The live run of a name, or the only one, in real or in simulated time, that this user may watch.
-///
-/// # Errors
-/// [`LiveError`].
-pub fn find_to_watch(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
-    let is_flown = |run: &MachineRun| matches!(run.host, Host::RealTime | Host::LockStep);
-    let found = select(name, command, MachineRun::is_permitted, is_flown)?;
-    found.ok_or_else(|| match name {
-        None => LiveError::NoneToWatch(Searched::here()),
-        Some(name) => LiveError::UnknownToWatch(printable(name).into_owned(), Searched::here()),
-    })
-}
-
-fn is_in_real_time(run: &MachineRun) -> bool {
-    run.host == Host::RealTime
-}
-
-/// The place of the run that has lost its orchestrator: of that name, or the only one.
-///
-/// # Errors
-/// [`LiveError`].
-pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
-    // What takes over shares files with the services: it must be the same user's, and see the same file system.
-    let is_own = |run: &MachineRun| run.owner == User::this() && run.is_in_this_file_system();
-    let connected = |run: &MachineRun| LiveRun::connect(run, Duration::ZERO);
-    let is_abandoned = |run: &MachineRun| {
-        is_in_real_time(run) && (!is_own(run) || matches!(connected(run), Err(LiveError::Abandoned(_))))
-    };
-    let found = select(name, "attach", is_own, is_abandoned)?;
-    found.map(|run| run.folder).ok_or_else(|| match name {
-        None => LiveError::NoneAbandoned(Searched::here()),
-        Some(name) => LiveError::NotAbandoned(printable(name).into_owned(), Searched::here()),
-    })
-}
-
-/// The live run of a name, or the only one, among those that are wanted and permitted; none if there is not even
-/// one that is not permitted.
-fn select(
-    name: Option<&str>,
-    command: &'static str,
-    is_permitted: impl Fn(&MachineRun) -> bool,
-    is_wanted: impl Fn(&MachineRun) -> bool,
-) -> Result<Option<MachineRun>, LiveError> {
-    let runs = runs::all().map_err(LiveError::Processes)?;
-    let is_meant = |run: &MachineRun| name.is_none_or(|name| run.is_called(name)) && is_wanted(run);
-    let (mut permitted, others): (Vec<_>, Vec<_>) = runs
-        .into_iter()
-        .filter(is_meant)
-        .partition(|run| is_permitted(run));
-    match (permitted.len(), others.is_empty()) {
-        (0, true) => Ok(None),
-        (0, false) => Err(LiveError::NotPermitted(Names::of(&others), command)),
-        (1, _) => Ok(permitted.pop()),
-        _ => Err(LiveError::Several(Names::of(&permitted))),
-    }
+/// By the descriptor: it stays the folder that was looked at, and its path is short enough for a socket.
+fn connect_in(folder: &OwnedFd, deadline: Instant) -> rustix::io::Result<Channel> {
+    let socket = format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd());
+    connect(Path::new(&socket), deadline)
 }
 
 /// Connects to the socket of an orchestrator, waiting for room until `deadline`.
@@ -482,19 +327,20 @@ mod tests {
         ] {
             // Only what is not printable is escaped once more here.
             let shown = format!("{:?}", answer.printable());
-            let escaped = format!("{:?}", printable(&hostile()));
-            assert!(shown.contains(&escaped) && !shown.contains("u{1b}"), "{shown}");
+            let is_escaped = [printable(&hostile()), printable_lines(&hostile())]
+                .iter()
+                .any(|escaped| shown.contains(&format!("{escaped:?}")));
+            assert!(is_escaped && !shown.contains("u{1b}"), "{shown}");
         }
     }
 
     #[test]
-    fn a_long_list_of_runs_is_cut() {
-        let names = (0..20).map(|number| (format!("{number}-0"), User::of(4_000_000)));
-        let names = Names(names.collect());
-        let text = names.to_string();
-        assert!(
-            text.starts_with("0-0 of #4000000, 1-0 of") && text.ends_with("12 more"),
-            "{text}"
-        );
+    fn a_line_break_in_the_sentences_of_a_run_is_one_on_the_terminal() {
+        let answer =
+            Answer::Done("The vehicle lands.\nTo stop the motors in the air: gerono kill".to_owned());
+        let Answer::Done(shown) = answer.clone().printable() else {
+            panic!("{answer:?}");
+        };
+        assert_eq!(shown.lines().count(), 2, "{shown}");
     }
 }

@@ -179,6 +179,16 @@ pub fn find() -> io::Result<RunRoots> {
     look(&base, |state| state == State::Unfinished && is_in_use)
 }
 
+/// Returns whether a process holds the lock of the place that this folder is.
+pub(crate) fn is_locked(place: &impl AsFd) -> bool {
+    base::is_live(place)
+}
+
+/// Returns whether a process that this user can see has the lock of a place open.
+pub(crate) fn is_held_by_a_visible_process(place: &Path) -> bool {
+    base::lock_of(place).is_ok_and(|lock| crate::runs::is_open_somewhere(&lock))
+}
+
 /// Returns the beginning of the names of all shared memory of a run that has this id.
 fn common_prefix(id: &str) -> String {
     format!("gerono_{id}_")

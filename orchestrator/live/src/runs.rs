@@ -1,34 +1,31 @@
 //! The live runs of this machine, found by their processes.
 //!
-//! Every process of a service has the run's folder in its command line, which every user may read. So a run is found for as
-//! long as one of its processes lives, in whatever environment and by whichever user it was begun; there is no list that
-//! could be out of date, hidden by another environment, or written by another user. A command line can say anything, but the kernel
-//! says whose process it is: an entry names a run and its owner, and is trusted for no more.
+//! Every process of a service has the run's folder in its command line, which every user may read, and the orchestrator has it
+//! in an open file ([`OrchestratorLabel`]). So a run is found for as long as its orchestrator or one of its services lives, in
+//! whatever environment and by whichever user it was begun; there is no list that could be out of date, hidden by another
+//! environment, or written by another user. A label can say anything, but the kernel says whose process it is: an entry names
+//! a run and its owner, and is trusted for no more.
 
-use std::ffi::OsString;
 use std::fmt;
-use std::fs::{self, File};
-use std::io::{self, Read};
-use std::os::fd::{AsFd, OwnedFd};
+use std::fs;
+use std::io;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
-use runtime::control::{Host, SHARED_PAGE_FD};
-use runtime::shared_page::{self, Request, SharedPage};
-use rustix::fs::{AtFlags, FileType, Mode, OFlags, Stat, fstat, openat, readlinkat, statat};
+use runtime::control::Host;
+use runtime::shared_memory;
+use runtime::shared_page::Request;
+use rustix::fs::{Mode, OFlags, Stat, fstat, stat};
 
-use command_line::terminal::printable;
+use crate::run_process::{self, LabelledProcess, RunProcess};
+pub use crate::run_process::{OrchestratorLabel, label};
 
 /// Restricts what commands find to the runs whose folders are in the one that it names: for tests and scripts that fly beside
 /// others.
 pub const SCOPE: &str = "GERONO_RUNS";
 
-/// Arguments of a service's process that name its run and what its steps follow.
-const RUN: &str = "--run";
-const HOST: &str = "--host";
-
-/// Longest command line that is read, and longest name of a run, bytes: a service's are far below.
-const LONGEST_LINE: u64 = 8192;
-const LONGEST_NAME: usize = 64;
+/// Environment variable in which `sudo` leaves the user who called it.
+const SUDO_USER: &str = "SUDO_UID";
 
 /// A live run.
 #[derive(Debug)]
@@ -39,6 +36,10 @@ pub struct MachineRun {
     pub owner: User,
     /// The host of its steps.
     pub host: Host,
+    /// The user who logged in for the session in which it was begun, if the system keeps that.
+    login: Option<User>,
+    /// Device and inode of its folder; `None` if they are not known.
+    place: Option<(u64, u64)>,
     /// At least one.
     processes: Vec<RunProcess>,
 }
@@ -47,19 +48,24 @@ pub struct MachineRun {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct User(u32);
 
-/// A process of a service.
-#[derive(Debug)]
-struct RunProcess {
-    pid: u32,
-    /// Its folder in /proc, which stays its own even if another process gets its number.
-    proc: OwnedFd,
-}
-
 impl User {
     /// The user who runs this.
     #[must_use]
     pub fn this() -> Self {
         Self(rustix::process::geteuid().as_raw())
+    }
+
+    /// Returns the user who typed the command: the one who logged in, where the system or `sudo` keeps that.
+    #[must_use]
+    pub fn at_the_keyboard() -> Self {
+        let before_sudo = || {
+            let number = std::env::var(SUDO_USER).ok()?.parse().ok()?;
+            Self::this().is_root().then_some(Self(number))
+        };
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        let this_process = rustix::fs::open("/proc/self", flags, Mode::empty());
+        let login = this_process.ok().and_then(|proc| run_process::login_of(&proc));
+        login.or_else(before_sudo).unwrap_or_else(Self::this)
     }
 
     /// Returns whether it may do what belongs to all users.
@@ -97,12 +103,6 @@ impl fmt::Display for User {
     }
 }
 
-/// The arguments by which a process of a service says to which run it belongs.
-#[must_use]
-pub fn label(folder: &Path, host: Host) -> [OsString; 4] {
-    [RUN.into(), folder.into(), HOST.into(), name_of(host).into()]
-}
-
 /// All live runs that this user can see, or those in the folder that the environment restricts the search to; by owner and
 /// folder.
 ///
@@ -110,23 +110,82 @@ pub fn label(folder: &Path, host: Host) -> [OsString; 4] {
 /// If /proc cannot be read.
 pub fn all() -> io::Result<Vec<MachineRun>> {
     let scope = scope();
-    let mut runs = Vec::<MachineRun>::new();
-    for entry in fs::read_dir("/proc")?.flatten() {
-        let pid = entry.file_name().to_str().and_then(|name| name.parse().ok());
+    let processes = fs::read_dir("/proc")?.flatten().filter_map(|entry| {
+        let pid = entry.file_name().to_str()?.parse().ok()?;
         // A process that is no service's, or has ended meanwhile, belongs to no run.
-        let Some(run) = pid.and_then(run_of) else {
-            continue;
-        };
-        if scope.as_ref().is_some_and(|scope| !run.folder.starts_with(scope)) {
-            continue;
-        }
-        match runs.iter_mut().find(|known| known.is_same(&run)) {
-            Some(known) => known.processes.extend(run.processes),
-            None => runs.push(run),
+        LabelledProcess::of(pid)
+    });
+    let is_meant = |found: &LabelledProcess| {
+        let is_within = |scope: &PathBuf| found.folder.starts_with(scope);
+        scope.as_ref().is_none_or(is_within)
+    };
+    let processes: Vec<_> = processes.filter(is_meant).collect();
+    let keys: Vec<_> = processes.iter().map(Key::of).collect();
+    let groups = group(&keys);
+    let mut runs = Vec::<MachineRun>::new();
+    // The processes whose place is known come first: they make the groups.
+    let mut places = vec![None; processes.len()];
+    let mut order: Vec<_> = processes.into_iter().zip(groups).collect();
+    order.sort_by_key(|(found, _)| found.place.is_none());
+    for (found, group) in order {
+        match places[group] {
+            Some(place) => {
+                let run: &mut MachineRun = &mut runs[place];
+                run.processes.push(found.process);
+            }
+            None => {
+                places[group] = Some(runs.len());
+                runs.push(MachineRun {
+                    folder: found.folder,
+                    owner: found.owner,
+                    host: found.host,
+                    login: found.login,
+                    place: found.place,
+                    processes: vec![found.process],
+                });
+            }
         }
     }
     runs.sort_by(|one, other| (one.owner, &one.folder).cmp(&(other.owner, &other.folder)));
     Ok(runs)
+}
+
+/// What tells runs apart.
+#[derive(Debug, PartialEq, Eq)]
+struct Key<'a> {
+    owner: User,
+    folder: &'a Path,
+    /// Device and inode of the folder; `None` if they are not known.
+    place: Option<(u64, u64)>,
+}
+
+impl<'a> Key<'a> {
+    fn of(found: &'a LabelledProcess) -> Self {
+        Self {
+            owner: found.owner,
+            folder: &found.folder,
+            place: found.place,
+        }
+    }
+}
+
+/// Returns for each process the first process of its run. What is not known is no value: such a process belongs to a run of
+/// its owner and folder whose place is known, if there is one.
+fn group(keys: &[Key<'_>]) -> Vec<usize> {
+    let is_of_one_folder =
+        |one: &Key<'_>, other: &Key<'_>| (one.owner, one.folder) == (other.owner, other.folder);
+    let first_like = |key: &Key<'_>| {
+        let known = keys.iter().position(|other| {
+            let is_compatible = match key.place {
+                Some(_) => other.place == key.place,
+                None => other.place.is_some(),
+            };
+            is_of_one_folder(key, other) && is_compatible
+        });
+        let unknown = || keys.iter().position(|other| is_of_one_folder(key, other));
+        known.or_else(unknown).expect("each process is like itself")
+    };
+    keys.iter().map(first_like).collect()
 }
 
 /// The folder that the environment restricts the search to.
@@ -142,57 +201,16 @@ pub fn are_hidden() -> bool {
     fs::read("/proc/1/cmdline").is_err()
 }
 
-/// The run that a process belongs to, with this process alone.
-fn run_of(pid: u32) -> Option<MachineRun> {
-    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
-    let proc = rustix::fs::open(format!("/proc/{pid}"), flags, Mode::empty()).ok()?;
-    let (folder, host) = parse(&read(&proc, "cmdline")?)?;
-    let status = String::from_utf8(read(&proc, "status")?).ok()?;
-    // Real, effective, saved, of the file system.
-    let users = status.lines().find_map(|line| line.strip_prefix("Uid:"))?;
-    let owner = User(users.split_whitespace().nth(1)?.parse().ok()?);
-    Some(MachineRun {
-        folder,
-        owner,
-        host,
-        processes: vec![RunProcess { pid, proc }],
-    })
+/// Returns whether a process of this machine that this user can see has a file open.
+#[must_use]
+pub(crate) fn is_open_somewhere(file: &Stat) -> bool {
+    run_process::is_open_in_a_visible_process(file)
 }
 
-/// The folder of the run and what it follows, from the command line of a service's process.
-fn parse(line: &[u8]) -> Option<(PathBuf, Host)> {
-    let words = line.strip_suffix(b"\0")?.split(|&byte| byte == 0);
-    let words: Vec<_> = words.map(std::str::from_utf8).collect::<Result<_, _>>().ok()?;
-    let [_program, "service", _service, RUN, folder, HOST, host] = words.as_slice() else {
-        return None;
-    };
-    let host = [Host::LockStep, Host::RealTime, Host::Replay]
-        .into_iter()
-        .find(|known| name_of(*known) == *host)?;
-    let folder = Path::new(folder);
-    let name = folder.file_name()?.to_str()?;
-    // Whatever another user writes there, it is shown on this user's terminal.
-    let is_plain = |character: char| character.is_ascii_alphanumeric() || "-_.".contains(character);
-    let is_well_formed = folder.is_absolute()
-        && folder.to_str().is_some_and(|text| printable(text) == text)
-        && name.len() <= LONGEST_NAME
-        && name.chars().all(is_plain);
-    is_well_formed.then(|| (folder.to_owned(), host))
-}
-
-fn name_of(host: Host) -> &'static str {
-    match host {
-        Host::LockStep => "lockstep",
-        Host::RealTime => "realtime",
-        Host::Replay => "replay",
-    }
-}
-
-fn read(proc: &OwnedFd, name: &str) -> Option<Vec<u8>> {
-    let file = openat(proc, name, OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty()).ok()?;
-    let mut bytes = Vec::new();
-    File::from(file).take(LONGEST_LINE).read_to_end(&mut bytes).ok()?;
-    Some(bytes)
+/// Returns whether a process of the run of this owner and folder lives.
+pub(crate) fn has_processes(owner: User, folder: &Path) -> bool {
+    let is_it = |run: &MachineRun| run.owner == owner && run.folder == folder;
+    all().is_ok_and(|runs| runs.iter().any(is_it))
 }
 
 impl MachineRun {
@@ -223,38 +241,54 @@ impl MachineRun {
         user == self.owner || user.is_root()
     }
 
-    /// Returns whether its processes see the file system as this one does; in a container they do not.
+    /// Returns the user who began it: the one who logged in, where the system keeps that.
     #[must_use]
-    pub fn is_in_this_file_system(&self) -> bool {
-        let ours = rustix::fs::readlink("/proc/self/ns/mnt", Vec::new()).ok();
-        // Of what may not be looked into, nothing else is known.
-        self.file_system().is_none_or(|theirs| Some(theirs) == ours)
+    pub fn starter(&self) -> User {
+        self.login.unwrap_or(self.owner)
     }
 
-    /// Its folder, as this process sees it.
+    /// Returns whether its folder and its shared memory are those that this process sees under their names; in a container they
+    /// may be others.
     #[must_use]
-    pub fn folder_from_here(&self) -> PathBuf {
-        if self.is_in_this_file_system() {
-            return self.folder.clone();
+    pub fn shares_memory_with_this(&self) -> bool {
+        let is_the_same = |path: &Path| {
+            let here = stat(path).ok();
+            let there = |process: &RunProcess| stat(process.path_in_its_root(path)).ok();
+            let place = |file: Stat| (file.st_dev, file.st_ino);
+            let there = self.processes.iter().find_map(there).map(place);
+            there.is_some() && there == here.map(place)
+        };
+        is_the_same(&self.folder) && is_the_same(Path::new(shared_memory::FOLDER))
+    }
+
+    /// Opens its folder, as its processes see it.
+    ///
+    /// # Errors
+    /// If it cannot be opened.
+    pub fn open_folder(&self) -> io::Result<OwnedFd> {
+        let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let open = |path: &Path| rustix::fs::open(path, flags, Mode::empty());
+        // Any of them may have ended meanwhile, or may not be looked into.
+        let mut opened = self
+            .processes
+            .iter()
+            .map(|process| open(&process.path_in_its_root(&self.folder)));
+        let folder = opened.find_map(Result::ok);
+        let folder = folder.map_or_else(|| open(&self.folder), Ok)?;
+        let found = fstat(&folder)?;
+        // Under the name that it has in a container, there may be the folder of another run here.
+        match self.place {
+            Some(place) if place != (found.st_dev, found.st_ino) => {
+                Err(io::Error::other("its folder is gone"))
+            }
+            _ => Ok(folder),
         }
-        let root = PathBuf::from(format!("/proc/{}/root", self.processes[0].pid));
-        root.join(self.folder.strip_prefix("/").unwrap_or(&self.folder))
-    }
-
-    fn file_system(&self) -> Option<std::ffi::CString> {
-        readlinkat(&self.processes[0].proc, "ns/mnt", Vec::new()).ok()
     }
 
     /// Returns whether a process of it lives, also one that was started later.
     #[must_use]
     pub fn lives(&self) -> bool {
-        let is_it = |run: &Self| (run.owner, &run.folder) == (self.owner, &self.folder);
-        all().is_ok_and(|runs| runs.iter().any(is_it))
-    }
-
-    fn is_same(&self, other: &Self) -> bool {
-        (self.owner, &self.folder) == (other.owner, &other.folder)
-            && self.file_system() == other.file_system()
+        has_processes(self.owner, &self.folder)
     }
 
     /// Writes the operator's request into the memory that the run's processes share, without its orchestrator.
@@ -262,10 +296,10 @@ impl MachineRun {
     /// # Errors
     /// If the memory of none of them can be had.
     pub fn ask_directly(&self, request: Request) -> io::Result<()> {
-        let asked = self.processes.iter().map(|process| {
-            let page = process.shared_page(self.owner)?;
-            shared_page::ask_in(page.as_fd(), request)
-        });
+        let asked = self
+            .processes
+            .iter()
+            .map(|process| process.ask_directly(self.owner, request));
         // All of them share one page: each that can be reached is asked, in case that one has ended meanwhile.
         let (done, failed): (Vec<_>, Vec<_>) = asked.partition(Result::is_ok);
         match (done.is_empty(), failed.into_iter().next()) {
@@ -275,108 +309,63 @@ impl MachineRun {
     }
 }
 
-impl RunProcess {
-    /// The file of the page that it shares with the others of its run.
-    ///
-    /// Nothing else is opened, whatever the process has in the page's place: root writes there, too, and must not be led to
-    /// write in a file that the run's owner may not write.
-    fn shared_page(&self, owner: User) -> io::Result<OwnedFd> {
-        let name = format!("fd/{SHARED_PAGE_FD}");
-        let called = format!("/memfd:{} (deleted)", SharedPage::NAME);
-        let is_page = |file: &Stat| {
-            let is_nameless_file = FileType::from_raw_mode(file.st_mode).is_file() && file.st_nlink == 0;
-            is_nameless_file && file.st_uid == owner.0
-        };
-        let found = readlinkat(&self.proc, &name, Vec::new())?;
-        let before = statat(&self.proc, &name, AtFlags::empty())?;
-        if found.as_bytes() == called.as_bytes() && is_page(&before) {
-            let page = openat(&self.proc, &name, OFlags::RDWR | OFlags::CLOEXEC, Mode::empty())?;
-            let opened = fstat(&page)?;
-            if (opened.st_dev, opened.st_ino) == (before.st_dev, before.st_ino) {
-                return Ok(page);
-            }
-        }
-        let reason = format!("the process {} does not share the memory of a run", self.pid);
-        Err(io::Error::other(reason))
-    }
-}
-
 #[cfg(test)]
 #[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
-    use std::os::fd::BorrowedFd;
+    use std::io::Read;
+    use std::os::fd::{AsFd, BorrowedFd};
     use std::process::{Child, Command, Stdio};
 
+    use runtime::control::SHARED_PAGE_FD;
     use runtime::descriptors::hand_on;
+    use runtime::shared_page::SharedPage;
     use shared_types::service::Operator;
 
     use super::*;
 
-    fn line(words: &[&str]) -> Vec<u8> {
-        words
-            .iter()
-            .flat_map(|word| [word.as_bytes(), b"\0"].concat())
-            .collect()
-    }
-
-    fn labelled(folder: &str, host: &str) -> Vec<u8> {
-        line(&[
-            "/proc/self/exe",
-            "service",
-            "plant",
-            "--run",
-            folder,
-            "--host",
-            host,
-        ])
-    }
-
     #[test]
-    fn a_command_line_names_the_run() {
-        let folder = Path::new("/dev/shm/gerono-0/77-0");
-        for host in [Host::LockStep, Host::RealTime, Host::Replay] {
-            let mut words = vec!["gerono", "service", "plant"];
-            let label = label(folder, host).map(|word| word.into_string().unwrap());
-            words.extend(label.iter().map(String::as_str));
-            assert_eq!(parse(&line(&words)), Some((folder.to_owned(), host)));
-        }
-    }
-
-    #[test]
-    fn a_command_line_that_no_service_has_names_no_run() {
-        let long = format!("/{}", "x".repeat(LONGEST_NAME + 1));
-        for folder in [
-            "",
-            "/",
-            "relative/1-0",
-            "/a/\x1b[2J/1-0",
-            "/a/1-0\x1b",
-            "/a/1 0",
-            "/a/..",
-            &long,
-        ] {
-            assert_eq!(parse(&labelled(folder, "realtime")), None, "{folder:?}");
-        }
-        assert_eq!(parse(&labelled("/a/1-0", "inprocess")), None);
-        assert_eq!(parse(&line(&["gerono", "run", "scenario.toml"])), None);
-        assert_eq!(parse(b""), None);
-        let mut bytes = labelled("/a/1-0", "realtime");
-        bytes[0] = 0xff;
-        assert_eq!(parse(&bytes), None);
+    fn what_is_not_known_of_a_process_makes_no_run_of_its_own() {
+        let [here, there] = [(1, 7), (2, 7)];
+        let key = |user, folder: &'static str, place| Key {
+            owner: User(user),
+            folder: Path::new(folder),
+            place,
+        };
+        let keys = [
+            key(1, "/a/1-0", None),
+            key(1, "/a/1-0", Some(here)),
+            key(1, "/a/1-0", Some(here)),
+            key(1, "/a/1-0", Some(there)),
+            key(2, "/a/1-0", None),
+            key(2, "/a/1-0", None),
+            key(1, "/a/2-0", None),
+        ];
+        assert_eq!(group(&keys), [1, 1, 1, 3, 4, 4, 6]);
     }
 
     /// A process with the command line of a service, which ends with its input, and what it has in the page's place.
     fn service(run: &Path, page: BorrowedFd<'_>) -> Child {
+        let label = label(run, Host::RealTime);
+        let mut words = vec!["service".into(), "plant".into()];
+        words.extend(label);
+        process(&words, SHARED_PAGE_FD, [page])
+    }
+
+    /// A process with these arguments that ends with its input and has these files open.
+    fn process<const N: usize>(
+        words: &[std::ffi::OsString],
+        first: i32,
+        files: [BorrowedFd<'_>; N],
+    ) -> Child {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("service"), "echo; read line").unwrap();
+        fs::write(folder.path().join(&words[0]), "echo; read line").unwrap();
         let mut command = Command::new("sh");
         command
-            .args(["service", "plant"])
-            .args(label(run, Host::RealTime))
+            .args(words)
             .current_dir(&folder)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped());
-        hand_on(&mut command, SHARED_PAGE_FD, [page]).unwrap();
+        hand_on(&mut command, first, files).unwrap();
         let mut child = command.spawn().unwrap();
         child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
         child
@@ -397,7 +386,7 @@ mod tests {
         let run = found().unwrap();
         assert_eq!((run.owner, run.host), (User::this(), Host::RealTime));
         assert!(run.is_called(run.name()) && run.is_called(&child.id().to_string()) && !run.is_called("1-0"));
-        assert!(run.is_permitted() && run.folder_from_here() == folder);
+        assert!(run.is_permitted());
 
         run.ask_directly(Request::Kill).unwrap();
         assert!(page.control_block().operator(Operator::default()).killed);
@@ -407,6 +396,24 @@ mod tests {
             run.ask_directly(Request::Kill).is_err(),
             "it has ended, even if its number is another process's now"
         );
+    }
+
+    #[test]
+    fn a_run_without_a_service_is_found_by_its_orchestrator_and_obeys_directly() {
+        let folder = PathBuf::from(format!("/nowhere/alone-{}", std::process::id()));
+        let found = || all().unwrap().into_iter().find(|run| run.folder == folder);
+        let page = SharedPage::create().unwrap();
+        let label = OrchestratorLabel::new(&folder, Host::RealTime).unwrap();
+        let files = [label.as_fd(), page.file()];
+        let words = ["run", "scenario.toml"].map(Into::into);
+        let child = process(&words, 7, files);
+        let run = found().unwrap();
+        assert_eq!((run.owner, run.host), (User::this(), Host::RealTime));
+        assert!(run.is_called(&child.id().to_string()));
+        run.ask_directly(Request::Kill).unwrap();
+        assert!(page.control_block().operator(Operator::default()).killed);
+        end(child);
+        assert!(found().is_none());
     }
 
     #[test]
@@ -426,5 +433,15 @@ mod tests {
         let mut bytes = Vec::new();
         (&file).read_to_end(&mut bytes).unwrap();
         assert!(bytes.iter().all(|&byte| byte == 0));
+    }
+
+    #[test]
+    fn a_file_that_is_open_here_is_open_somewhere() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let found = stat(file.path()).unwrap();
+        assert!(is_open_somewhere(&found));
+        let (_, path) = file.keep().unwrap();
+        assert!(!is_open_somewhere(&stat(&path).unwrap()));
+        fs::remove_file(path).unwrap();
     }
 }

@@ -10,7 +10,46 @@ use base64::engine::general_purpose::STANDARD;
 use runtime::control::Host;
 use scenario::Scenario;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use shared_types::{Published, Topic};
+use shared_types::{Published, ServiceId, Topic};
+
+use command_line::terminal::printable;
+
+/// Returns which run it is, what is flown and by which link, in words: `run 130-0, Fig. 7 in a laboratory, crsf on /dev/ttyUSB0`.
+/// Texts of the scenario are harmless for a terminal and stay within the line.
+#[must_use]
+pub fn identity(run: &str, scenario: &Scenario) -> String {
+    let mut parts = vec![format!("run {run}")];
+    parts.extend(
+        Some(&scenario.description)
+            .filter(|text| !text.is_empty())
+            .cloned(),
+    );
+    parts.push(link_of(scenario));
+    let parts: Vec<_> = parts.iter().map(|part| printable(part).into_owned()).collect();
+    parts.join(", ")
+}
+
+fn link_of(scenario: &Scenario) -> String {
+    if let Some(program) = scenario.program_of(ServiceId::RcOutput) {
+        let name = program.first().map_or("", String::as_str);
+        return format!("frames to the program `{name}`");
+    }
+    let Some(link) = scenario.radio_link() else {
+        return "a simulated radio link".to_owned();
+    };
+    let transmitter = scenario
+        .rc_output
+        .as_ref()
+        .and_then(|link| link.transmitter.as_ref());
+    let end = transmitter.and_then(|end| {
+        let ends = [&end.device, &end.tcp, &end.udp];
+        ends.into_iter().find_map(Option::as_ref)
+    });
+    match end {
+        Some(end) => format!("{} on {end}", link.name()),
+        None => link.name().to_owned(),
+    }
+}
 
 /// What a run flies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -125,6 +164,7 @@ fn from_text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::E
 mod tests {
     use super::*;
     use run_log::test_flight::scenario;
+    use scenario::{RadioProtocol, RcLink, Transmitter};
     use shared_types::samples::{ControlErrors, VehicleTruth};
     use zerocopy::{FromZeros, IntoBytes};
 
@@ -140,6 +180,26 @@ mod tests {
         assert_eq!(read.get::<VehicleTruth>().unwrap().as_bytes(), truth.as_bytes());
         assert_eq!(read.tick(), Some(4711));
         assert_eq!(read.topics().collect::<Vec<_>>(), [Topic::VehicleTruth]);
+    }
+
+    #[test]
+    fn a_run_is_named_with_its_scenario_and_link_in_one_line() {
+        let mut scenario = scenario(0.001, 1.0);
+        scenario.description = "Fig. 7\nin a laboratory".to_owned();
+        assert_eq!(
+            identity("130-0", &scenario),
+            r"run 130-0, Fig. 7\u000ain a laboratory, a simulated radio link"
+        );
+        scenario.rc_output = Some(RcLink {
+            link: RadioProtocol::Crsf,
+            transmitter: Some(Transmitter {
+                device: Some("/dev/ttyUSB0".to_owned()),
+                ..Transmitter::default()
+            }),
+            ..RcLink::default()
+        });
+        scenario.description.clear();
+        assert_eq!(identity("130-0", &scenario), "run 130-0, crsf on /dev/ttyUSB0");
     }
 
     #[test]

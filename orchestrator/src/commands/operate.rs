@@ -1,13 +1,15 @@
 //! `gerono arm`, `disarm`, `kill`, `stop`: what the operator asks of a flight in real time.
 
+use std::io::{IsTerminal, stderr, stdin};
 use std::time::Duration;
 
 use runtime::shared_page::Request;
 
-use super::{Failure, print};
+use super::{Failure, note, print};
 use crate::cli::Operate;
 use command_line::exit::Exit;
-use live::runs::MachineRun;
+use command_line::terminal::printable;
+use live::runs::{MachineRun, User};
 use live::{Answer, LiveError, LiveRun, PATIENCE, Question};
 
 /// Time for which an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
@@ -20,6 +22,64 @@ const KILL_PATIENCE: Duration = Duration::from_secs(1);
 pub fn operate(arguments: &Operate, command: &'static str, question: &Question) -> Result<(), Failure> {
     let run = LiveRun::find(arguments.run.as_deref(), command).map_err(Failure::trouble)?;
     show(run.ask(question, PATIENCE).map_err(Failure::trouble)?)
+}
+
+/// `gerono arm`: lets the motors turn. Without `--run`, the run of another login is armed only if that is confirmed.
+///
+/// # Errors
+/// [`Failure`] if there is no such run, if it refuses, or if nobody confirms.
+pub fn arm(arguments: &Operate) -> Result<(), Failure> {
+    let found = live::find(arguments.run.as_deref(), "arm").map_err(Failure::trouble)?;
+    let run = LiveRun::connect(&found, PATIENCE).map_err(Failure::trouble)?;
+    let (starter, caller) = (found.starter(), User::at_the_keyboard());
+    if arguments.run.is_none() && starter != caller {
+        let named = format!("{}, started by {starter}", identity(&run)?);
+        if !is_confirmed(&format!(
+            "You are {caller}. Arm {named}? The motors may turn. [y/N] "
+        )) {
+            let name = run.name();
+            let reason =
+                format!("not armed: {named}, and you are {caller}; if you mean it: gerono arm --run {name}");
+            return Err(Failure::trouble(reason));
+        }
+    }
+    show(
+        run.ask(&Question::Operate(Request::Arm), PATIENCE)
+            .map_err(Failure::trouble)?,
+    )
+}
+
+/// `gerono get`: prints keys, and on standard error of which run.
+///
+/// # Errors
+/// [`Failure`] if there is no such run, or if it refuses.
+pub fn get(arguments: &Operate, keys: Vec<String>) -> Result<(), Failure> {
+    let run = LiveRun::find(arguments.run.as_deref(), "get").map_err(Failure::trouble)?;
+    let answer = run
+        .ask(&Question::Get(keys), PATIENCE)
+        .map_err(Failure::trouble)?;
+    note(identity(&run)?);
+    show(answer)
+}
+
+/// Which run it is, what it flies and by which link, in words.
+fn identity(run: &LiveRun) -> Result<String, Failure> {
+    match run.ask(&Question::Describe, PATIENCE).map_err(Failure::trouble)? {
+        Answer::Description(description) => Ok(live::identity(run.name(), &description.scenario)),
+        // A run of another build describes itself in another way.
+        _ => Ok(format!("run {}", run.name())),
+    }
+}
+
+/// Asks at the terminal; without one nobody confirms.
+fn is_confirmed(prompt: &str) -> bool {
+    if !stdin().is_terminal() || !stderr().is_terminal() {
+        return false;
+    }
+    eprint!("{}", printable(prompt));
+    let mut answer = String::new();
+    let is_read = stdin().read_line(&mut answer).is_ok();
+    is_read && matches!(answer.trim(), "y" | "Y" | "yes")
 }
 
 /// `gerono kill`: lets the motors rest, whatever has become of the run's orchestrator.

@@ -8,13 +8,14 @@ use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use runtime::control::Channel;
+use runtime::control::{Channel, Host};
+use runtime::peer::peer_credentials;
 use rustix::fs::{Mode, fchmod};
-use rustix::net::sockopt::socket_peercred;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
 use crate::postmortem::contained;
 use live::run_root::RunRoot;
+use live::runs::OrchestratorLabel;
 use live::{Answer, Question, SOCKET, may_operate};
 
 /// Clients that are heard at once.
@@ -38,6 +39,8 @@ pub struct ControlServer {
     /// Those that have been silent for longest come first.
     clients: Vec<Client>,
     question: Box<[u8; LONGEST_QUESTION]>,
+    /// By it the run is found while none of its services lives.
+    _label: OrchestratorLabel,
 }
 
 /// A program that asks.
@@ -63,7 +66,7 @@ impl ControlServer {
     ///
     /// # Errors
     /// If the system refuses.
-    pub fn open(root: &RunRoot) -> std::io::Result<Self> {
+    pub fn open(root: &RunRoot, host: Host) -> std::io::Result<Self> {
         let path: PathBuf = root.folder().join(SOCKET);
         // That of an orchestrator which has died, if this one takes its place.
         let _ = std::fs::remove_file(&path);
@@ -77,6 +80,8 @@ impl ControlServer {
             listener,
             clients: Vec::with_capacity(CLIENTS),
             question: Box::new([0; LONGEST_QUESTION]),
+            // Last: a process that finds the run can connect.
+            _label: OrchestratorLabel::new(root.folder(), host)?,
         })
     }
 
@@ -92,15 +97,18 @@ impl ControlServer {
             let Ok(socket) = rustix::net::accept_with(&self.listener, flags) else {
                 break;
             };
+            let channel = Channel::inherited(socket);
             // The folder of the socket is closed to other users; this holds even if that was opened to them.
-            if !socket_peercred(&socket).is_ok_and(|peer| may_operate(peer.uid.as_raw())) {
+            if let Err(refusal) = admit(&channel) {
+                // A client that does not take its answer at once has no use for it.
+                let _ = channel.try_send(&Answer::Refused(refusal));
                 continue;
             }
             if self.clients.len() == CLIENTS {
                 self.make_room(now, &mut answer);
             }
             self.clients.push(Client {
-                channel: Channel::inherited(socket),
+                channel,
                 heard: now,
                 is_served: false,
             });
@@ -133,6 +141,19 @@ impl ControlServer {
             .remove(silent.unwrap_or(0))
             .dismiss("other clients needed its place");
     }
+}
+
+/// Returns why a client may not ask, if it may not.
+fn admit(channel: &Channel) -> Result<(), String> {
+    let peer =
+        peer_credentials(channel).map_err(|error| format!("the system does not say who asks: {error}"))?;
+    if may_operate(peer.user) {
+        return Ok(());
+    }
+    Err(format!(
+        "the run takes requests of its owner and of root, and the user {} asks, as this run sees it",
+        peer.user
+    ))
 }
 
 impl Client {
@@ -198,7 +219,7 @@ mod tests {
     impl Server {
         fn open() -> Self {
             let root = RunRoot::create().unwrap();
-            let server = ControlServer::open(&root).unwrap();
+            let server = ControlServer::open(&root, Host::RealTime).unwrap();
             Self { root, server }
         }
 

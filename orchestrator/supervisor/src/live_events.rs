@@ -14,11 +14,12 @@ const EVENTS: usize = 50;
 pub struct LiveEvents(VecDeque<LiveEvent>);
 
 impl LiveEvents {
-    /// Keeps an event of a time of the flight, s.
+    /// Keeps an event of a time of the flight, s; as one line, whatever the text is.
     pub fn keep(&mut self, time: f64, text: String) {
         if self.0.len() == EVENTS {
             self.0.pop_front();
         }
+        let text = text.lines().collect::<Vec<_>>().join("; ");
         self.0.push_back(LiveEvent { time, text });
     }
 

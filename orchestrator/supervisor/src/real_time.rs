@@ -97,7 +97,7 @@ where
     let kill_device = kill_switch::open(scenario)?;
     let context = RunContext::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(context.subscribe(Delivery::NewestWins)?, 0);
-    let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
+    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
     let mut supervisor = context.start_supervisor(deployment, Host::RealTime)?;
     let warnings = context.await_ready(&mut supervisor)?;
     observer.ready(&supervisor, context.cores.ring);
@@ -152,7 +152,7 @@ where
         first_tick,
     } = take_over;
     let mut recorder = Recorder::new(context.listen_in()?, first_tick);
-    let mut server = ControlServer::open(&context.root).map_err(FlightFailure::setup)?;
+    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
     recorder.connect().map_err(FlightFailure::setup)?;
     // From here on nothing fails without a landing.
     let supervisor = context.adopt_supervisor(shared, survivors)?;

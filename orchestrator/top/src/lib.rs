@@ -111,6 +111,11 @@ pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
     view.without_keys(width)
 }
 
+/// Sentences of the run in the one line that there is for them.
+fn in_one_line(text: &str) -> String {
+    text.lines().collect::<Vec<_>>().join("; ")
+}
+
 /// The cause that ended a wait.
 enum Woken {
     ByKeys,
@@ -182,12 +187,12 @@ impl<'a> Watch<'a> {
                     self.history.keep(&snapshot);
                     self.snapshot = Some(*snapshot);
                 }
-                Answer::Done(text) => self.controls.tell(text),
+                Answer::Done(text) => self.controls.tell(in_one_line(&text)),
                 Answer::Values(gains) => self.controls.keep_gains(gains),
                 // It asks for none of them.
                 Answer::Description(_) | Answer::Newest(_) => {}
                 Answer::Refused(reason) | Answer::Closed(reason) => {
-                    self.controls.tell(format!("refused: {reason}"));
+                    self.controls.tell(in_one_line(&format!("refused: {reason}")));
                 }
             }
         }

@@ -133,7 +133,7 @@ fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
 /// Finds the run to begin with; none if it is to be waited for.
 fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
     match live::find_to_watch(arguments.run.as_deref(), "view") {
-        Err(LiveError::NoneToWatch(_)) if arguments.follow => Ok(None),
+        Err(LiveError::NoneToWatch(_) | LiveError::Unseen(_)) if arguments.follow => Ok(None),
         found => found.map(Some).map_err(Failure::trouble),
     }
 }

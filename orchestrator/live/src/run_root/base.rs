@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use runtime::shared_memory;
 use rustix::fs::{
-    Access, AtFlags, Dir, FlockOperation, Mode, OFlags, access, fchmod, flock, fstat, mkdirat, openat,
-    renameat, statat,
+    Access, AtFlags, Dir, FlockOperation, Mode, OFlags, Stat, access, fchmod, flock, fstat, lstat, mkdirat,
+    openat, renameat, statat,
 };
 use rustix::io::Errno;
 
@@ -200,8 +200,18 @@ impl Base {
     }
 }
 
+/// Returns whether a process of its run holds the lock of a place.
+pub(super) fn is_live(place: &impl AsFd) -> bool {
+    state_of(place) == State::Live
+}
+
+/// Returns what the system says of the lock of a place.
+pub(super) fn lock_of(place: &Path) -> io::Result<Stat> {
+    Ok(lstat(place.join(LOCK))?)
+}
+
 fn state_of(place: &impl AsFd) -> State {
-    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC | OFlags::NONBLOCK;
     match openat(place, LOCK, flags, Mode::empty()) {
         Err(_) => State::Unfinished,
         // A shared lock, so that two looks at once do not take each other for the run.

@@ -49,7 +49,7 @@ impl<'a> Watchers<'a> {
         Self {
             scenario,
             schedule,
-            server: ControlServer::open(root).ok(),
+            server: ControlServer::open(root, Host::LockStep).ok(),
             next: now,
             window: Window {
                 began: now,

@@ -36,7 +36,8 @@ impl Flight<'_> {
             Question::Operate(request) => self.operate(request),
             Question::Stop => {
                 self.tell("`gerono stop` asked for the end of the flight");
-                Answer::Done(self.request_end("gerono stop"))
+                let answer = self.request_end("gerono stop");
+                Answer::Done(format!("{}\n{answer}", self.identity()))
             }
             Question::Set(settings) => self.tune(&settings),
             Question::Get(names) => self.tuned(&names),
@@ -49,16 +50,12 @@ impl Flight<'_> {
         if request == Request::Arm
             && let Some(reason) = self.refusal_to_arm()
         {
-            return Answer::Refused(format!("not armed: {reason}"));
+            return Answer::Refused(format!("not armed: {reason} ({})", self.identity()));
         }
         let (kind, event, text) = match request {
             Request::Arm => (RunEvent::KIND_OPERATOR_ARMS, "gerono arm", "armed"),
             Request::Disarm => (RunEvent::KIND_OPERATOR_DISARMS, "gerono disarm", "disarmed"),
-            Request::Land => (
-                RunEvent::KIND_OPERATOR_LANDS,
-                "gerono land",
-                "the vehicle is to land",
-            ),
+            Request::Land => (RunEvent::KIND_OPERATOR_LANDS, "gerono land", "landing"),
             Request::Kill => (
                 RunEvent::KIND_OPERATOR_KILLS,
                 "gerono kill",
@@ -69,13 +66,17 @@ impl Flight<'_> {
             Request::Arm => self.warning_at_arming(),
             Request::Disarm | Request::Land | Request::Kill => None,
         };
-        let text = match warning {
-            Some(warning) => format!("{text}; warning: {warning}"),
-            None => text.to_owned(),
-        };
+        let warning = warning.map_or_else(String::new, |warning| format!("; warning: {warning}"));
         self.ask(request, kind, event);
-        self.tell(&text);
-        Answer::Done(text)
+        self.tell(&format!("{text}{warning}"));
+        // What was done, then to which run, then what else there is to say: "armed run 7-0, …", "killed run 7-0, …: the motors …".
+        let (done, detail) = text.split_at(text.find(':').unwrap_or(text.len()));
+        Answer::Done(format!("{done} {}{detail}{warning}", self.identity()))
+    }
+
+    /// Which run this is, what it flies and by which link, in words.
+    pub(super) fn identity(&self) -> String {
+        live::identity(&self.run, self.scenario)
     }
 
     /// Returns what the estimator may believe wrongly of the laboratory, if anything: it forbids no flight, and may end one.

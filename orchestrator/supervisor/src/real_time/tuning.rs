@@ -23,9 +23,9 @@ impl Flight<'_> {
         match self.try_to_tune(settings) {
             Ok(text) => {
                 self.tell(&text);
-                Answer::Done(text)
+                Answer::Done(format!("{text} in {}", self.identity()))
             }
-            Err(reason) => Answer::Refused(format!("not set: {reason}")),
+            Err(reason) => Answer::Refused(format!("not set: {reason} ({})", self.identity())),
         }
     }
 

@@ -1,0 +1,211 @@
+//! The search for the run that a command means.
+//!
+//! "None" and "several" are said only after further looks: while services die and are started again, a single look at the
+//! processes of a machine may miss some.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use command_line::terminal::printable;
+use runtime::control::Host;
+
+use crate::LiveRun;
+use crate::error::{LiveError, Names, Searched};
+use crate::run_root;
+use crate::runs::{self, MachineRun, User};
+
+/// Time for which a run is looked for that is not there.
+pub(crate) const PERSISTENCE: Duration = Duration::from_millis(500);
+
+/// Time between two looks.
+pub(crate) const RETRY: Duration = Duration::from_millis(20);
+
+/// Looks of which each has to find several runs before that is said.
+const LOOKS_AT_SEVERAL: u32 = 2;
+
+/// Runs that one look has found.
+#[derive(Debug)]
+enum Found {
+    One(MachineRun),
+    Several(Names),
+    /// Only such as this user may not operate.
+    Forbidden(Names),
+    Nothing,
+}
+
+/// The live run in real time of a name, or the only one, that this user may operate by a command of this name.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn find(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
+    let found = select(name, command, MachineRun::is_permitted, is_in_real_time)?;
+    found.map_or_else(
+        || {
+            let searched = searched(name)?;
+            Err(match name {
+                None => LiveError::None(searched),
+                Some(name) => LiveError::Unknown(printable(name).into_owned(), searched),
+            })
+        },
+        Ok,
+    )
+}
+
+/// The live run of a name, or the only one, in real or in simulated time, that this user may watch.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn find_to_watch(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
+    let is_flown = |run: &MachineRun| matches!(run.host, Host::RealTime | Host::LockStep);
+    let found = select(name, command, MachineRun::is_permitted, is_flown)?;
+    found.map_or_else(
+        || {
+            let searched = searched(name)?;
+            Err(match name {
+                None => LiveError::NoneToWatch(searched),
+                Some(name) => LiveError::UnknownToWatch(printable(name).into_owned(), searched),
+            })
+        },
+        Ok,
+    )
+}
+
+fn is_in_real_time(run: &MachineRun) -> bool {
+    run.host == Host::RealTime
+}
+
+/// The place of the run that has lost its orchestrator: of that name, or the only one.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
+    // What takes over shares files with the services: it must be the same user's, and have the same shared memory.
+    let is_own = |run: &MachineRun| run.owner == User::this();
+    let connected = |run: &MachineRun| LiveRun::connect(run, Duration::ZERO);
+    let is_abandoned = |run: &MachineRun| {
+        is_in_real_time(run) && (!is_own(run) || matches!(connected(run), Err(LiveError::Abandoned(_))))
+    };
+    let Some(run) = select(name, "attach", is_own, is_abandoned)? else {
+        let searched = searched(name)?;
+        return Err(match name {
+            None => LiveError::NoneAbandoned(searched),
+            Some(name) => LiveError::NotAbandoned(printable(name).into_owned(), searched),
+        });
+    };
+    if !run.shares_memory_with_this() {
+        let pid = run.pids().next().unwrap_or_default();
+        return Err(LiveError::InAnotherContainer(run.name().to_owned(), pid));
+    }
+    Ok(run.folder)
+}
+
+/// The live run of a name, or the only one, among those that are wanted and permitted; none if there is not even
+/// one that is not permitted.
+fn select(
+    name: Option<&str>,
+    command: &'static str,
+    is_permitted: impl Fn(&MachineRun) -> bool,
+    is_wanted: impl Fn(&MachineRun) -> bool,
+) -> Result<Option<MachineRun>, LiveError> {
+    let is_meant = |run: &MachineRun| name.is_none_or(|name| run.is_called(name)) && is_wanted(run);
+    let look = || {
+        let runs = runs::all().map_err(LiveError::Processes)?;
+        let meant = runs.into_iter().filter(is_meant);
+        let (mut permitted, others): (Vec<_>, Vec<_>) = meant.partition(|run| is_permitted(run));
+        Ok(match (permitted.pop(), permitted.is_empty()) {
+            (Some(run), true) => Found::One(run),
+            (Some(run), false) => {
+                permitted.push(run);
+                Found::Several(Names::of(&permitted))
+            }
+            (None, _) if others.is_empty() => Found::Nothing,
+            (None, _) => Found::Forbidden(Names::of(&others)),
+        })
+    };
+    Ok(match settled(look)? {
+        Found::One(run) => Some(run),
+        Found::Several(names) => return Err(LiveError::Several(names)),
+        Found::Forbidden(names) => return Err(LiveError::NotPermitted(names, command)),
+        Found::Nothing => None,
+    })
+}
+
+/// Looks until one run is found, several are found again, or none has been found for long enough.
+fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, LiveError> {
+    let deadline = Instant::now() + PERSISTENCE;
+    let mut looks_at_several = 0;
+    loop {
+        let found = look()?;
+        looks_at_several += u32::from(matches!(found, Found::Several(_)));
+        let is_settled = match found {
+            Found::One(_) => true,
+            Found::Several(_) => looks_at_several >= LOOKS_AT_SEVERAL,
+            Found::Forbidden(_) | Found::Nothing => false,
+        };
+        if is_settled || Instant::now() >= deadline {
+            return Ok(found);
+        }
+        std::thread::sleep(RETRY);
+    }
+}
+
+/// What is said of a search that has found no run: an error if a run is there that cannot be seen.
+fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
+    let scope = runs::scope();
+    let is_within = |place: &Path| scope.as_ref().is_none_or(|scope| place.starts_with(scope));
+    let is_meant = |place: &Path| {
+        let is_called = |name: &str| place.file_name().is_some_and(|found| found == name);
+        is_within(place) && name.is_none_or(is_called)
+    };
+    // Where the places cannot be read, there is no run of this user's either.
+    let places = run_root::find().unwrap_or_default().live;
+    let runs = runs::all().unwrap_or_default();
+    let is_seen = |place: &PathBuf| runs.iter().any(|run| run.folder == *place);
+    let open = places
+        .into_iter()
+        .filter(|place| is_meant(place) && !is_seen(place));
+    let (unsettled, unseen): (Vec<_>, Vec<_>) =
+        open.partition(|place| run_root::is_held_by_a_visible_process(place));
+    if unseen.is_empty() {
+        Ok(Searched::here(unsettled))
+    } else {
+        Err(LiveError::Unseen(unseen))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn several() -> Found {
+        Found::Several(Names::of(&[]))
+    }
+
+    #[test]
+    fn several_runs_that_a_second_look_does_not_find_are_one() {
+        // One process of two died during the first look; this process stands for the run.
+        let mut looks = 0;
+        let found = settled(|| {
+            looks += 1;
+            Ok(if looks == 1 { several() } else { Found::Nothing })
+        });
+        assert!(matches!(found, Ok(Found::Nothing)) && looks > 2, "{looks}");
+        let mut looks = 0;
+        let found = settled(|| {
+            looks += 1;
+            Ok(several())
+        });
+        assert!(matches!(found, Ok(Found::Several(_))) && looks == 2, "{looks}");
+    }
+
+    #[test]
+    fn none_is_said_only_after_looking_for_half_a_second() {
+        let began = Instant::now();
+        let mut looks = 0;
+        let found = settled(|| {
+            looks += 1;
+            Ok(Found::Nothing)
+        });
+        assert!(matches!(found, Ok(Found::Nothing)) && looks > 2 && began.elapsed() >= PERSISTENCE);
+    }
+}
