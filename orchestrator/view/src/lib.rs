@@ -7,7 +7,7 @@
 //! * [`feed`]: asks the run and puts up what it answers;
 //! * [`frame`], [`path`]: what the page draws of samples and scenario;
 //! * [`board`]: the newest of each kind, for any number of readers;
-//! * [`server`], [`http`]: connections and their limits;
+//! * [`server`], `connections`, [`http`]: connections and their limits;
 //! * [`foxglove`], [`websocket`]: all topics as they are, for other programs;
 //! * [`site`], [`host_name`], [`token`]: who may see what; [`address`]: where;
 //! * [`page`]: the page and what a browser may do with it;
@@ -19,6 +19,7 @@
 pub mod address;
 pub mod arguments;
 pub mod board;
+mod connections;
 pub mod feed;
 pub mod foxglove;
 pub mod frame;

@@ -3,12 +3,14 @@
 //! It answers GET and nothing else, one request a connection, and limits everything that a client could use up: length and
 //! time of a request, connections, browsers that watch, and the time that a client may take for what it is sent. A client that
 //! is stopped or slow is cut off, and costs nobody else anything.
+//!
+//! A client has no place of its own until its request has come and is permitted. Before, it shares places with all strangers,
+//! and the one that has been there for longest makes room: strangers cannot keep out a client that has the token.
 
-use std::io::{self, Write};
+use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::AsFd;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use command_line::interrupt::Interrupt;
@@ -16,6 +18,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::set_socket_send_buffer_size;
 
 use crate::board::Board;
+use crate::connections::{Connection, Connections};
 use crate::foxglove::Session;
 use crate::http::{self, NOT_FOUND, Refusal};
 use crate::page::Page;
@@ -24,9 +27,6 @@ use crate::websocket::Socket;
 
 /// Browsers that watch at once.
 pub const MOST_WATCHERS: usize = 8;
-
-/// Connections at once: those of the watchers, and others that ask for the page.
-const MOST_CONNECTIONS: usize = 2 * MOST_WATCHERS;
 
 /// Time in which a request has to arrive.
 const REQUEST_LIMIT: Duration = Duration::from_secs(5);
@@ -80,15 +80,6 @@ pub struct Server {
     address: SocketAddr,
 }
 
-/// A place among the connections, for as long as this lives.
-struct Connection(Arc<AtomicUsize>);
-
-impl Drop for Connection {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
 impl Server {
     /// Listens at an address; at a free port if it is 0.
     ///
@@ -117,7 +108,7 @@ impl Server {
         interrupt: &Interrupt,
         finished: &impl AsFd,
     ) -> io::Result<Option<i32>> {
-        let connections = Arc::new(AtomicUsize::new(0));
+        let connections = Arc::default();
         loop {
             if let Some(signal) = interrupt.signal() {
                 return Ok(Some(signal));
@@ -142,34 +133,34 @@ impl Server {
     }
 }
 
-/// Gives a connection a thread, or refuses it.
-fn take(mut stream: TcpStream, connections: &Arc<AtomicUsize>, content: &Arc<Content>) {
-    let place = Connection(Arc::clone(connections));
-    let others = connections.fetch_add(1, Ordering::AcqRel);
-    if others >= MOST_CONNECTIONS {
-        // The thread that takes connections waits for no client.
-        let _ = stream.set_nonblocking(true);
-        let _ = stream.write(http::refused(TOO_MANY_CONNECTIONS).as_bytes());
+/// Gives a connection a thread.
+fn take(mut stream: TcpStream, connections: &Arc<Mutex<Connections>>, content: &Arc<Content>) {
+    // Without a descriptor for it the connection ends, and the browser tries again.
+    let Ok(mut place) = Connection::arrive(connections, &stream) else {
         return;
-    }
+    };
     let content = Arc::clone(content);
     let thread = std::thread::Builder::new().name("browser".to_owned());
     // Without a thread the connection ends, and the browser tries again.
     let _ = thread.spawn(move || {
-        let _place = place;
         // A client that is gone needs no answer.
-        let _ = answer(&mut stream, &content);
+        let _ = answer(&mut stream, &mut place, &content);
         http::close(&mut stream, CLOSE_LIMIT);
+        drop(place);
     });
 }
 
-fn answer(stream: &mut TcpStream, content: &Content) -> io::Result<()> {
+fn answer(stream: &mut TcpStream, place: &mut Connection, content: &Content) -> io::Result<()> {
     let request = match http::read(stream, REQUEST_LIMIT) {
         Ok(Some(request)) => request,
         Ok(None) => return Ok(()),
         Err(refusal) => return refuse(stream, refusal),
     };
-    match (content.site.reply(&request), &content.board) {
+    let reply = content.site.reply(&request);
+    if reply.is_ok() && !place.permit() {
+        return refuse(stream, TOO_MANY_CONNECTIONS);
+    }
+    match (reply, &content.board) {
         (Ok(Reply::Page(cookie)), _) => send_page(stream, &content.page, cookie.as_deref()),
         (Ok(Reply::News), Some(board)) => watch(stream, board),
         (Ok(Reply::Topics { key, protocol }), Some(board)) => {
@@ -249,7 +240,8 @@ fn relay(stream: &mut TcpStream, board: &Board, head: &str) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead, BufReader, Read};
+    use std::collections::VecDeque;
+    use std::io::{BufRead, BufReader, Read, Write};
     use std::net::{Ipv4Addr, TcpStream};
 
     use live::NewestSamples;
@@ -260,6 +252,7 @@ mod tests {
 
     use super::*;
     use crate::board::Kind;
+    use crate::connections::MOST_ARRIVALS;
     use crate::foxglove::Moment;
     use crate::host_name::HostNames;
 
@@ -320,27 +313,33 @@ mod tests {
     }
 
     #[test]
-    fn those_who_hold_connections_do_not_keep_others_out_for_longer_than_a_request_may_take() {
+    fn a_request_that_does_not_come_is_refused_in_time() {
         let (_content, address, _finishes) = serve();
-        let held: Vec<_> = (0..MOST_CONNECTIONS)
-            .map(|_| TcpStream::connect(address).unwrap())
+        let late = answer_to(TcpStream::connect(address).unwrap());
+        assert!(late.starts_with("HTTP/1.1 408 "), "{late}");
+    }
+
+    #[test]
+    fn strangers_that_hold_connections_keep_nobody_out_and_the_oldest_makes_room() {
+        let (_content, address, _finishes) = serve();
+        let mut held: VecDeque<_> = (0..MOST_ARRIVALS)
+            .map(|_| {
+                let mut stream = TcpStream::connect(address).unwrap();
+                stream.write_all(b"GET / HTTP/1.1\r\n").unwrap();
+                stream
+            })
             .collect();
-        // Before it has asked: a question that nobody reads would end the connection before its answer.
-        let refused = answer_to(TcpStream::connect(address).unwrap());
-        assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
-        for stream in held {
-            let late = answer_to(stream);
-            assert!(late.starts_with("HTTP/1.1 408 "), "{late}");
+        for _ in 0..2 * MOST_ARRIVALS {
+            // A permitted request beside as many strangers as there are places, one of whom goes for it.
+            let page = answer_to(ask(address, "/"));
+            assert!(page.ends_with("<p>here</p>"), "{page}");
+            let mut oldest = held.pop_front().unwrap();
+            let mut rest = Vec::new();
+            // Closed, with or without a reset.
+            let _ = oldest.read_to_end(&mut rest);
+            assert_eq!(rest, b"", "it had no answer, and not after {REQUEST_LIMIT:?}");
+            held.push_back(TcpStream::connect(address).unwrap());
         }
-        // The last places become free shortly after their clients have been answered.
-        let has_page = || {
-            let mut stream = TcpStream::connect(address)?;
-            stream.write_all(format!("GET / HTTP/1.1\r\nHost: {address}\r\n\r\n").as_bytes())?;
-            let mut page = String::new();
-            stream.read_to_string(&mut page)?;
-            io::Result::Ok(page.ends_with("<p>here</p>"))
-        };
-        while !has_page().unwrap_or(false) {}
     }
 
     /// The end of a program that wants topics.
