@@ -309,4 +309,15 @@ mod tests {
             hand.take(captured_at(tick_ns + 5), tick_ns);
         }
     }
+
+    #[test]
+    fn reasons_that_are_too_long_are_cut_between_characters() {
+        let mut reason = Reason::default();
+        write!(reason, "µ{}", "x".repeat(50)).unwrap();
+        assert_eq!(reason.length, 52);
+        assert!(write!(reason, "{}", "µ".repeat(200)).is_err());
+        let text = std::str::from_utf8(&reason.bytes[..reason.length]).unwrap();
+        assert_eq!(text.chars().filter(|character| *character == 'µ').count(), 75);
+        assert!(write!(reason, "more").is_err());
+    }
 }

@@ -317,3 +317,61 @@ impl ReceivedPackets {
 fn seconds(ns: u64) -> f64 {
     ns as f64 * 1e-9
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the lines about the bodies after a hundred frames in which each is at its place, with this noise.
+    fn doubts(system: CaptureSystem, bodies: &[(&[u8], f64)], noise: f64) -> String {
+        let mut heard = ReceivedPackets::new(system);
+        let mut frame = Frame::new();
+        for number in 0..100_u32 {
+            frame.clear();
+            for (index, (name, x)) in (1..).zip(bodies) {
+                // The first frames of Motive have no names yet.
+                let is_named = number > 3 || system != CaptureSystem::Natnet;
+                let name = if is_named { name } else { &b""[..] };
+                let off = if number.is_multiple_of(2) { noise } else { -noise };
+                frame
+                    .push(WireBody {
+                        name: Name::new(name).unwrap(),
+                        number: index,
+                        pose: Some(CapturePose::new([x + off, 0.0, 1.0], Matrix3::identity()).unwrap()),
+                    })
+                    .unwrap();
+            }
+            heard.take(&frame, u64::from(number) * 10_000_000);
+        }
+        assert_eq!(heard.bodies.len(), bodies.len(), "a row for each body");
+        heard.bodies.values().map(|body| heard.doubts(body)).collect()
+    }
+
+    #[test]
+    fn a_body_that_is_as_it_should_be_has_no_line() {
+        assert_eq!(doubts(CaptureSystem::Natnet, &[(b"quad", 1.0)], 1e-4), "");
+    }
+
+    #[test]
+    fn units_that_cannot_be_right_are_named() {
+        let far = doubts(CaptureSystem::Vrpn, &[(b"quad", 118.0)], 1e-4);
+        assert!(
+            far.starts_with("`quad`: 118 m from the origin: centimetres"),
+            "{far}"
+        );
+        let metres = doubts(CaptureSystem::ViconUdp, &[(b"quad ", 1e-3)], 1e-7);
+        assert!(metres.starts_with("`quad `: noise below 1 µm"), "{metres}");
+    }
+
+    #[test]
+    fn a_name_that_is_not_utf_8_is_chosen_by_its_number_where_there_are_numbers() {
+        let motive = doubts(
+            CaptureSystem::Natnet,
+            &[(b"quad", 1.0), (b"Drohne-\xc4rger", 1.0)],
+            1e-4,
+        );
+        assert!(motive.ends_with("choose it by `#2`\n"), "{motive}");
+        let vrpn = doubts(CaptureSystem::Vrpn, &[(b"Drohne-\xc4rger", 1.0)], 1e-4);
+        assert!(vrpn.ends_with("rename it\n"), "{vrpn}");
+    }
+}

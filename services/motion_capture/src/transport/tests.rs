@@ -5,6 +5,7 @@ use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
 use super::*;
+use crate::feed::Feed;
 use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::Object;
 use crate::vrpn::{COOKIE, PoseReport};
@@ -80,6 +81,45 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     address.interface = Ipv4Addr::new(192, 0, 2, 1);
     let error = CaptureSource::open(&address).unwrap_err();
     assert!(error.to_string().contains("`interface`"), "{error}");
+}
+
+/// A block that is full goes on in another datagram of the same number.
+#[test]
+fn a_vehicle_in_the_second_datagram_of_each_frame_is_believed() {
+    let address = address(CaptureSystem::ViconUdp, 0);
+    let vicon = super::vicon_udp::ViconUdp::open(&address).unwrap();
+    let port = vicon.port();
+    let mut source = CaptureSource::ViconUdp(Box::new(vicon));
+    let stated = MotionCapture::new(CaptureSystem::ViconUdp, Ipv4Addr::LOCALHOST, "quad");
+    let mut feed = Feed::new(CaptureSystem::ViconUdp, &stated).unwrap();
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for number in 0..100_u32 {
+        for names in [&[b"a".as_slice(), b"b", b"c"][..], &[b"quad"]] {
+            let objects: Vec<Object> = names.iter().map(|name| object(name)).collect();
+            let moved = objects.iter().map(|object| Object {
+                translation_mm: [1.0, 2.0, 3.0].map(|share| share * f64::from(number)),
+                rotation: [1e-4 * f64::from(number); 3],
+                ..*object
+            });
+            let mut datagram = Vec::new();
+            sender::vicon_udp::frame(number, &moved.collect::<Vec<_>>(), &mut datagram);
+            server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+        }
+        let packets = 2 * (u64::from(number) + 1);
+        let now_ns = 1_000_000_000 + u64::from(number) * 10_000_000;
+        let began = Instant::now();
+        while source.counts().packets < packets {
+            assert!(began.elapsed() < WATCHDOG, "{:?}", source.counts());
+            source.poll(now_ns, &mut |frame| {
+                feed.take(frame, now_ns);
+            });
+        }
+    }
+    assert_eq!(source.counts().continued, 100);
+    let counts = feed.counts();
+    // The first frame shows that there are two datagrams; then poses settle.
+    assert_eq!((counts.repeated, counts.absent, counts.lost), (1, 1, 0));
+    assert!(counts.believed > 60 && counts.rate_warnings == 0, "{counts:?}");
 }
 
 /// Polls until so many packets of strangers are counted, and no more are.
