@@ -13,7 +13,6 @@ use runtime::control::{Memory, StepOrder};
 use runtime::ports::PortError;
 use runtime::replaying::BATCH;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::Signal;
 use shared_types::{Gains, ServiceId};
 
 pub use failure::ProcessFailure;
@@ -167,11 +166,13 @@ impl ServiceProcess {
     }
 
     fn died(&mut self) -> ProcessFailure {
+        // One that ends closes its line a little before.
+        self.process.ends_within(STOP_LIMIT);
         ProcessFailure::Died {
             service: self.service.name(),
             pid: self.process.id(),
             when: self.how_far(),
-            how: self.process.wait().description,
+            how: self.process.end().description,
         }
     }
 
@@ -354,11 +355,8 @@ impl Drop for ServiceProcess {
             return;
         }
         if self.process.channel.send(&ToService::Stop).is_ok() && self.is_ready {
-            let mut death = [PollFd::new(&self.process.death, PollFlags::IN)];
-            let limit = timespec(STOP_LIMIT);
-            let _ = rustix::io::retry_on_intr(|| poll(&mut death, Some(&limit)));
+            self.process.ends_within(STOP_LIMIT);
         }
-        self.process.signal(Signal::KILL);
-        self.process.wait();
+        self.process.end();
     }
 }

@@ -15,7 +15,7 @@ pub struct LiveEvents(VecDeque<LiveEvent>);
 
 impl LiveEvents {
     /// Keeps an event of a time of the flight, s; as one line, whatever the text is.
-    pub fn keep(&mut self, time: f64, text: String) {
+    pub fn keep(&mut self, time: f64, text: &str) {
         if self.0.len() == EVENTS {
             self.0.pop_front();
         }
@@ -29,7 +29,7 @@ impl LiveEvents {
             let name = supervisor.name_of(*service);
             self.keep(
                 time,
-                format!("`{name}` (process {pid}) died: {}", exit.description),
+                &format!("`{name}` (process {pid}) died: {}", exit.description),
             );
         }
     }

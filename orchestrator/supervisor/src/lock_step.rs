@@ -158,7 +158,9 @@ impl Flight<'_> {
             ServiceEvent::Ready(service, _) => {
                 let time = self.watchers.time(&self.recorder);
                 let name = self.supervisor.name_of(service);
-                self.watchers.events.keep(time, format!("`{name}` was restarted"));
+                self.watchers
+                    .events
+                    .keep(time, &format!("`{name}` was restarted"));
             }
             ServiceEvent::Finished(_) => {}
         }

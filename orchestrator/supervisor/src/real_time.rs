@@ -259,6 +259,7 @@ impl<'a> Flight<'a> {
     {
         let from = self.recorder.ticks();
         self.supervise(sink, server);
+        self.note_unfinished();
         let begun = self.clock.begins_at(from);
         let wall_time = Duration::from_nanos(monotonic_ns().saturating_sub(begun));
         self.wind_up(sink);
@@ -313,11 +314,28 @@ impl<'a> Flight<'a> {
 
     /// Returns whether all steps are done, or the flight may end before.
     fn is_over(&self) -> bool {
+        self.supervisor.has_finished() || self.is_past_its_end() || self.shutdown.permits_end(&self.motors)
+    }
+
+    /// Returns whether the last tick is so long past that nothing more comes: a service that cannot be restarted never
+    /// finishes.
+    fn is_past_its_end(&self) -> bool {
         let last = self.clock.begins_at(self.schedule.last_tick());
-        // A service that cannot be restarted never finishes.
-        let is_past = monotonic_ns().saturating_sub(last) > STOP_LIMIT.as_nanos() as u64;
-        let must_not_wait = self.failure.is_some() && is_past;
-        self.supervisor.has_finished() || must_not_wait || self.shutdown.permits_end(&self.motors)
+        monotonic_ns().saturating_sub(last) > STOP_LIMIT.as_nanos() as u64
+    }
+
+    /// Takes note of a service that has not flown its last step although its time is past: its flight is not complete.
+    fn note_unfinished(&mut self) {
+        let unfinished = self.supervisor.unfinished();
+        if let Some(service) =
+            unfinished.filter(|_| self.shutdown == Shutdown::None && self.failure.is_none())
+        {
+            let limit = STOP_LIMIT.as_secs();
+            self.failure = Some(FlightFailure::GaveUp {
+                service: self.supervisor.name_of(service).to_owned(),
+                reason: format!("it had not done its last step {limit} s after the end of the flight"),
+            });
+        }
     }
 
     /// Takes note of a failure, the first of which ends the flight on the ground.
@@ -367,7 +385,7 @@ impl<'a> Flight<'a> {
             }
             ServiceEvent::Ready(service, _) => {
                 let name = self.supervisor.name_of(service);
-                self.remember(format!("`{name}` was restarted"));
+                self.remember(&format!("`{name}` was restarted"));
             }
             ServiceEvent::Finished(_) => {}
         }
@@ -392,14 +410,14 @@ impl<'a> Flight<'a> {
     }
 
     /// Keeps an event for people at other terminals.
-    fn remember(&mut self, text: String) {
+    fn remember(&mut self, text: &str) {
         self.events.keep(seconds(self.clock.elapsed_ns()), text);
     }
 
     /// Tells of something that people have done.
     fn tell(&mut self, text: &str) {
         self.observer.note(text);
-        self.remember(text.to_owned());
+        self.remember(text);
     }
 
     /// Takes what has been published and told, and writes the ticks that have settled.
@@ -461,7 +479,7 @@ impl<'a> Flight<'a> {
     }
 
     fn replace_the_hung(&mut self) {
-        let now = self.clock.tick().min(self.schedule.last_tick());
+        let now = self.clock.tick();
         let supervisor = &self.supervisor;
         let hanging = self.heartbeats.hanging(
             now,
@@ -471,9 +489,9 @@ impl<'a> Flight<'a> {
         );
         for service in hanging {
             self.observer.hung(service);
-            self.supervisor.kill(service);
+            self.supervisor.replace_hung(service);
             let name = self.supervisor.name_of(service);
-            self.remember(format!("`{name}` hangs and is replaced"));
+            self.remember(&format!("`{name}` hangs and is replaced"));
         }
     }
 

@@ -14,6 +14,7 @@ pub mod process;
 mod restart;
 pub mod restart_policy;
 mod standby;
+mod starting;
 mod take_over;
 
 use std::os::fd::{AsFd, BorrowedFd};
@@ -36,6 +37,7 @@ use managed_service::{ManagedService, Phase};
 pub use metrics::summary::restart::Restart;
 pub use process::Exit;
 use process::Process;
+pub use restart_policy::READY_LIMIT;
 use restart_policy::RestartPolicy;
 use standby::Standby;
 pub use take_over::OrphanedService;
@@ -43,8 +45,6 @@ pub use take_over::OrphanedService;
 use super::reserve::Reserve;
 use super::{FlightFailure, Outcome};
 
-/// Time that a service may take to make its ports.
-pub const READY_LIMIT: Duration = Duration::from_secs(30);
 /// Time for which a service that was told to stop may take before it is killed.
 pub const STOP_LIMIT: Duration = Duration::from_secs(2);
 
@@ -77,6 +77,10 @@ pub struct Supervisor<'a> {
     reserve: Option<Reserve>,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
     restarts: Vec<Restart>,
+    /// `true` from the start of the flight: from then on no process may take as long as while the run is set up.
+    is_in_flight: bool,
+    /// What has happened between two calls of [`Supervisor::watch`].
+    pending: Vec<ServiceEvent>,
 }
 
 /// Events of the processes of a run, for the record of the machine.
@@ -178,6 +182,8 @@ impl<'a> Supervisor<'a> {
             reserve: None,
             exits: Vec::new(),
             restarts: Vec::new(),
+            is_in_flight: false,
+            pending: Vec::new(),
         })
     }
 
@@ -308,6 +314,7 @@ impl<'a> Supervisor<'a> {
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
     pub fn go(&mut self) -> Result<(), FlightFailure> {
+        self.is_in_flight = true;
         for service in ServiceId::ALL {
             self.members[service.index()].phase = Phase::Flying;
             self.say_go(service, false)?;
@@ -343,6 +350,11 @@ impl<'a> Supervisor<'a> {
         Activity::of(self.members[service.index()].process.id())
     }
 
+    /// Replaces the process of a service, which hangs.
+    pub fn replace_hung(&mut self, service: ServiceId) {
+        self.replace(service.index(), "hung".to_owned());
+    }
+
     /// Kills the process of a service, which is then restarted.
     pub fn kill(&mut self, service: ServiceId) {
         self.members[service.index()].process.signal(Signal::KILL);
@@ -356,7 +368,14 @@ impl<'a> Supervisor<'a> {
     /// Returns whether every service has flown its last tick.
     #[must_use]
     pub fn has_finished(&self) -> bool {
-        self.members.iter().all(|member| member.phase == Phase::Finished)
+        self.unfinished().is_none()
+    }
+
+    /// Returns a service that has not flown its last tick, if there is one.
+    #[must_use]
+    pub fn unfinished(&self) -> Option<ServiceId> {
+        let unfinished = self.members.iter().find(|member| member.phase != Phase::Finished);
+        unfinished.map(|member| member.service)
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
@@ -365,6 +384,7 @@ impl<'a> Supervisor<'a> {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: i64::from(limit.subsec_nanos()),
         };
+        let mut events = std::mem::take(&mut self.pending);
         let living: Vec<usize> = (0..self.members.len())
             .filter(|&at| !self.members[at].process.is_gone)
             .collect();
@@ -377,7 +397,7 @@ impl<'a> Supervisor<'a> {
         // An interrupted poll is one in which nothing happened.
         let happened = poll(&mut files, Some(&timeout)).unwrap_or(0) > 0;
         if !happened {
-            return Vec::new();
+            return events;
         }
         let mut pairs = files.chunks_exact(2);
         let has_called = |pair: &[PollFd<'_>]| pair.iter().any(|file| !file.revents().is_empty());
@@ -388,7 +408,7 @@ impl<'a> Supervisor<'a> {
             .map(|(&at, _)| at)
             .collect();
         let standby_has_called = pairs.next().is_some_and(has_called);
-        let mut events: Vec<_> = called.into_iter().flat_map(|at| self.listen(at)).collect();
+        events.extend(called.into_iter().flat_map(|at| self.listen(at)));
         if standby_has_called {
             events.extend(self.listen_to_standby());
         }
@@ -399,6 +419,8 @@ impl<'a> Supervisor<'a> {
     fn listen(&mut self, at: usize) -> Vec<ServiceEvent> {
         let mut events = Vec::new();
         for _ in 0..MESSAGES_AT_A_LOOK {
+            // Before the look: the last words of a process that has ended by now have all been sent.
+            let has_ended = self.members[at].process.has_ended();
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
                 // What it says until it is dead counts no more.
                 Ok(Some(_)) if self.members[at].blamed.is_some() => {}
@@ -412,7 +434,7 @@ impl<'a> Supervisor<'a> {
                     events.extend(self.members[at].understand(message, self.start.host));
                 }
                 // A program may have handed its end of the line on to one that outlives it.
-                Ok(None) if !self.members[at].process.has_ended() => break,
+                Ok(None) if !has_ended => break,
                 Ok(None) | Err(ControlError::Closed) => {
                     events.extend(self.reap(at));
                     break;
@@ -477,8 +499,7 @@ impl<'a> Supervisor<'a> {
         }
         for member in &mut self.members {
             if !member.process.is_gone {
-                member.process.kill_group();
-                let exit = member.process.wait();
+                let exit = member.process.end();
                 self.exits.push((Some(member.service), member.process.id(), exit));
             }
         }

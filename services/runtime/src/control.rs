@@ -65,6 +65,8 @@ pub const FIRST_DOORBELL_FD: i32 = 8;
 pub enum ToService {
     /// The first message: the scenario and the run.
     Start(Box<Start>),
+    /// To a standby process: answer with [`ToOrchestrator::Prepared`].
+    Beat,
     /// To a standby process: take the role of a service that has died.
     Become(Role),
     /// No ports of the predecessor are left: make the ports.
@@ -163,6 +165,8 @@ pub enum ToOrchestrator {
         /// Parts of the requested deployment that the system refused, in words.
         warnings: Vec<String>,
     },
+    /// A standby process is prepared for a role; also the answer to each [`ToService::Beat`].
+    Prepared,
     /// All ports are made.
     Ready {
         /// Parts of the requested deployment that the system refused, in words.

@@ -14,7 +14,7 @@ use system_limits::resource_limits;
 
 use crate::checkpoints::Checkpoints;
 use crate::control::{
-    CHECKPOINTS_FD, CONTROL_FD, Channel, FIRST_DOORBELL_FD, Host, LOCK_FD, SHARED_PAGE_FD, STEP_LOG_FD,
+    CHECKPOINTS_FD, CONTROL_FD, Channel, FIRST_DOORBELL_FD, Host, LOCK_FD, Role, SHARED_PAGE_FD, STEP_LOG_FD,
     Start, ToOrchestrator, ToService,
 };
 use crate::crash::CrashPoint;
@@ -153,7 +153,7 @@ fn live(
     } else {
         let services: Result<Vec<_>, _> = ServiceId::ALL.into_iter().map(build).collect();
         let mut services = services?;
-        let ToService::Become(role) = channel.receive()? else {
+        let Some(role) = await_role(&channel)? else {
             return Ok(());
         };
         deployment::call_process(start.scenario.process_name(role.service))?;
@@ -191,6 +191,18 @@ fn live(
         Host::LockStep => launch.in_lock_step(service.as_mut(), &mut waiter),
         Host::RealTime => launch.in_real_time(service, start, lock.as_fd(), &waiter),
         Host::Replay => launch.in_replay(service.as_mut(), waiter.channel()),
+    }
+}
+
+/// Reports that a standby process is prepared, and again at each beat, until it gets a role. `None` if the run ends.
+fn await_role(channel: &Channel) -> Result<Option<Role>, ProcessError> {
+    loop {
+        channel.send(&ToOrchestrator::Prepared)?;
+        match channel.receive()? {
+            ToService::Beat => {}
+            ToService::Become(role) => return Ok(Some(role)),
+            _ => return Ok(None),
+        }
     }
 }
 

@@ -35,6 +35,8 @@ pub struct Heartbeats {
 
 struct Pulse {
     steps: OutageSchedule,
+    /// The last tick of the flight: nothing is due after it.
+    last_tick: u64,
     /// 1 + the last tick that it had stepped when it was looked at last.
     steps_until: u64,
     /// The tick at which that was new, or since which the service flies.
@@ -73,7 +75,7 @@ impl Heartbeats {
     /// Services hang that have not stepped for `limit_ticks` although they should have.
     #[must_use]
     pub fn new(schedule: &Schedule, limit_ticks: u64) -> Self {
-        let pulse = |service| Pulse::new(schedule.steps(service));
+        let pulse = |service| Pulse::new(schedule.steps(service), schedule.last_tick());
         Self {
             pulses: ServiceId::ALL.map(pulse),
             tick_ns: schedule.tick_ns(),
@@ -148,9 +150,10 @@ impl Owed {
 }
 
 impl Pulse {
-    fn new(steps: OutageSchedule) -> Self {
+    fn new(steps: OutageSchedule, last_tick: u64) -> Self {
         Self {
             steps,
+            last_tick,
             steps_until: 0,
             since: 0,
             owed: Owed::default(),
@@ -172,7 +175,7 @@ impl Pulse {
     /// Returns whether it has not stepped for so many ticks although it should have.
     fn is_late(&self, now: u64, ticks: u64) -> bool {
         let due = self.steps.first_at_or_after(self.since.max(self.steps_until));
-        due.is_some_and(|due| now > due + ticks)
+        due.is_some_and(|due| due <= self.last_tick && now > due + ticks)
     }
 
     fn punctuality(&self, now: u64, ticks: u64, flies: bool) -> Punctuality {
@@ -239,7 +242,7 @@ mod tests {
 
     fn pulse(outages: Vec<Outage>) -> Pulse {
         let rate = Rate { period: 22, phase: 0 };
-        Pulse::new(OutageSchedule::new(rate, Arc::from(outages)))
+        Pulse::new(OutageSchedule::new(rate, Arc::from(outages)), 1_000_000)
     }
 
     impl Pulse {
@@ -273,6 +276,23 @@ mod tests {
         assert!(!pulse.hangs_asleep(1000, 991, true));
         let first = (1000..).find(|&now| pulse.hangs_asleep(now, 991, true));
         assert_eq!(first, Some(1012 + LIMIT + 1));
+    }
+
+    #[test]
+    fn a_service_that_stops_just_before_the_end_hangs_after_it_and_one_that_has_flown_it_does_not() {
+        let (last_tick, tick) = (100_000, 99_990);
+        let schedule = Schedule::ideal(TICK_NS, last_tick);
+        let first_hang = |steps_until: u64| {
+            let mut heartbeats = Heartbeats::new(&schedule, LIMIT);
+            let is_plant = |service| service == ServiceId::Plant;
+            (0..last_tick + 2 * LIMIT).find(|&now| {
+                let until = now.min(steps_until);
+                let hanging = heartbeats.hanging_of(now, |_| until, is_plant, |_| Some(asleep()));
+                hanging == [ServiceId::Plant]
+            })
+        };
+        assert_eq!(first_hang(tick), Some(tick + LIMIT + 1));
+        assert_eq!(first_hang(last_tick + 1), None);
     }
 
     #[test]

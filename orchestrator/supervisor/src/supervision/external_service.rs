@@ -9,19 +9,15 @@ use std::time::{Duration, Instant};
 
 use runtime::control::{ControlError, Host, ToOrchestrator, ToService};
 use runtime::shared_page::Cell;
-use rustix::process::Signal;
 use shared_types::ServiceId;
 
 use super::managed_service::Phase;
 use super::presentable::presentable;
-use super::{Exit, STOP_LIMIT, ServiceEvent, Supervisor};
+use super::{Exit, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 
 /// Time for which an external service may take to make its ports, and to connect to those of a service that was started again.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
-
-/// Time for which an external service may live after it has closed its line: a program that ends closes it a little before.
-const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
 impl Supervisor<'_> {
     pub(super) fn is_external_service(&self, at: usize) -> bool {
@@ -92,18 +88,6 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Lost(self.external_service_failure(at, what)))
     }
 
-    /// Ends what is left of an external service that has died or closed its line; says so if it lived on.
-    pub(super) fn end_external_service(&mut self, at: usize) {
-        let is_to_stop = self.page.control_block().stopping.load(Ordering::Relaxed) != 0;
-        let grace = if is_to_stop { STOP_LIMIT } else { AFTER_CLOSING };
-        let has_ended = self.members[at].process.ends_within(grace);
-        self.members[at].process.kill_group();
-        if !has_ended && !is_to_stop {
-            let what = "has closed its control channel and did not end".to_owned();
-            self.members[at].blamed.get_or_insert(what);
-        }
-    }
-
     /// Why the flight cannot go on after the end of a process, if it was that of an external service that none can follow.
     pub(super) fn external_services_last_end(&self, at: usize, exit: &Exit) -> Option<FlightFailure> {
         if !self.is_external_service(at) || self.can_be_followed() {
@@ -151,18 +135,24 @@ impl Supervisor<'_> {
         Err(self.external_service_failure(at, what))
     }
 
+    /// Ends an external service that has taken too long to make its ports.
+    ///
     /// # Errors
-    /// [`FlightFailure::ExternalService`] if an external service has taken too long to make its ports.
+    /// [`FlightFailure::ExternalService`] if no other one may take its place.
     pub(super) fn limit_external_services_patience(
-        &self,
+        &mut self,
         at: usize,
         now: Instant,
     ) -> Result<(), FlightFailure> {
         if now.saturating_duration_since(self.members[at].process.asked_at) <= PATIENCE {
             return Ok(());
         }
-        self.members[at].process.signal(Signal::KILL);
         let what = format!("has not said that it is ready within {} s", PATIENCE.as_secs());
+        if self.can_be_followed() {
+            self.replace(at, what);
+            return Ok(());
+        }
+        self.members[at].process.kill_group();
         Err(self.external_service_failure(at, what))
     }
 

@@ -7,9 +7,9 @@ use runtime::control::{Host, ToOrchestrator};
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
-use super::ServiceEvent;
 use super::presentable::presentable;
 use super::process::Process;
+use super::{Activity, ServiceEvent};
 use crate::FlightFailure;
 
 /// A service of the supervisor.
@@ -29,9 +29,13 @@ pub(super) struct ManagedService {
     pub(super) died_at: Option<Instant>,
     /// Number of this birth, and when it was announced to the others.
     pub(super) birth: Option<(u32, Instant)>,
+    /// `true` if its process was a standby process that was prepared for its role.
+    pub(super) was_prepared: bool,
+    /// Activity of its process when it had not become ready for some time, and that time.
+    pub(super) slow_since: Option<(Instant, Activity)>,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
-    /// The fault of its process, being an external service's, for which it is killed, to be replaced.
+    /// The fault of its process, for which it is killed, to be replaced.
     pub(super) blamed: Option<String>,
     /// The parts of its deployment that it could not have, told before it was ready: as external_services do.
     pub(super) warnings: Vec<String>,
@@ -71,11 +75,18 @@ impl ManagedService {
             flown_until: 0,
             died_at: None,
             birth: None,
+            was_prepared: false,
+            slow_since: None,
             not_finite: None,
             blamed: None,
             warnings: Vec::new(),
             remembered: Vec::new(),
         }
+    }
+
+    /// Returns whether its process replaces another one and has not flown yet.
+    pub(super) fn is_newborn(&self) -> bool {
+        self.lives > 1 && matches!(self.phase, Phase::Starting | Phase::Ready)
     }
 
     /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
@@ -99,8 +110,11 @@ impl ManagedService {
                 }
                 return None;
             }
-            // What is said in replays only, and what the supervisor has heard of an external service.
-            ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } => return None,
+            // What is said in replays only, what the supervisor has heard of an external service, and the last beat of a standby
+            // process that has got its role since.
+            ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } | ToOrchestrator::Prepared => {
+                return None;
+            }
             ToOrchestrator::Finished => {
                 self.phase = Phase::Finished;
                 ServiceEvent::Finished(self.service)

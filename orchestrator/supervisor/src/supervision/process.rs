@@ -15,6 +15,9 @@ use runtime::shared_memory;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
+/// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
+const END_LIMIT: Duration = Duration::from_secs(1);
+
 /// A process that has been started.
 pub struct Process {
     /// Its id.
@@ -129,21 +132,25 @@ impl Process {
         rustix::io::retry_on_intr(|| poll(&mut death, Some(&limit))).is_ok_and(|ended| ended > 0)
     }
 
-    /// Waits for the end of a process that has closed its line or was killed.
-    pub fn wait(&mut self) -> Exit {
+    /// Kills it, and the processes that it has started, if it has not ended yet. Returns how it ended. Nothing else waits for
+    /// a process: a closed line, a signal or a message is not yet an end.
+    pub fn end(&mut self) -> Exit {
         self.is_gone = true;
+        self.kill_group();
+        let has_ended = self.ends_within(END_LIMIT);
         let status = match &mut self.child {
-            Some(child) => child.wait().ok(),
-            // How the child of another has ended, nobody tells.
-            None => {
-                let mut death = [PollFd::new(&self.death, PollFlags::IN)];
-                let _ = rustix::io::retry_on_intr(|| poll(&mut death, None));
-                None
-            }
+            Some(child) => child.try_wait().ok().flatten(),
+            // Only the parent of a process gets its exit status.
+            None => None,
+        };
+        let description = match status {
+            Some(status) => describe(status),
+            None if has_ended => "it cannot be told how".to_owned(),
+            None => format!("it was killed and did not end within {} s", END_LIMIT.as_secs()),
         };
         Exit {
             killed: status.is_some_and(|status| status.signal().is_some()),
-            description: status.map_or_else(|| "it cannot be told how".to_owned(), describe),
+            description,
         }
     }
 }

@@ -6,13 +6,12 @@ use std::time::{Duration, Instant};
 use host::step::Timetable;
 use runtime::control::{Role, ToService};
 use runtime::deployment;
-use rustix::process::Signal;
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
 use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
-use super::{Exit, READY_LIMIT, Restart, ServiceEvent, Supervisor};
+use super::{Exit, Restart, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
@@ -20,13 +19,11 @@ use crate::recorder::Recorder;
 impl Supervisor<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
     pub(super) fn reap(&mut self, at: usize) -> Option<ServiceEvent> {
+        let mut exit = self.end_process(at);
+        // Only now: until its end it may have written another checkpoint.
         let next_tick = self.next_tick(self.members[at].service);
-        if self.is_external_service(at) {
-            self.end_external_service(at);
-        }
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.id());
-        let mut exit = member.process.wait();
         let not_finite = member.not_finite.take();
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
@@ -82,7 +79,9 @@ impl Supervisor<'_> {
             ));
         };
         let now = Instant::now();
-        member.died_at = (!is_planned).then_some(now);
+        // One that dies before it flies does not end the gap that the death before it began.
+        let gap_began = member.died_at.filter(|_| member.is_newborn());
+        member.died_at = (!is_planned).then_some(gap_began.unwrap_or(now));
         member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
             Phase::Dead(now + pause)
         } else {
@@ -140,13 +139,7 @@ impl Supervisor<'_> {
                 }
             }),
             Phase::Starting if self.is_external_service(at) => self.limit_external_services_patience(at, now),
-            Phase::Starting if now - self.members[at].process.asked_at > READY_LIMIT => {
-                self.members[at].process.signal(Signal::KILL);
-                Err(FlightFailure::NotReady {
-                    services: vec![self.members[at].name.to_owned()],
-                    limit: READY_LIMIT,
-                })
-            }
+            Phase::Starting => self.limit_start(at, now),
             _ => Ok(()),
         }
     }
@@ -158,8 +151,7 @@ impl Supervisor<'_> {
                 continue;
             }
             if !self.members[at].process.is_gone {
-                self.members[at].process.signal(Signal::KILL);
-                self.members[at].process.wait();
+                self.members[at].process.end();
             }
             let block = self.page.control_block();
             let service = self.members[at].service;
@@ -188,12 +180,13 @@ impl Supervisor<'_> {
             self.take_standby(role)
         };
         let is_new = standby.is_none();
-        let process = match standby {
-            Some(process) => process,
-            None => self.spawn_on_its_core(service)?,
+        let (process, was_prepared) = match standby {
+            Some(prepared) => prepared,
+            None => (self.spawn_on_its_core(service)?, false),
         };
         let member = &mut self.members[at];
         member.process = process;
+        (member.was_prepared, member.slow_since) = (was_prepared, None);
         member.lives += 1;
         member.phase = Phase::Starting;
         if is_new {

@@ -13,6 +13,110 @@ const AT_ONCE: u32 = 3;
 /// The first pause.
 const FIRST_PAUSE: Duration = Duration::from_millis(5);
 
+/// Time that a service may take to become ready while the run is set up, and in lock-step, where no vehicle is in the air.
+pub const READY_LIMIT: Duration = Duration::from_secs(30);
+
+/// Time after which a process that starts in flight is slow: another one is prepared beside it, and takes its place if the
+/// slow one is asleep or stopped.
+pub const HEDGE_AFTER: Duration = Duration::from_millis(25);
+
+/// Time that a standby process may take to become ready in real time.
+pub const PREPARED_LIMIT: Duration = Duration::from_millis(150);
+
+/// Time that any process may take to become ready in real time.
+pub const FRESH_LIMIT: Duration = Duration::from_secs(1);
+
+/// Times that the limits in flight are doubled at most, once for each process in a row that has not flown: hardware may
+/// take longer to open, and a machine be slower, than these limits expect.
+const MOST_DOUBLINGS: u32 = 3;
+
+/// Period at which a standby process is asked for a sign of life.
+pub const BEAT_PERIOD: Duration = Duration::from_secs(1);
+
+/// Time within which a standby process answers.
+pub const BEAT_LIMIT: Duration = Duration::from_secs(2);
+
+/// Time that a standby process may take to prepare itself.
+pub const PREPARATION_LIMIT: Duration = Duration::from_secs(10);
+
+/// State of the run in which a process starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Situation {
+    /// The run is being set up: nothing flies yet.
+    SetUp,
+    /// In flight in lock-step: all others wait.
+    LockStep,
+    /// In flight in real time: a vehicle is in the air.
+    RealTime,
+}
+
+/// A process that has a role and is not ready yet.
+#[derive(Clone, Copy, Debug)]
+pub struct StartingProcess {
+    /// State of the run.
+    pub situation: Situation,
+    /// Time since it was started, or got its role.
+    pub elapsed: Duration,
+    /// `true` if it was a standby process that was prepared for its role.
+    pub was_prepared: bool,
+    /// `true` if a standby process is prepared to take its place.
+    pub is_other_prepared: bool,
+    /// `true` if it has not run for some time and does not wait for a processor.
+    pub is_asleep: bool,
+    /// Number of processes in a row before it that have not flown.
+    pub missed: u32,
+}
+
+/// What becomes of a process that starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It may take longer.
+    Wait,
+    /// It may take longer, and another one is prepared beside it.
+    Hedge,
+    /// It is killed and replaced.
+    Replace,
+    /// The run ends.
+    Fail,
+}
+
+impl StartingProcess {
+    fn exceeds(&self, limit: Duration) -> bool {
+        self.elapsed > limit * (1 << self.missed.min(MOST_DOUBLINGS))
+    }
+
+    /// Returns whether it takes longer than usual, so that another process is to be prepared.
+    #[must_use]
+    pub fn is_slow(&self) -> bool {
+        self.situation != Situation::SetUp && self.exceeds(HEDGE_AFTER)
+    }
+
+    /// Returns what becomes of it. The table is in docs/real_time.md.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        let is_past_all = match self.situation {
+            Situation::SetUp if self.elapsed > READY_LIMIT => return Verdict::Fail,
+            Situation::SetUp => return Verdict::Wait,
+            Situation::LockStep => self.elapsed > READY_LIMIT,
+            Situation::RealTime => self.exceeds(FRESH_LIMIT),
+        };
+        // The first to be ready flies: one that sleeps is not about to be.
+        let is_overtaken = self.is_slow() && self.is_asleep && self.is_other_prepared;
+        let is_late = self.situation == Situation::RealTime
+            && self.was_prepared
+            && self.exceeds(PREPARED_LIMIT)
+            // The next one would be later if it is not prepared and this one only waits for a processor.
+            && (self.is_asleep || self.is_other_prepared);
+        if is_past_all || is_overtaken || is_late {
+            Verdict::Replace
+        } else if self.is_slow() {
+            Verdict::Hedge
+        } else {
+            Verdict::Wait
+        }
+    }
+}
+
 /// The policy for restarts of a service: number and pace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RestartPolicy {
@@ -123,5 +227,53 @@ mod tests {
                 .contains("`controller`")
         );
         assert!("controller=-1".parse::<PerService<u32>>().is_err());
+    }
+
+    /// Rows of the table in docs/real_time.md: situation, time in ms, prepared, other prepared, asleep, missed before; verdict.
+    #[test]
+    fn a_process_that_starts_is_waited_for_hedged_or_replaced_as_the_table_says() {
+        use Situation::{LockStep, RealTime, SetUp};
+        use Verdict::{Fail, Hedge, Replace, Wait};
+        let (yes, no) = (true, false);
+        let rows = [
+            (SetUp, 29_999, no, yes, yes, 0, Wait),
+            (SetUp, 30_001, no, no, no, 0, Fail),
+            (LockStep, 25, yes, yes, yes, 0, Wait),
+            (LockStep, 26, yes, no, yes, 0, Hedge),
+            (LockStep, 26, yes, yes, yes, 0, Replace),
+            (LockStep, 26, no, yes, yes, 0, Replace),
+            (LockStep, 29_999, yes, yes, no, 0, Hedge),
+            (LockStep, 30_001, yes, no, no, 0, Replace),
+            (RealTime, 25, yes, yes, yes, 0, Wait),
+            (RealTime, 26, yes, no, no, 0, Hedge),
+            (RealTime, 26, yes, yes, no, 0, Hedge),
+            (RealTime, 26, yes, yes, yes, 0, Replace),
+            (RealTime, 26, no, yes, yes, 0, Replace),
+            (RealTime, 26, yes, yes, yes, 1, Wait),
+            (RealTime, 51, yes, yes, yes, 1, Replace),
+            (RealTime, 150, yes, no, yes, 0, Hedge),
+            (RealTime, 151, yes, no, no, 0, Hedge),
+            (RealTime, 151, yes, no, yes, 0, Replace),
+            (RealTime, 151, yes, yes, no, 0, Replace),
+            (RealTime, 151, no, yes, no, 0, Hedge),
+            (RealTime, 151, yes, yes, no, 1, Hedge),
+            (RealTime, 1_000, no, no, no, 0, Hedge),
+            (RealTime, 1_001, no, no, no, 0, Replace),
+            (RealTime, 1_001, yes, no, no, 0, Replace),
+            (RealTime, 7_999, no, no, no, 20, Hedge),
+            (RealTime, 8_001, no, no, no, 20, Replace),
+        ];
+        for row in rows {
+            let (situation, milliseconds, was_prepared, is_other_prepared, is_asleep, missed, verdict) = row;
+            let starting = StartingProcess {
+                situation,
+                elapsed: Duration::from_millis(milliseconds),
+                was_prepared,
+                is_other_prepared,
+                is_asleep,
+                missed,
+            };
+            assert_eq!(starting.verdict(), verdict, "{row:?}");
+        }
     }
 }

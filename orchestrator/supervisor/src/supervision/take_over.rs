@@ -46,6 +46,7 @@ impl<'a> Supervisor<'a> {
         mut survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Self, FlightFailure> {
         let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
+        supervisor.is_in_flight = true;
         for service in ServiceId::ALL {
             let survivor = survivors[service.index()].take();
             // One that has died since is as good as one that had died before.
