@@ -103,7 +103,7 @@ impl PlantService {
         if let Actuators::RateLoop(_) = self.actuators {
             return self.advance_among_all(ticks, h, received);
         }
-        let acting = received.or(self.received.as_ref().filter(|_| newest.is_some()));
+        let acting = received.or(self.received.as_ref());
         let drive = if self.air.is_none() && self.ground.is_none() {
             let wrench = ideal_wrench(acting);
             self.advance_ideally(ticks, h, &wrench)

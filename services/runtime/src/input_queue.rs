@@ -1,7 +1,8 @@
 //! Input queue of a service in real time: the latest samples, of which a step sees the newest due one.
 //!
 //! A step never waits for a lost sample: newer samples overwrite older ones. A few are kept, because the newest one is
-//! not always due. Samples of simulated cameras and radios take some ticks on their way, and the controller joins two
+//! not always due, and the one that was delivered last stays until a newer one is due: an input that has had a sample
+//! never again has none. Samples of simulated cameras and radios take some ticks on their way, and the controller joins two
 //! inputs of one tick while the next sample of the first has already come.
 
 use shared_types::schedule::Edge;
@@ -11,9 +12,14 @@ use shared_types::{Schedule, ServiceId};
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::edge_store::EdgeStore;
 use host::owned_sample::OwnedSample;
+use host::step::Timetable;
 
 /// Samples that are kept beside those that are on their way.
 const SPARE: u64 = 4;
+
+/// Samples that are kept for a service that catches up with late steps, each of which sees the sample that was due at it:
+/// as many as the largest port holds.
+pub const CATCHING_UP: usize = RECORDER_BUFFER;
 
 /// Latest samples of an input.
 pub struct InputQueue {
@@ -24,9 +30,12 @@ pub struct InputQueue {
     /// Publisher of the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
+    /// A ring, of ascending ticks.
     slots: Vec<Slot>,
     /// Place of the next sample.
     next: usize,
+    /// The sample that was delivered last, once newer ones have taken its place in the ring.
+    delivered: Slot,
     newest: Option<u64>,
     /// Tick of the sample that the step before saw.
     seen: Option<u64>,
@@ -60,7 +69,11 @@ impl InputQueue {
         receiver: Box<dyn Receiver>,
     ) -> Self {
         let edge = schedule.edge(service, index);
-        let depth = edge.latency / schedule.topic_rate(edge.topic).period + SPARE;
+        let depth = if Timetable::new(schedule, service).makes_up {
+            CATCHING_UP as u64
+        } else {
+            edge.latency / schedule.topic_rate(edge.topic).period + SPARE
+        };
         let topic = edge.topic;
         let slot = || Slot {
             tick: None,
@@ -74,6 +87,7 @@ impl InputQueue {
             receiver,
             slots: (0..depth).map(|_| slot()).collect(),
             next: 0,
+            delivered: slot(),
             newest: None,
             seen: None,
         }
@@ -134,6 +148,9 @@ impl InputQueue {
                 continue;
             }
             let slot = &mut self.slots[self.next];
+            if slot.tick.is_some() && slot.tick == self.seen {
+                std::mem::swap(slot, &mut self.delivered);
+            }
             slot.tick = Some(tick);
             slot.sample.bytes_mut().copy_from_slice(bytes);
             self.next = (self.next + 1) % self.slots.len();
@@ -148,8 +165,12 @@ impl InputQueue {
         if self.store.is_some() {
             return self.deliver_among_faults(tick, due);
         }
-        let arrived = self.slots.iter().filter(|slot| slot.tick <= Some(due));
-        let slot = arrived.max_by_key(|slot| slot.tick)?;
+        let (newer, older) = self.slots.split_at(self.next);
+        let mut from_newest = newer.iter().rev().chain(older.iter().rev());
+        let is_due = |slot: &&Slot| slot.tick.is_some_and(|tick| tick <= due);
+        let slot = from_newest
+            .find(is_due)
+            .or(Some(&self.delivered).filter(is_due))?;
         let found = slot.tick?;
         let fresh = self.seen.replace(found) != Some(found);
         Some(Delivery {
@@ -257,10 +278,46 @@ mod tests {
             let ticks: Vec<u64> = gaps.iter().scan(0, |tick, gap| { *tick += gap; Some(*tick) }).collect();
             let last = *ticks.last().unwrap();
             let mut queue = queue(ticks.iter().copied());
-            // No more than the spare places are kept: a step long past is not asked for.
-            let at = last + at;
-            let expected = ticks.iter().rev().take(4).copied().find(|&tick| tick < at);
+            let at = (last + at).saturating_sub(50);
+            let expected = ticks.iter().rev().copied().find(|&tick| tick < at);
             prop_assert_eq!(delivered(&mut queue, at).map(|(tick, _)| tick), expected);
+        }
+    }
+
+    /// As many frames as a plant can be late for come at once; then each of its late steps has its own.
+    #[test]
+    fn a_plant_that_catches_up_sees_the_frame_that_was_due_at_each_late_step() {
+        let late = CATCHING_UP as u64;
+        let mut queue = queue(1..=late);
+        for tick in 2..=late {
+            assert_eq!(delivered(&mut queue, tick), Some((tick - 1, true)));
+        }
+    }
+
+    proptest! {
+        /// Frames come in bursts, and the steps are late by any time: none is without a frame after the first.
+        #[test]
+        fn an_input_that_has_had_a_sample_never_again_has_none(
+            bursts in prop::collection::vec((1u64..3 * CATCHING_UP as u64, 0u64..40), 1..8),
+        ) {
+            let mut queue = queue([1]);
+            prop_assert_eq!(delivered(&mut queue, 2), Some((1, true)));
+            let (mut sent, mut step, mut seen) = (1, 2, 1);
+            for (frames, steps) in bursts {
+                let port = Port { coming: (sent + 1..=sent + frames).map(frame).collect(), held: None };
+                queue.receiver = Box::new(port);
+                for _ in 0..3 {
+                    queue.collect().unwrap();
+                }
+                sent += frames;
+                for _ in 0..steps {
+                    step += 1;
+                    let (tick, _) = delivered(&mut queue, step).unwrap();
+                    // What the ring has dropped is followed by the frame before, and never by one of the future.
+                    prop_assert!(seen <= tick && tick < step);
+                    seen = tick;
+                }
+            }
         }
     }
 

@@ -190,7 +190,8 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
 
-    /// Makes the recorder's subscriber, with a buffer of so many places, at most [`RECORDER_BUFFER`].
+    /// Makes a subscriber with a buffer of so many places, at most [`RECORDER_BUFFER`]: the recorder's, or that of a service
+    /// that catches up with late steps.
     ///
     /// # Errors
     /// [`PortError::Create`].

@@ -26,7 +26,7 @@ use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::flight_error::FlightError;
-use crate::input_queue::InputQueue;
+use crate::input_queue::{CATCHING_UP, InputQueue};
 use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, Receiver, Topics};
@@ -60,9 +60,15 @@ impl RealTimePorts {
         external_services: ExternalServices,
         page: &Arc<SharedPage>,
     ) -> Result<Self, PortError> {
+        let makes_up = Timetable::new(schedule, id).makes_up;
         let mut queues = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
-            let mut receiver = topics.of(spec.topic).receiver()?;
+            let topic = topics.of(spec.topic);
+            let mut receiver = if makes_up {
+                topic.recorder(CATCHING_UP)?
+            } else {
+                topic.receiver()?
+            };
             let publisher = spec
                 .topic
                 .publisher()

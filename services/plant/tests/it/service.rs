@@ -243,6 +243,21 @@ proptest! {
     }
 }
 
+#[test]
+fn until_a_newer_frame_comes_the_frame_of_the_checkpoint_carries_a_restarted_plant() {
+    let scenario = scenario("", "");
+    let mut before = PlantService::new(&scenario);
+    for tick in 0..10 {
+        step(&mut before, tick, tick.min(1), Some(&hover_frame()));
+    }
+    let mut restarted = PlantService::new(&scenario);
+    ErasedService::restore(&mut restarted, &saved(&before));
+    for tick in 10..30 {
+        let (truth, _) = step(&mut restarted, tick, 1, None);
+        assert_eq!(truth.thrust, hover_frame().thrust);
+    }
+}
+
 fn saved(service: &PlantService) -> Vec<u8> {
     let mut state = vec![0; service.state_size()];
     ErasedService::save(service, &mut state);
