@@ -16,7 +16,6 @@ use common::{Begun, Place, assert_flown_to_the_end, begin, finish, output, said,
 use live::Snapshot;
 use metrics::tracker::Tracker;
 use run_log::{HostEvent, LogReader, ServiceStep};
-use runtime::process::SPARE;
 use rustix::process::Signal;
 use shared_types::samples::{RcFrame, RunEvent, VehicleTruth};
 use shared_types::service::seconds;
@@ -190,20 +189,24 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
 fn nobody_waits_for_the_dead() {
     let _machine = the_machine();
     let place = Place::new();
-    let child = take_off(&place, "out", 100.0);
+    // Its successors die before they fly, each after a longer pause: it is dead for some 0.2 s.
+    let deaths = [
+        vec!["path_generator@1500:before-step"],
+        vec!["path_generator@0:before-ports"; 7],
+    ]
+    .concat();
+    let crashes = deaths.into_iter().flat_map(|death| ["--crash", death]);
+    let settings: Vec<_> = ["--host", "realtime"].into_iter().chain(crashes).collect();
+    let child = begin(&mut place.rig_flight("out", 100.0, &settings));
     let orchestrator = child.id();
-    // The standby process is stopped meanwhile.
-    place.await_log("out", place.log_bytes("out") + 500_000);
-    let spare = until("the spare process", || {
-        let mut processes = processes_of(orchestrator).into_iter();
-        processes.find(|(name, _)| name == SPARE).map(|(_, pid)| pid)
+    until("all services after the deaths", || {
+        let snapshot = place.look().filter(|snapshot| snapshot.time > 2.5)?;
+        snapshot
+            .services
+            .iter()
+            .all(|service| service.flies)
+            .then_some(())
     });
-    signal(spare, Signal::STOP);
-    let dead = until("the service", || pid_of(orchestrator, ServiceId::PathGenerator));
-    signal(dead, Signal::KILL);
-    place.await_log("out", place.log_bytes("out") + 500_000);
-    signal(spare, Signal::CONT);
-    await_successor(orchestrator, ServiceId::PathGenerator, dead);
     signal(orchestrator, Signal::INT);
     assert_eq!(finish(child).status.code(), Some(130));
 
