@@ -19,7 +19,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
-use std::sync::atomic::{AtomicPtr, Ordering};
+use std::sync::atomic::{AtomicI32, AtomicPtr, Ordering};
 
 use runtime::watchdog;
 use rustix::fs::{Mode, OFlags};
@@ -54,6 +54,9 @@ struct Plan {
 
 /// The plan of the flight under way. The thread that takes it carries it out, once.
 static PLAN: AtomicPtr<Plan> = AtomicPtr::new(null_mut());
+
+/// The process that the plan is for.
+static OWNER: AtomicI32 = AtomicI32::new(0);
 
 /// While it lives, this process ends in good order whatever happens to its memory.
 #[derive(Debug)]
@@ -90,6 +93,7 @@ impl Postmortem {
         };
         // That of an earlier flight of this process was taken back.
         // Release: a signal handler on any thread that sees the pointer sees the plan behind it.
+        OWNER.store(own_pid(), Ordering::Relaxed);
         PLAN.store(Box::into_raw(Box::new(plan)), Ordering::Release);
         handle_faults()?;
         handle_panics();
@@ -177,9 +181,17 @@ fn handle_faults() -> std::io::Result<()> {
     Ok(())
 }
 
+fn own_pid() -> i32 {
+    rustix::process::getpid().as_raw_nonzero().get()
+}
+
 extern "C" fn on_fault(signal: c_int, info: *mut libc::siginfo_t, _context: *mut c_void) {
     // SAFETY: back to what happens without a handler; after this one the same fault ends the process.
     unsafe { libc::signal(signal, libc::SIG_DFL) };
+    // A child between `fork` and `exec` inherits this handler and the plan, and is not the orchestrator.
+    if own_pid() != OWNER.load(Ordering::Relaxed) {
+        return;
+    }
     if let Some(mut plan) = take_plan() {
         // SAFETY: the system gives a valid structure; of an abort the address means nothing and is in no mapping.
         let address = unsafe { (*info).si_addr() } as usize;
@@ -326,6 +338,31 @@ fn words_of(line: &[*const c_char]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[expect(
+        unsafe_code,
+        reason = "a child between fork and exec is to be hit by a signal"
+    )]
+    fn a_child_that_is_hit_between_fork_and_exec_does_not_speak_for_the_orchestrator() {
+        use rustix::process::{Signal, getpid, kill_process};
+        use std::os::unix::process::{CommandExt, ExitStatusExt};
+
+        let external_services = ExternalServices::default();
+        let _plan = Postmortem::prepare(Host::Lockstep, Path::new("/nowhere"), external_services).unwrap();
+        let mut command = std::process::Command::new("true");
+        let hit = || {
+            // The first signal is handled, and the handler is gone with it.
+            kill_process(getpid(), Signal::SEGV)?;
+            kill_process(getpid(), Signal::SEGV)?;
+            Ok(())
+        };
+        // SAFETY: two system calls, which may be made between fork and exec.
+        unsafe { command.pre_exec(hit) };
+        let status = command.spawn().unwrap().wait().unwrap();
+        assert_eq!(status.signal(), Some(Signal::SEGV.as_raw()), "{status}");
+        assert!(!PLAN.load(Ordering::Acquire).is_null());
+    }
 
     #[test]
     fn a_mapping_is_found_by_an_address_within_it() {
