@@ -1,6 +1,7 @@
 //! Standby process: waits to take the role of the next service that dies.
 //!
-//! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then.
+//! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then, and one that
+//! hangs is overtaken by the next (`starting.rs`).
 
 use std::time::{Duration, Instant};
 
