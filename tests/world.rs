@@ -68,13 +68,14 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     let stayed = flies_in_the_jet_and_through_deaths(place);
     succeed(&mut place.gerono(&["stop"]));
     let ended = finish(run);
-    assert!(ended.status.success(), "{}", said(&ended));
     place.assert_nothing_is_left_of(orchestrator);
     simulated.end();
     assert!(!place.path("radio").exists());
 
     let kept_time = kept_time(place, world);
-    assert!(stayed || !kept_time, "{}", said(&ended));
+    // A machine that stands still loses the vehicle by itself.
+    let flew = stayed && ended.status.success();
+    assert!(flew || !kept_time, "{}", said(&ended));
     kept_time
 }
 
