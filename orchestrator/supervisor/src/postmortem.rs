@@ -338,6 +338,10 @@ fn words_of(line: &[*const c_char]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::{Mutex, PoisonError};
+
+    /// A process has one plan: the tests that prepare one take turns.
+    static ONE_PLAN: Mutex<()> = Mutex::new(());
 
     #[test]
     #[expect(
@@ -348,6 +352,7 @@ mod tests {
         use rustix::process::{Signal, getpid, kill_process};
         use std::os::unix::process::{CommandExt, ExitStatusExt};
 
+        let _turn = ONE_PLAN.lock().unwrap_or_else(PoisonError::into_inner);
         let external_services = ExternalServices::default();
         let _plan = Postmortem::prepare(Host::Lockstep, Path::new("/nowhere"), external_services).unwrap();
         let mut command = std::process::Command::new("true");
@@ -384,6 +389,7 @@ mod tests {
     /// Without containment this process would become another image, which ends in failure.
     #[test]
     fn a_panic_of_what_was_asked_for_ends_that_and_not_the_process() {
+        let _turn = ONE_PLAN.lock().unwrap_or_else(PoisonError::into_inner);
         let prepared =
             Postmortem::prepare(Host::Realtime, Path::new("results"), ExternalServices::default()).unwrap();
         assert_eq!(contained(|| 1), Some(1));
