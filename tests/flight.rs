@@ -358,6 +358,40 @@ fn misheard(what: &str) -> String {
     format!("fault=[{{at = 15.004, edge = \"control/command -> rc_output\", {what}}}]")
 }
 
+/// Cosine of the largest tilt on the way back, 0.7 rad: the envelope stops the motors at 1.0 rad.
+const LED_BACK: f64 = 0.765;
+
+#[test]
+fn a_vehicle_that_the_cameras_lose_for_seconds_is_led_back_from_where_it_is_seen_again() {
+    let mut strayed = 0;
+    // The last one begins just before the landing is demanded.
+    for at in [14.0, 16.7, 19.9, 21.2, 24.8] {
+        for lasts in [0.6, 0.9, 1.2, 3.5] {
+            let edge = "mocap/pose -> estimator";
+            let outage = format!(
+                "fault=[{{at={at:?}, edge=\"{edge}\", kind=\"intermittent\", fraction=1.0, for={lasts:?}}}]"
+            );
+            let flight = fly(RIG, &[&outage]);
+            let kills = flight
+                .frames
+                .iter()
+                .any(|frame| frame.action == RcFrame::ACTION_KILL);
+            assert!(!kills, "{outage}");
+            assert!(flight.rests_on_the_ground_at_the_end(), "{outage}");
+            let mut upright = flight.truths.iter().map(|truth| truth.world_from_body[8]);
+            assert!(upright.all(|cosine| cosine > LED_BACK), "{outage}");
+            let backwards = flight
+                .references
+                .iter()
+                .find(|reference| reference.gamma_dot < -1e-9);
+            assert!(backwards.is_none(), "{outage}: {backwards:?}");
+            let cause = PathReference::CAUSE_STRAYED;
+            strayed += usize::from(flight.references.iter().any(|reference| reference.cause == cause));
+        }
+    }
+    assert!(strayed >= 5, "{strayed}");
+}
+
 #[test]
 fn a_controller_that_misbehaves_never_gets_past_the_limits_and_the_vehicle_ends_on_the_ground() {
     for (words, what, deed) in [

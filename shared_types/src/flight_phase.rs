@@ -59,6 +59,10 @@ pub struct Conditions {
     pub overdue: bool,
     /// The vehicle stands on the ground again.
     pub touched_down: bool,
+    /// The vehicle is seen again, and not where it was led.
+    pub strayed: bool,
+    /// The vehicle is seen again, and is on the ground.
+    pub stranded: bool,
     /// After a cold start, the path generator has found frames whose thrust carries a vehicle.
     pub found_flying: bool,
 }
@@ -82,6 +86,8 @@ pub enum Cause {
     Overdue,
     /// The vehicle touched down.
     TouchedDown,
+    /// The vehicle was seen again elsewhere than where it was led.
+    Strayed,
 }
 
 /// Row of the table: a transition from one phase to another, under a condition.
@@ -100,7 +106,7 @@ pub struct Row {
 }
 
 /// The table.
-pub const ROWS: [Row; 20] = {
+pub const ROWS: [Row; 25] = {
     use FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
     const fn row(
         from: FlightPhase,
@@ -123,6 +129,16 @@ pub const ROWS: [Row; 20] = {
     const fn disarmed(from: FlightPhase) -> Row {
         let words = "disarmed by the operator";
         row(from, Disarmed, Cause::Disarmed, words, |now| !now.armed)
+    }
+    const fn strayed(from: FlightPhase, to: FlightPhase) -> Row {
+        let words = "it is seen again, and not where it was led";
+        row(from, to, Cause::Strayed, words, |now| now.airborne && now.strayed)
+    }
+    const fn stranded(from: FlightPhase) -> Row {
+        let words = "it is seen again on the ground";
+        row(from, Land, Cause::Strayed, words, |now| {
+            now.airborne && now.stranded
+        })
     }
     [
         row(
@@ -188,6 +204,8 @@ pub const ROWS: [Row; 20] = {
             "it is overdue, and is airborne",
             |now| now.overdue,
         ),
+        stranded(TakeOff),
+        strayed(TakeOff, TakeOff),
         row(
             TakeOff,
             Fly,
@@ -198,8 +216,11 @@ pub const ROWS: [Row; 20] = {
         killed(Fly),
         disarmed(Fly),
         row(Fly, Land, Cause::LandingDemanded, "it is to land", |now| now.land),
+        stranded(Fly),
+        strayed(Fly, TakeOff),
         killed(Land),
         disarmed(Land),
+        strayed(Land, Land),
         row(Land, Disarmed, Cause::TouchedDown, "it has touched down", |now| {
             now.touched_down
         }),
@@ -270,6 +291,7 @@ impl Cause {
             Self::NotReady => "not ready",
             Self::Overdue => "overdue",
             Self::TouchedDown => "touched down",
+            Self::Strayed => "strayed",
         }
     }
 }

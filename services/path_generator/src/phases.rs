@@ -9,11 +9,15 @@
 //!   sinking, and the frames commanded less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the
 //!   vehicle no longer counts as airborne;
 //! * *found flying*: at its first steps after a cold start, the path generator finds frames with as much thrust as the
-//!   lightest vehicle needs. It then leads the vehicle from its place to the path, as in a take-off.
+//!   lightest vehicle needs. It then leads the vehicle from its place to the path, as in a take-off;
+//! * *stranded*: after dead reckoning the vehicle is seen again on the ground, where it lands;
+//! * *strayed*: after dead reckoning the vehicle is seen again, farther than [`STRAYED`] from the reference. The reference
+//!   then starts again at the vehicle: the controller would answer such an error with more tilt than it can recover from.
 //!
 //! The reference follows a parameter: along the path by the timing law, along straight
 //! [segments](crate::transition_segments) like time. A landing brings the parameter to rest, wherever it is, and a
-//! descent begins there.
+//! descent begins there. The path comes to rest as well once the state has been dead-reckoned for [`BRAKE_AFTER`]:
+//! while the estimate is still good, the vehicle stops, since without sight it keeps the velocity that it had.
 //!
 //! Failure policy: while the place of the vehicle is not known, everything stands still and no condition of motion
 //! becomes true. A request to arm is valid in the state in which it was made: for one change from disarmed to armed, at
@@ -39,6 +43,12 @@ use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg};
 pub const LIFTED: f64 = 0.05;
 /// Distance from the path's begin at which the vehicle has arrived, m.
 pub const ARRIVED: f64 = 0.3;
+/// Distance from the reference at which a vehicle that is seen again has strayed, m.
+pub const STRAYED: f64 = 0.2;
+/// Duration of dead reckoning after which the path comes to rest, s.
+pub const BRAKE_AFTER: f64 = 0.1;
+/// Duration of that stop, s.
+pub const BRAKE: f64 = 0.4;
 /// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
 /// Share of the speed of the descent below which the vehicle does not sink.
@@ -71,6 +81,12 @@ shared_types::sample! {
         pub stop_acceleration: f64,
         /// Duration of the stop so far, s.
         pub stopping_for: f64,
+        /// Duration of the whole stop, s.
+        pub stop_duration: f64,
+        /// Duration of dead reckoning, or without a known place of the vehicle, s.
+        pub unseen_for: f64,
+        /// Time at which the path went on after it, ns.
+        pub resumed_ns: u64,
         /// Time since which a request to arm has waited for readiness, ns.
         pub waiting_since_ns: u64,
         /// z of the vehicle in {I} when it was armed, m.
@@ -98,8 +114,10 @@ shared_types::sample! {
         pub spent: u8,
         /// Number of the request to arm that waits for readiness.
         pub waiting: u8,
+        /// `true` if the path is being brought to rest, or rests, for a loss of sight.
+        pub braking: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 7],
+        pub pad0: [u8; 6],
     }
 }
 
@@ -118,6 +136,13 @@ pub struct PhaseInput<'a> {
     pub path: Vector3<f64>,
     /// γ̇ and γ̈ of the path.
     pub path_rates: [f64; 2],
+}
+
+impl PhaseInput<'_> {
+    /// Returns whether cameras show the vehicle now: its place is known, and not by dead reckoning.
+    fn is_seen(&self) -> bool {
+        self.vehicle.is_some_and(|vehicle| !vehicle.coasting.is_set())
+    }
 }
 
 /// Source of the reference.
@@ -143,6 +168,21 @@ pub struct Phases {
     first_tick: u64,
     /// State of the phases.
     pub memory: PhasesMemory,
+}
+
+impl PhasesMemory {
+    fn begin_stop(&mut self, [rate, acceleration]: [f64; 2], duration: f64) {
+        (self.stop_rate, self.stop_acceleration) = (rate, acceleration);
+        (self.stopping_for, self.stop_duration) = (0.0, duration);
+    }
+
+    fn stop(&self) -> Stop {
+        Stop {
+            rate: self.stop_rate,
+            acceleration: self.stop_acceleration,
+            duration: self.stop_duration,
+        }
+    }
 }
 
 impl Phases {
@@ -200,14 +240,37 @@ impl Phases {
         }
         let before = self.phase();
         let conditions = self.conditions(now, sight);
+        self.watch_sight(now, sight);
         let row = before.transition(&conditions);
         let has_seen = sight.frame.is_some_and(|frame| frame.failsafe.is_set()) || self.memory.begun.is_set();
         self.memory.begun = (has_seen || conditions.found_flying).into();
         if let Some(row) = row {
-            self.enter(now, row.to, sight);
+            self.enter(now, row, sight);
             self.memory.cause = published_cause(row, now, sight);
         }
         self.spend_arming(now, before, &conditions);
+    }
+
+    /// Measures the dead reckoning, and begins to bring the path to rest when it has lasted. That stop is flown to its end,
+    /// and the path goes on from rest once the vehicle is seen.
+    fn watch_sight(&mut self, now: &Now, sight: &PhaseInput<'_>) {
+        let is_seen = sight.is_seen();
+        let memory = &mut self.memory;
+        memory.unseen_for = if is_seen {
+            0.0
+        } else {
+            memory.unseen_for + now.elapsed()
+        };
+        if memory.braking.is_set() {
+            memory.stopping_for += now.elapsed();
+            if is_seen && memory.stopping_for >= BRAKE {
+                memory.braking = false.into();
+                memory.resumed_ns = now.time_ns;
+            }
+        } else if memory.unseen_for > BRAKE_AFTER && !memory.stopping.is_set() {
+            memory.braking = true.into();
+            memory.begin_stop(sight.path_rates, BRAKE);
+        }
     }
 
     /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for
@@ -237,7 +300,7 @@ impl Phases {
         let is_led = !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed);
         let rates = match (is_led && known, self.memory.stopping.is_set()) {
             (false, _) => [0.0; 3],
-            (true, true) => self.stop().at(self.memory.stopping_for),
+            (true, true) => self.memory.stop().at(self.memory.stopping_for),
             (true, false) => [1.0, 0.0, 0.0],
         };
         if is_led && !known && self.memory.stopping.is_set() {
@@ -249,8 +312,12 @@ impl Phases {
                 self.memory.along_rate = rates[0];
                 PathRateCommand::Line(point, self.memory.along, PathRates::stated(rates))
             }
+            None if is_led && self.memory.braking.is_set() => {
+                PathRateCommand::PathAt(self.memory.stop().at(self.memory.stopping_for))
+            }
             None if is_led && !self.memory.stopping.is_set() => {
-                let since = now.time_ns.saturating_sub(self.memory.began_ns);
+                let start_ns = self.memory.began_ns.max(self.memory.resumed_ns);
+                let since = now.time_ns.saturating_sub(start_ns);
                 PathRateCommand::Path(SpeedProfile::from_rest(
                     shared_types::service::seconds(since),
                     self.stated.transition_time,
@@ -300,7 +367,7 @@ impl Phases {
             }
         }
         let has_stopped =
-            self.memory.stopping.is_set() && self.memory.stopping_for >= self.stated.transition_time;
+            self.memory.stopping.is_set() && self.memory.stopping_for >= self.memory.stop_duration;
         if has_stopped && self.memory.way != PhasesMemory::WAY_DESCENT {
             let from = self.line_point().map_or(sight.path, |point| point.position);
             self.begin(PhasesMemory::WAY_DESCENT, from, from);
@@ -317,9 +384,13 @@ impl Phases {
         let memory = &self.memory;
         let action = sight.frame.map_or(RcFrame::ACTION_NONE, |frame| frame.action);
         let in_phase = now.time_ns.saturating_sub(memory.began_ns);
-        let way_from_path = sight
-            .vehicle
-            .map(|vehicle| Vector3::from(vehicle.position_world) - sight.path);
+        let way_from = |place: Vector3<f64>| {
+            let position = |vehicle: &VehicleState| Vector3::from(vehicle.position_world);
+            sight.vehicle.map(|vehicle| (position(vehicle) - place).norm())
+        };
+        let reference = self.line_point().map_or(sight.path, |point| point.position);
+        // This step sees the vehicle, and `unseen_for` is still that of the steps before.
+        let is_found = memory.unseen_for > BRAKE_AFTER && sight.is_seen();
         Conditions {
             armed,
             killed: killed || action == RcFrame::ACTION_KILL,
@@ -330,9 +401,14 @@ impl Phases {
             airborne: memory.airborne.is_set(),
             arrived: memory.way == PhasesMemory::WAY_TRANSIT
                 && memory.waited > 0.0
-                && way_from_path.is_some_and(|way| way.norm() <= ARRIVED),
+                && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
+            strayed: is_found && way_from(reference).is_some_and(|way| way > STRAYED),
+            stranded: is_found
+                && sight
+                    .vehicle
+                    .is_some_and(|vehicle| vehicle.position_world[2] > memory.ground - LIFTED),
             found_flying: !memory.begun.is_set()
                 && sight.vehicle.is_some()
                 && sight.frame_age_ns <= self.fresh_ns[1]
@@ -358,8 +434,8 @@ impl Phases {
         sees && is_heard
     }
 
-    fn enter(&mut self, now: &Now, phase: FlightPhase, sight: &PhaseInput<'_>) {
-        let before = self.phase();
+    fn enter(&mut self, now: &Now, row: &Row, sight: &PhaseInput<'_>) {
+        let (before, phase) = (row.from, row.to);
         self.memory.phase = phase.code();
         self.memory.began_ns = now.time_ns;
         match phase {
@@ -382,22 +458,34 @@ impl Phases {
                 if before == FlightPhase::Disarmed {
                     self.memory.airborne = true.into();
                     self.memory.carrying_thrust = sight.frame.map_or(0.0, |frame| frame.thrust);
-                    self.begin(PhasesMemory::WAY_TRANSIT, from, sight.path);
-                } else {
+                }
+                if before == FlightPhase::Armed {
                     let to = from - Vector3::z() * self.stated.takeoff_height;
                     self.begin(PhasesMemory::WAY_RISE, from, to);
+                } else {
+                    self.begin(PhasesMemory::WAY_TRANSIT, from, sight.path);
                 }
             }
             FlightPhase::Fly => self.memory.way = PhasesMemory::WAY_PATH,
+            FlightPhase::Land if row.cause == Cause::Strayed => {
+                let from = sight
+                    .vehicle
+                    .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
+                self.begin(PhasesMemory::WAY_DESCENT, from, from);
+            }
             FlightPhase::Land => {
-                let [rate, acceleration] = if self.memory.way == PhasesMemory::WAY_PATH {
-                    sight.path_rates
-                } else {
-                    [self.memory.along_rate, 0.0]
-                };
+                let is_on_path = self.memory.way == PhasesMemory::WAY_PATH;
                 self.memory.stopping = true.into();
-                self.memory.stopping_for = 0.0;
-                (self.memory.stop_rate, self.memory.stop_acceleration) = (rate, acceleration);
+                // A path that is being brought to rest already goes on so: another stop would lead it backwards.
+                if !(is_on_path && self.memory.braking.is_set()) {
+                    let rates = if is_on_path {
+                        sight.path_rates
+                    } else {
+                        [self.memory.along_rate, 0.0]
+                    };
+                    self.memory.begin_stop(rates, self.stated.transition_time);
+                }
+                self.memory.braking = false.into();
             }
         }
     }
@@ -406,15 +494,7 @@ impl Phases {
         let memory = &mut self.memory;
         (memory.way, memory.from_world, memory.to_world) = (way, from.into(), to.into());
         (memory.along, memory.along_rate, memory.waited) = (0.0, 1.0, 0.0);
-        memory.stopping = false.into();
-    }
-
-    fn stop(&self) -> Stop {
-        Stop {
-            rate: self.memory.stop_rate,
-            acceleration: self.memory.stop_acceleration,
-            duration: self.stated.transition_time,
-        }
+        (memory.stopping, memory.braking) = (false.into(), false.into());
     }
 
     fn leg(&self) -> Option<Leg> {
@@ -462,6 +542,7 @@ fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>) -> u8 {
         Cause::Disarmed => PathReference::CAUSE_OPERATOR_DISARMS,
         Cause::NotReady => PathReference::CAUSE_NOT_READY,
         Cause::Overdue => PathReference::CAUSE_OVERDUE,
+        Cause::Strayed => PathReference::CAUSE_STRAYED,
         Cause::TouchedDown => PathReference::CAUSE_TOUCHED_DOWN,
         Cause::Killed => of_envelope(RcFrame::ACTION_KILL, PathReference::CAUSE_ENVELOPE_KILLS)
             .unwrap_or(PathReference::CAUSE_OPERATOR_KILLS),

@@ -19,12 +19,14 @@ const CALM: Conditions = Conditions {
     arrived: false,
     overdue: false,
     touched_down: false,
+    strayed: false,
+    stranded: false,
     found_flying: false,
 };
 
 /// Returns all sets of conditions.
 fn every_condition() -> impl Iterator<Item = Conditions> {
-    (0..1_u32 << 11).map(|bits| {
+    (0..1_u32 << 13).map(|bits| {
         let is = |place: u32| bits >> place & 1 == 1;
         Conditions {
             armed: is(0),
@@ -38,6 +40,8 @@ fn every_condition() -> impl Iterator<Item = Conditions> {
             overdue: is(8),
             touched_down: is(9),
             found_flying: is(10),
+            strayed: is(11),
+            stranded: is(12),
         }
     })
 }
@@ -91,15 +95,36 @@ fn a_take_off_that_is_aborted_before_it_has_lifted_off_disarms() {
 #[test]
 fn a_take_off_that_is_aborted_in_the_air_lands() {
     leads_exactly_when(TakeOff, Land, |now| {
-        flies_on(now) && (now.land || now.overdue) && now.airborne
+        flies_on(now) && (now.land || now.overdue || now.stranded) && now.airborne
     });
 }
 
 #[test]
 fn it_flies_once_it_is_airborne_and_at_the_path() {
     leads_exactly_when(TakeOff, Fly, |now| {
-        flies_on(now) && !now.land && !now.overdue && now.airborne && now.arrived
+        flies_on(now)
+            && !now.land
+            && !now.overdue
+            && now.airborne
+            && now.arrived
+            && !now.strayed
+            && !now.stranded
     });
+}
+
+#[test]
+fn a_vehicle_that_is_seen_again_elsewhere_is_led_back_from_there() {
+    leads_exactly_when(Fly, TakeOff, |now| {
+        flies_on(now) && !now.land && now.airborne && now.strayed && !now.stranded
+    });
+    for (from, to) in [(TakeOff, TakeOff), (Fly, TakeOff), (Land, Land)] {
+        let strayed = Conditions {
+            strayed: true,
+            ..CALM
+        };
+        let row = from.transition(&strayed).unwrap();
+        assert_eq!((row.to, row.cause), (to, Cause::Strayed));
+    }
 }
 
 #[test]
@@ -109,12 +134,16 @@ fn in_flight_only_a_stop_of_the_motors_disarms() {
 
 #[test]
 fn in_flight_it_lands_on_demand() {
-    leads_exactly_when(Fly, Land, |now| flies_on(now) && now.land);
+    leads_exactly_when(Fly, Land, |now| {
+        flies_on(now) && (now.land || now.airborne && now.stranded)
+    });
 }
 
 #[test]
 fn on_its_way_down_it_disarms_on_the_ground() {
-    leads_exactly_when(Land, Disarmed, |now| !flies_on(now) || now.touched_down);
+    leads_exactly_when(Land, Disarmed, |now| {
+        !flies_on(now) || now.touched_down && !(now.airborne && now.strayed)
+    });
 }
 
 #[test]
@@ -123,7 +152,7 @@ fn nothing_else_leads_anywhere() {
         (Disarmed, [Disarmed, Armed, TakeOff].as_slice()),
         (Armed, &[Armed, Disarmed, TakeOff]),
         (TakeOff, &[TakeOff, Disarmed, Land, Fly]),
-        (Fly, &[Fly, Disarmed, Land]),
+        (Fly, &[Fly, Disarmed, Land, TakeOff]),
         (Land, &[Land, Disarmed]),
     ];
     for (from, reached) in ways {
@@ -153,10 +182,13 @@ fn the_cause_of_a_transition_is_a_condition_that_holds_and_no_graver_one_does() 
             let expected = match row.to {
                 Disarmed | Land if now.killed => Cause::Killed,
                 Disarmed | Land if !now.armed => Cause::Disarmed,
+                Land if phase == Land => Cause::Strayed,
+                TakeOff if matches!(phase, TakeOff | Fly) => Cause::Strayed,
                 Disarmed if phase == Armed && !now.ready => Cause::NotReady,
                 Disarmed if phase == Land => Cause::TouchedDown,
                 Disarmed | Land if now.land => Cause::LandingDemanded,
-                Disarmed | Land => Cause::Overdue,
+                Disarmed | Land if phase == TakeOff && now.overdue => Cause::Overdue,
+                Disarmed | Land => Cause::Strayed,
                 TakeOff if phase == Disarmed => Cause::FoundFlying,
                 Armed | TakeOff | Fly => Cause::Progress,
             };

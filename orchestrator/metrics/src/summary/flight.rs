@@ -127,6 +127,7 @@ pub fn cause_in_words(cause: u8) -> Option<String> {
         PathReference::CAUSE_OVERDUE => "the take-off took too long",
         PathReference::CAUSE_TOUCHED_DOWN => "touched down",
         PathReference::CAUSE_FOUND_FLYING => "found in the air",
+        PathReference::CAUSE_STRAYED => "seen again, and not where it was led",
         cause if cause >= PathReference::CAUSE_ENVELOPE_KILLS => {
             let limit = limit_in_words(cause - PathReference::CAUSE_ENVELOPE_KILLS);
             return Some(format!("killed: {limit}"));
