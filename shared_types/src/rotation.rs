@@ -62,6 +62,14 @@ pub fn is_rotation(r: &Matrix3<f64>) -> bool {
     defect.is_nan() || defect < 1e-9
 }
 
+/// Returns the angle of the turn from one rotation to another, rad, from 0 to π: |R1 − R2|F = √8 sin(angle / 2).
+#[must_use]
+#[inline]
+pub fn angle_between(from: &Matrix3<f64>, to: &Matrix3<f64>) -> f64 {
+    let sine = (from - to).norm() / 8.0_f64.sqrt();
+    2.0 * libm::asin(sine.min(1.0))
+}
+
 /// Returns roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
 #[must_use]
 pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
@@ -120,6 +128,16 @@ mod tests {
             let s = skew(&theta);
             let series = Matrix3::identity() + s + s * s / 2.0 + s * s * s / 6.0 + s * s * s * s / 24.0;
             prop_assert!((exp(&theta) - series).norm() < 1e-15);
+        }
+
+        #[test]
+        fn the_angle_between_rotations_is_that_of_the_turn(start in vector(3.0), axis in vector(1.0), angle in 0.0..3.1f64) {
+            prop_assume!(axis.norm() > 0.1);
+            let from = exp(&start);
+            let turn = exp(&(axis.normalize() * angle));
+            for to in [from * turn, turn * from] {
+                prop_assert!((angle_between(&from, &to) - angle).abs() < 1e-7);
+            }
         }
 
         #[test]

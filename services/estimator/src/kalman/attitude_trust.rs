@@ -15,6 +15,7 @@
 //! after a gap of up to half a second.
 
 use nalgebra::Matrix3;
+use shared_types::rotation::angle_between;
 use shared_types::service::seconds;
 
 /// Error of a captured attitude, rad.
@@ -59,8 +60,7 @@ impl AttitudeTrust {
             + (DEPARTURE_RATE * since).min(LARGEST_DEPARTURE)
             + (DRIFT_RATE * seconds(self.unseen_ns)).min(LARGEST_DRIFT);
         let expected = self.captured_from_estimated * predicted;
-        // |R1 − R2|F = √8 sin(angle / 2), and the reach is below π.
-        (expected - captured).norm() <= 8.0_f64.sqrt() * libm::sin(reach / 2.0)
+        angle_between(&expected, captured) <= reach
     }
 }
 

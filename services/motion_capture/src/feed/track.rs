@@ -9,6 +9,7 @@
 //! for any time.
 
 use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::angle_between;
 
 use crate::wire::{MOST_BODIES, Name, WireBody};
 
@@ -88,9 +89,7 @@ pub(super) struct Tracks {
 impl Place {
     /// Returns way and turn to another one, m and rad.
     fn way_and_turn(&self, to: &Self) -> [f64; 2] {
-        // |R1 − R2|F = √8 sin(angle / 2)
-        let chord = (self.rotation - to.rotation).norm() / 8.0_f64.sqrt();
-        let turn = 2.0 * libm::asin(chord.min(1.0));
+        let turn = angle_between(&self.rotation, &to.rotation);
         [(self.position - to.position).norm(), turn]
     }
 }
