@@ -45,7 +45,8 @@ const ROUNDING: f64 = 1e-9;
 const LANDED_AFTER_NS: u64 = 300_000_000;
 /// Time for which the vehicle turns as the last frame states, ns: a receiver that hears nothing then acts by itself.
 const TURN_KNOWN_NS: u64 = 250_000_000;
-/// Time after a start in which the rate bias, and with it the predicted attitude, is not known well, ns.
+/// Time after the first start in which the rate bias, and with it the predicted attitude, is not known well, ns. A
+/// restart keeps the bias.
 const SETTLED_NS: u64 = 2_000_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
@@ -116,7 +117,7 @@ pub(super) struct Track {
     pub used_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
     pub refused_since_ns: Option<u64>,
-    /// Time at which the filter started or restarted, ns since the start of the flight.
+    /// Time at which the filter started first, ns since the start of the flight.
     pub started_ns: u64,
     /// The last attitude that the vehicle can have reached.
     pub trust: AttitudeTrust,
@@ -234,7 +235,6 @@ impl KalmanFilter {
             self.memory.track = Some(track);
             return self.refuse();
         }
-        track.trust = AttitudeTrust::new(exposure_ns, &predicted, &pose.world_from_body);
         if self.is_lost(now_ns) {
             return self.restart(now_ns, exposure_ns, &pose, &track.state);
         }
@@ -274,6 +274,7 @@ impl KalmanFilter {
         if exposure_ns - refused_since_ns >= self.restart_after_ns {
             return self.restart(now_ns, exposure_ns, &pose, &track.state);
         }
+        track.trust = AttitudeTrust::new(exposure_ns, &predicted, &pose.world_from_body);
         self.memory.track = Some(track);
         self.refuse()
     }
@@ -387,8 +388,9 @@ impl KalmanFilter {
         self.memory.history.forget_before(state.time_ns);
         self.memory.scatter.innovation = SVector::zeros();
         let attitude = &state.nominal.world_from_body;
+        let first = self.memory.track.map(|track| track.started_ns);
         self.memory.track = Some(Track {
-            started_ns: state.time_ns,
+            started_ns: first.unwrap_or(state.time_ns),
             trust: AttitudeTrust::new(state.time_ns, attitude, attitude),
             state,
             used_at_ns: now_ns,

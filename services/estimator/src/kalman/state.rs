@@ -48,7 +48,7 @@ shared_types::sample! {
         pub scatter: [f64; 2],
         /// Innovation of the capture before: position, m, and attitude, rad.
         pub innovation: [f64; 6],
-        /// Time at which the filter started or restarted, ns since the start of the flight.
+        /// Time at which the filter started first, ns since the start of the flight.
         pub started_ns: u64,
         /// R_captured R_estimatedᵀ of the last trusted capture, row-major.
         pub captured_from_estimated: [f64; 9],

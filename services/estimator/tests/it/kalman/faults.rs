@@ -105,6 +105,44 @@ fn a_lasting_turn_of_the_captures_is_never_accepted_and_the_truth_is_after_it() 
     }
 }
 
+/// Asserts that no attitude that is turned at once is used after the filter has restarted at a tick.
+fn assert_no_turn_is_accepted_after(what: &str, spoil: fn(&mut World), restarted: u64) {
+    for (after, degrees) in [(20, 30.0), (20, 180.0), (300, 90.0), (1500, 180.0)] {
+        let mut rig = laboratory(spoil);
+        let seen = outcomes(&mut rig, restarted + 1);
+        assert!(matches!(seen.last(), Some((_, Outcome::Started))), "{what}");
+        outcomes(&mut rig, restarted + after);
+        // Captures on the way were exposed before.
+        let from = rig.tick;
+        if !rig.world.swapped.contains(&from) {
+            rig.world.swapped_position = nalgebra::Vector3::zeros();
+        }
+        rig.world.swapped = from..from + 2000;
+        rig.world.swapped_rotation = nalgebra::Vector3::new(0.0, f64::to_radians(degrees), 0.0);
+        let seen = outcomes(&mut rig, from + 2000);
+        let late: Vec<_> = seen.iter().filter(|(tick, _)| *tick > from + 10).collect();
+        assert!(late.len() > 190);
+        for (tick, outcome) in late {
+            assert!(
+                matches!(outcome, Outcome::Refused),
+                "{degrees}° {after} ms after {what}: {outcome:?} at {tick}"
+            );
+        }
+        assert!(!rig.filter.is_tracking(rig.now_ns()));
+    }
+}
+
+#[test]
+fn a_lasting_turn_soon_after_a_restart_is_never_accepted() {
+    let jump = |world: &mut World| {
+        world.swapped = 2500..6500;
+        world.swapped_rotation = nalgebra::Vector3::zeros();
+    };
+    assert_no_turn_is_accepted_after("a jump", jump, 2805);
+    let loss = |world: &mut World| world.hidden = 2500..3200;
+    assert_no_turn_is_accepted_after("a loss of sight", loss, 3205);
+}
+
 #[test]
 fn a_restart_keeps_disturbance_and_rate_bias() {
     let mut rig = laboratory(|world| {
