@@ -4,7 +4,8 @@
 //! that
 //! * rests on a measurement (`tracked`) and has another time than the last good one;
 //! * is in range: no vehicle of this laboratory is further away, faster or turns faster, and R is a rotation;
-//! * continues the motion of the last good one, up to [`jump`](Policy::jump).
+//! * continues the motion of the last good one, if the policy states a [`jump`](Policy::jump): its position up to that
+//!   distance, its attitude up to a turn that a vehicle does not make in the time between them.
 //!
 //! A state that jumped is tested again with the one after it. Once the last good state is too old
 //! ([`max_age_ns`](Policy::max_age_ns)), a state is accepted that continues the motion of the *refused* one before it:
@@ -14,7 +15,7 @@
 use nalgebra::Vector3;
 
 use super::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
-use crate::rotation::{defect, from_row_major};
+use crate::rotation::{angle_between, defect, exp, from_row_major};
 use crate::sample::{Field, Flag};
 use crate::samples::VehicleState;
 use crate::service::{Input, Now, seconds};
@@ -25,6 +26,12 @@ const ATTITUDE_DEFECT: f64 = 1e-3;
 const FARTHEST: f64 = 1e4;
 /// Largest speed (m/s) and body rate (rad/s), each component.
 const FASTEST: f64 = 1e3;
+/// Turn of a state from the continuation of the last good one, by errors of both, rad: more than a filter corrects at
+/// once while it sees the vehicle.
+const TURN_NOISE: f64 = 0.4;
+/// Largest rate at which a vehicle departs from that turn, rad/s, and the largest such departure, rad.
+const DEPARTURE_RATE: f64 = 10.0;
+const LARGEST_DEPARTURE: f64 = 0.6;
 /// Largest acceleration (m/s²) and thrust (N), each component.
 const STRONGEST: f64 = 1e4;
 
@@ -57,7 +64,7 @@ pub struct StateValidator {
 pub struct Policy {
     /// Age up to which a state is used as if it were new, ns.
     pub max_age_ns: u64,
-    /// Largest distance of a state from the continuation of the last good one, m; any if `None`.
+    /// Largest distance of a state from the continuation of the last good one, m; any, and any attitude, if `None`.
     pub jump: Option<f64>,
 }
 
@@ -184,7 +191,13 @@ impl Policy {
             return true;
         };
         let time = seconds(later.header.stamp_ns.saturating_sub(earlier.header.stamp_ns));
-        let velocity = from_row_major(&earlier.world_from_body) * Vector3::from(earlier.velocity_body);
+        let [attitude, turned] = [earlier, later].map(|state| from_row_major(&state.world_from_body));
+        let expected = attitude * exp(&(Vector3::from(earlier.angular_velocity_body) * time));
+        let reach = TURN_NOISE + (DEPARTURE_RATE * time).min(LARGEST_DEPARTURE);
+        if angle_between(&expected, &turned) > reach {
+            return false;
+        }
+        let velocity = attitude * Vector3::from(earlier.velocity_body);
         let acceleration = Vector3::from(earlier.acceleration_world);
         let predicted =
             Vector3::from(earlier.position_world) + velocity * time + acceleration * (0.5 * time * time);

@@ -112,6 +112,61 @@ fn an_untracked_or_repeated_state_is_not_counted_and_does_not_reset_the_age() {
     assert!(!validator.is_too_old(&now(4)) && validator.is_too_old(&now(5)));
 }
 
+/// Returns the state of a vehicle that turns at a rate, and is turned by an angle besides.
+fn turning(number: u64, rates: [f64; 3], turn: nalgebra::Vector3<f64>) -> VehicleState {
+    let mut state = state(number, 0.0);
+    let rates_body = nalgebra::Vector3::from(rates);
+    let seconds = 1e-9 * state.header.stamp_ns as f64;
+    let attitude = crate::rotation::exp(&(rates_body * seconds)) * crate::rotation::exp(&turn);
+    state.angular_velocity_body = rates;
+    state.world_from_body = crate::rotation::to_row_major(&attitude);
+    let velocity = attitude.tr_mul(&nalgebra::Vector3::x());
+    state.velocity_body = velocity.into();
+    state
+}
+
+proptest! {
+    #[test]
+    fn an_attitude_that_turns_faster_than_a_vehicle_is_refused_as_a_position_is(
+        axis in prop::array::uniform3(-1.0..1.0f64),
+        degrees in 30.0..180.0f64,
+        rates in prop::array::uniform3(-10.0..10.0f64),
+        missing in 0..2u64,
+    ) {
+        let axis = nalgebra::Vector3::from(axis);
+        prop_assume!(axis.norm() > 0.1);
+        // In the time of missing states a vehicle may depart further.
+        let degrees = degrees + 6.0 * missing as f64;
+        let turn = axis.normalize() * degrees.to_radians().min(std::f64::consts::PI);
+        let none = nalgebra::Vector3::zeros();
+        let mut with_jump = validator(Some(0.05));
+        prop_assert!(look(&mut with_jump, 1, &turning(1, rates, none)));
+        prop_assert!(look(&mut with_jump, 2, &turning(2, rates, none)), "a fast turn goes on");
+        prop_assert!(!look(&mut with_jump, 3 + missing, &turning(3 + missing, rates, turn)));
+        prop_assert!(look(&mut with_jump, 4 + missing, &turning(4 + missing, rates, none)));
+        prop_assert_eq!(with_jump.refused(), 1);
+        let mut without = validator(None);
+        prop_assert!(look(&mut without, 1, &turning(1, rates, none)));
+        prop_assert!(look(&mut without, 2, &turning(2, rates, turn)));
+    }
+}
+
+#[test]
+fn a_lasting_turn_is_accepted_when_the_last_good_state_is_too_old() {
+    let mut validator = validator(Some(0.05));
+    let turn = nalgebra::Vector3::new(0.0, 0.0, 2.0);
+    assert!(look(
+        &mut validator,
+        1,
+        &turning(1, [0.0; 3], nalgebra::Vector3::zeros())
+    ));
+    for number in 2..=4 {
+        assert!(!look(&mut validator, number, &turning(number, [0.0; 3], turn)));
+    }
+    assert!(look(&mut validator, 5, &turning(5, [0.0; 3], turn)));
+    assert_eq!(validator.refused(), 3);
+}
+
 #[test]
 fn a_state_that_jumps_is_refused_and_one_that_goes_on_is_not() {
     let mut validator = validator(Some(0.05));
