@@ -165,6 +165,10 @@ impl Display for Findings<'_> {
                 diagnosis.name
             ))?,
             Some(PosePart::Pose) | None => {}
+            Some(part @ PosePart::Coordinate(_)) => list.add(format_args!(
+                "the {part} of `{}` in the cameras' frame does not move",
+                diagnosis.name
+            ))?,
             Some(part) => list.add(format_args!("the {part} of `{}` does not move", diagnosis.name))?,
         }
         if !diagnosis.is_seen {

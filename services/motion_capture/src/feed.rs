@@ -139,13 +139,14 @@ impl Feed {
     /// # Errors
     /// If it was not checked.
     pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
+        let calibration = Calibration::new(
+            system,
+            stated.world_from_capture.as_ref(),
+            stated.body_from_markers.as_ref(),
+        );
         Ok(Self {
             selector: Selector::new(system, stated)?,
-            calibration: Calibration::new(
-                system,
-                stated.world_from_capture.as_ref(),
-                stated.body_from_markers.as_ref(),
-            ),
+            calibration,
             latency_ns: nanoseconds(stated.latency.unwrap_or(system.latency())),
             clock: RemoteClock::new(),
             numbering: Numbering::default(),
@@ -161,7 +162,7 @@ impl Feed {
             figures: Figures::new(stated.rate),
             counts: FeedCounts::default(),
             last_stamp_ns: i64::MIN,
-            stillness: Stillness::default(),
+            stillness: Stillness::new(&calibration.world_from_capture),
             frozen: None,
             heard_at_ns: 0,
             believed_at_ns: 0,
@@ -329,7 +330,7 @@ impl Feed {
             return None;
         };
         let pose = self.calibration.world_pose(captured);
-        self.frozen = self.stillness.take(&pose);
+        self.frozen = self.stillness.take(captured);
         if self.frozen.is_some() {
             self.counts.frozen += 1;
             return None;

@@ -3,15 +3,18 @@
 //! Cameras have noise in every part of a pose, so what repeats is stale, or was never measured: a tracker of single
 //! markers sends one attitude for ever, and a filter in the capture program may hold a heading. Position and attitude
 //! are compared bit for bit with those of the frame before. A coordinate of the position, or the heading, can be equal
-//! by chance, so it must stand still for [`FRAMES`] frames in which the other ones move. A simulator without noise whose
+//! by chance, so it must stand still for [`FRAMES`] frames in which the other ones move. All are those of the system's own
+//! frame, as they were received: in another one, which is turned against it, what stands still there would move along with
+//! the rest. A simulator without noise whose
 //! body hovers has no part that moves alone, and is not frozen.
 
 use std::fmt;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use shared_types::rotation::roll_pitch_yaw;
 
-use crate::conventions::WorldPose;
+use crate::conventions::Transform;
+use crate::wire::CapturePose;
 
 /// Frames in a row in which a coordinate stands still before it counts as frozen.
 const FRAMES: u8 = 10;
@@ -29,7 +32,7 @@ pub enum PosePart {
     Position,
     /// The attitude.
     Attitude,
-    /// One coordinate in {I}: x, y, z or yaw.
+    /// One coordinate in the system's frame: x, y, z or the heading about its upward axis.
     Coordinate(usize),
 }
 
@@ -39,25 +42,36 @@ impl fmt::Display for PosePart {
             Self::Pose => "pose",
             Self::Position => "position",
             Self::Attitude => "attitude",
-            Self::Coordinate(index) => ["x", "y", "z", "yaw"][*index],
+            Self::Coordinate(index) => ["x", "y", "z", "heading"][*index],
         })
     }
 }
 
 /// The last pose, and for how many frames each of its coordinates has stood still.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stillness {
-    last: Option<(Vector3<f64>, Matrix3<f64>)>,
-    still_for: [u8; 4],
+    z_up_from_capture: Matrix3<f64>,
+    pub(super) last: Option<CapturePose>,
+    pub(super) still_for: [u8; 4],
 }
 
 impl Stillness {
+    /// Starts before the first pose of a system whose frame is so in {I}.
+    pub(super) fn new(world_from_capture: &Transform) -> Self {
+        Self {
+            z_up_from_capture: z_up_from_capture(&world_from_capture.rotation),
+            last: None,
+            still_for: [0; 4],
+        }
+    }
+
     /// Takes the next pose; returns the part that is frozen.
-    pub(super) fn take(&mut self, pose: &WorldPose) -> Option<PosePart> {
-        let (position, rotation) = (pose.position_world, pose.world_from_body);
-        let last = self.last.replace((position, rotation))?;
-        let [dx, dy, dz] = (position - last.0).abs().into();
-        let (before, now) = (roll_pitch_yaw(&last.1), roll_pitch_yaw(&rotation));
+    pub(super) fn take(&mut self, pose: &CapturePose) -> Option<PosePart> {
+        let (position, rotation) = (pose.position, pose.capture_from_markers);
+        let last = self.last.replace(*pose)?;
+        let [dx, dy, dz] = (position - last.position).abs().into();
+        let [before, now] = [&last.capture_from_markers, &rotation]
+            .map(|rotation| roll_pitch_yaw(&(self.z_up_from_capture * rotation)));
         let [roll, pitch, yaw] = std::array::from_fn(|axis| (now[axis] - before[axis]).abs());
         for (still_for, (change, others, kind)) in self.still_for.iter_mut().zip([
             (dx, dy.max(dz), 0),
@@ -71,7 +85,7 @@ impl Stillness {
                 *still_for = still_for.saturating_add(1);
             }
         }
-        match (position == last.0, rotation == last.1) {
+        match (position == last.position, rotation == last.capture_from_markers) {
             (true, true) => Some(PosePart::Pose),
             (true, false) => Some(PosePart::Position),
             (false, true) => Some(PosePart::Attitude),
@@ -83,14 +97,33 @@ impl Stillness {
     }
 }
 
+/// Returns the cyclic exchange of axes that makes z of the system's axis which is nearest to the vertical: its heading is
+/// the turn about that one.
+fn z_up_from_capture(world_from_capture: &Matrix3<f64>) -> Matrix3<f64> {
+    let vertical = world_from_capture.row(2).abs();
+    let x_to_y = Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
+    match vertical.transpose().imax() {
+        0 => x_to_y * x_to_y,
+        1 => x_to_y,
+        _ => Matrix3::identity(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+    use scenario::{CaptureSystem, FrameTransform};
     use shared_types::rotation::from_roll_pitch_yaw;
 
     use super::*;
+    use crate::conventions::Calibration;
+
+    fn stillness(system: CaptureSystem, world_from_capture: Option<&FrameTransform>) -> Stillness {
+        Stillness::new(&Calibration::new(system, world_from_capture, None).world_from_capture)
+    }
 
     /// Pose of a frame with the noise of good cameras, 20 µm and 0.1 mrad, on all coordinates but those that are frozen.
-    fn pose(frame: u32, is_frozen: [bool; 6]) -> WorldPose {
+    fn pose(frame: u32, is_frozen: [bool; 6]) -> CapturePose {
         let mut coordinates = [1.0, -2.0, -1.5, 0.05, -0.02, 1.0];
         for (index, coordinate) in (0_u32..).zip(&mut coordinates) {
             let phase = f64::from(frame * (index + 3)) * 1.7;
@@ -100,20 +133,20 @@ mod tests {
             }
         }
         let [x, y, z, roll, pitch, yaw] = coordinates;
-        WorldPose {
-            position_world: Vector3::new(x, y, z),
-            world_from_body: from_roll_pitch_yaw([roll, pitch, yaw]),
+        CapturePose {
+            position: Vector3::new(x, y, z),
+            capture_from_markers: from_roll_pitch_yaw([roll, pitch, yaw]),
         }
     }
 
     fn frozen(is_frozen: [bool; 6], frames: u32) -> Option<PosePart> {
-        let mut stillness = Stillness::default();
+        let mut stillness = stillness(CaptureSystem::Vrpn, None);
         (0..frames).fold(None, |_, frame| stillness.take(&pose(frame, is_frozen)))
     }
 
     #[test]
     fn cameras_with_noise_are_never_frozen() {
-        let mut stillness = Stillness::default();
+        let mut stillness = stillness(CaptureSystem::Vrpn, None);
         assert!((0..10_000).all(|frame| stillness.take(&pose(frame, [false; 6])).is_none()));
     }
 
@@ -136,14 +169,53 @@ mod tests {
         }
     }
 
+    /// Cameras whose frame is turned against {I}, and those whose y axis points up.
+    #[test]
+    fn a_coordinate_of_the_cameras_that_freezes_is_found_however_their_frame_is_turned() {
+        let turned = |roll_pitch_yaw| FrameTransform {
+            position: [0.3, -0.2, 0.1],
+            roll_pitch_yaw,
+        };
+        let half_a_turn = std::f64::consts::PI;
+        let transforms = [
+            turned([half_a_turn, 0.0, 0.6]),
+            turned([half_a_turn + 0.02, -0.03, -2.0]),
+        ];
+        for transform in &transforms {
+            for (index, frozen_one) in [0, 1, 2, 5].into_iter().enumerate() {
+                let mut stillness = stillness(CaptureSystem::Vrpn, Some(transform));
+                let one = std::array::from_fn(|other| other == frozen_one);
+                let found = (0..20).fold(None, |_, frame| stillness.take(&pose(frame, one)));
+                assert_eq!(found, Some(PosePart::Coordinate(index)));
+            }
+        }
+        // At a heading of a quarter turn roll, pitch and yaw in the frame itself are not defined.
+        for heading in [0.0, 1.0, half_a_turn / 2.0, 3.0] {
+            let mut stillness = stillness(CaptureSystem::Natnet, None);
+            let level = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0);
+            let mut found = [None; 2];
+            for (found, is_frozen) in found.iter_mut().zip([true, false]) {
+                for frame in 0..20 {
+                    let noise = pose(frame, [false, false, false, false, false, is_frozen]);
+                    let about_z = from_roll_pitch_yaw([0.0, 0.0, heading]) * noise.capture_from_markers;
+                    *found = stillness.take(&CapturePose {
+                        position: noise.position,
+                        capture_from_markers: level * about_z * level.transpose(),
+                    });
+                }
+            }
+            assert_eq!(found, [Some(PosePart::Coordinate(3)), None], "{heading}");
+        }
+    }
+
     #[test]
     fn a_simulator_without_noise_whose_body_comes_to_rest_is_not_frozen() {
-        let mut stillness = Stillness::default();
+        let mut stillness = stillness(CaptureSystem::Vrpn, None);
         for frame in 0..1000 {
             let near = 1e-3 * libm::exp(-0.1 * f64::from(frame)) + 1e-13 * f64::from(frame);
-            let pose = WorldPose {
-                position_world: Vector3::new(near, 1.0 + near, -1.0 - near),
-                world_from_body: from_roll_pitch_yaw([near, -near, 0.5 + near]),
+            let pose = CapturePose {
+                position: Vector3::new(near, 1.0 + near, -1.0 - near),
+                capture_from_markers: from_roll_pitch_yaw([near, -near, 0.5 + near]),
             };
             assert_eq!(stillness.take(&pose), None, "frame {frame}");
         }
@@ -151,7 +223,7 @@ mod tests {
 
     #[test]
     fn what_moves_again_is_no_longer_frozen() {
-        let mut stillness = Stillness::default();
+        let mut stillness = stillness(CaptureSystem::Vrpn, None);
         for frame in 0..50 {
             stillness.take(&pose(frame, [false, false, false, false, false, true]));
         }
