@@ -2,20 +2,23 @@
 //!
 //! It runs on the same machine and listens to the same server, so the line between the clocks holds on, and the vehicle
 //! is where it can have got to since. What is wrong in it is found as in a feed that never stopped: packets that
-//! disagree restart the clock's estimate, poses out of reach must settle.
+//! disagree restart the clock's estimate, poses out of reach must settle. A memory with an impossible number is not used.
 
 use nalgebra::Matrix3;
-use shared_types::rotation::{from_row_major, to_row_major};
-use shared_types::sample::Flag;
+use shared_types::rotation::{defect, from_row_major, to_row_major};
+use shared_types::sample::{Field, Flag};
 use zerocopy::FromZeros;
 
 use super::Feed;
 use super::numbering::Numbering;
 use super::track::Place;
 use crate::clock::{ClockLine, RemoteClock};
+use crate::wire::CapturePose;
 
 /// Age of a memory beyond which a feed starts without it, ns.
 const LONGEST_NS: u64 = 2_000_000_000;
+/// Distance from SO(3) up to which nine numbers count as an attitude: single precision passes.
+const ATTITUDE_DEFECT: f64 = 1e-3;
 
 shared_types::sample! {
     /// Memory of a feed. Times are of the local clock.
@@ -36,6 +39,10 @@ shared_types::sample! {
         pub position: [f64; 3],
         /// Its rotation from the markers' frame to the system's, row-major.
         pub rotation: [f64; 9],
+        /// Position of the last pose, also if it was refused, in the system's frame, m.
+        pub seen_position: [f64; 3],
+        /// Its rotation from the markers' frame to the system's, row-major.
+        pub seen_rotation: [f64; 9],
         /// Number of the newest frame.
         pub number: u32,
         /// `true` if the clock's line is known.
@@ -44,8 +51,12 @@ shared_types::sample! {
         pub is_numbered: Flag,
         /// `true` if a pose was accepted.
         pub is_tracked: Flag,
+        /// `true` if a pose has come.
+        pub is_seen: Flag,
+        /// Frames in a row in which x, y, z and the heading have stood still alone.
+        pub still_for: [u8; 4],
         /// Explicit padding.
-        pub pad0: u8,
+        pub pad0: [u8; 4],
     }
 }
 
@@ -56,6 +67,7 @@ impl Feed {
         let line = self.clock.line();
         let place = self.tracks.believed();
         let number = self.numbering.newest();
+        let seen = self.stillness.last.as_ref();
         FeedMemory {
             heard_at_ns: self.heard_at_ns,
             arrived_ns: line.map_or(0, |line| line.arrived_ns),
@@ -65,6 +77,10 @@ impl Feed {
             at_ns: place.map_or(0, |place| place.at_ns),
             position: place.map_or([0.0; 3], |place| place.position.into()),
             rotation: to_row_major(&place.map_or(Matrix3::identity(), |place| place.rotation)),
+            seen_position: seen.map_or([0.0; 3], |seen| seen.position.into()),
+            seen_rotation: to_row_major(&seen.map_or(Matrix3::identity(), |seen| seen.capture_from_markers)),
+            still_for: self.stillness.still_for,
+            is_seen: seen.is_some().into(),
             number: number.unwrap_or(0),
             is_timed: line.is_some().into(),
             is_numbered: number.is_some().into(),
@@ -73,9 +89,10 @@ impl Feed {
         }
     }
 
-    /// Goes on with a memory at a time of the local clock, ns, unless it is too old.
+    /// Goes on with a memory at a time of the local clock, ns, unless it is too old or impossible.
     pub fn restore(&mut self, memory: &FeedMemory, now_ns: u64) {
-        if memory.heard_at_ns == 0 || now_ns.saturating_sub(memory.heard_at_ns) > LONGEST_NS {
+        let is_recent = memory.heard_at_ns != 0 && now_ns.saturating_sub(memory.heard_at_ns) <= LONGEST_NS;
+        if !is_recent || !is_possible(memory) {
             return;
         }
         self.heard_at_ns = memory.heard_at_ns;
@@ -97,5 +114,20 @@ impl Feed {
                 at_ns: memory.at_ns,
             });
         }
+        if memory.is_seen.is_set() {
+            self.stillness.last = Some(CapturePose {
+                position: memory.seen_position.into(),
+                capture_from_markers: from_row_major(&memory.seen_rotation),
+            });
+            self.stillness.still_for = memory.still_for;
+        }
     }
+}
+
+/// Returns whether a memory holds numbers and attitudes.
+fn is_possible(memory: &FeedMemory) -> bool {
+    memory.is_finite()
+        && [&memory.rotation, &memory.seen_rotation]
+            .into_iter()
+            .all(|rotation| defect(&from_row_major(rotation)) <= ATTITUDE_DEFECT)
 }

@@ -337,6 +337,69 @@ fn a_feed_that_goes_on_with_a_memory_accepts_the_next_pose() {
 }
 
 #[test]
+fn a_memory_with_an_impossible_number_is_not_used() {
+    let mut room = Room::new();
+    for _ in 0..100 {
+        room.truth();
+    }
+    let memory = room.feed.save();
+    let spoils: [fn(&mut FeedMemory); 5] = [
+        |memory| memory.position[1] = f64::NAN,
+        |memory| memory.slope = f64::INFINITY,
+        |memory| memory.rotation[4] = 3.0,
+        |memory| memory.seen_position[0] = f64::NAN,
+        |memory| memory.seen_rotation = [0.0; 9],
+    ];
+    for (number, spoil) in spoils.into_iter().enumerate() {
+        let mut spoilt = memory;
+        spoil(&mut spoilt);
+        let mut feed = Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap();
+        let fresh = feed.save();
+        feed.restore(&spoilt, room.now_ns);
+        assert_eq!(feed.save(), fresh, "{number}");
+        feed.restore(&memory, room.now_ns);
+        assert_eq!(feed.save(), memory, "{number}");
+    }
+}
+
+/// A part that had frozen before the driver died, or froze meanwhile, is known to be frozen after its restart.
+#[test]
+fn a_part_that_is_frozen_stays_frozen_across_a_restart() {
+    let mut room = Room::new();
+    for _ in 0..100 {
+        room.truth();
+    }
+    let still = room.attitude();
+    let next = |room: &mut Room, feed: &mut Feed| {
+        room.number += 1;
+        room.now_ns += 10 * MS;
+        room.frame.clear();
+        room.frame.number = Some(room.number);
+        let pose = CapturePose::new(room.quad().into(), still).unwrap();
+        let name = Name::new(b"quad").unwrap();
+        room.frame
+            .push(WireBody {
+                name,
+                number: 0,
+                pose: Some(pose),
+            })
+            .unwrap();
+        feed.take(&room.frame, room.now_ns)
+    };
+    let mut feed = room.feed.clone();
+    assert!(next(&mut room, &mut feed).is_some());
+    for _ in 0..5 {
+        assert_eq!(next(&mut room, &mut feed), None);
+        let mut restarted = Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap();
+        restarted.restore(&feed.save(), room.now_ns);
+        feed = restarted;
+    }
+    assert_eq!((feed.frozen_part(), feed.counts().believed), (None, 0));
+    assert_eq!(next(&mut room, &mut feed), None);
+    assert_eq!(feed.frozen_part(), Some(PosePart::Attitude));
+}
+
+#[test]
 fn a_feed_of_stamps_goes_on_with_the_clock_of_its_memory() {
     let stated = MotionCapture::new(CaptureSystem::Vrpn, Ipv4Addr::LOCALHOST, "quad");
     let mut feed = Feed::new(CaptureSystem::Vrpn, &stated).unwrap();
