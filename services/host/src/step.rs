@@ -41,6 +41,9 @@ pub struct Timetable {
     /// `true` if it catches up with steps that were late: the simulated plant does, because its time does not stand
     /// still.
     pub makes_up: bool,
+    /// `true` if it takes in every sample, also those that came while it was late: the estimator does, because its state is
+    /// that of all frames that were sent. Others use the newest one only.
+    pub takes_in_all: bool,
     tick_ns: u64,
     operator: OperatorPlan,
 }
@@ -58,6 +61,7 @@ impl Timetable {
                 .collect(),
             outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
             makes_up: service.is_the_world() && schedule.simulates_the_world(),
+            takes_in_all: service == ServiceId::Estimator,
             tick_ns: schedule.tick_ns(),
             operator: schedule.operator(),
         }

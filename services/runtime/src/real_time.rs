@@ -4,7 +4,8 @@
 //! of the same tick as soon as they have come. The chain from the capture to the radio frame runs at the beginning of a
 //! tick, each service woken by the one before. A service whose inputs are late steps, after a grace time, with the
 //! latest ones it has, and at once if the publisher is known to be dead. A service that wakes too late leaves out the
-//! steps whose time has passed. A flight without delays is thus the flight of lock step, sample by sample. Every
+//! steps whose time has passed; the estimator only those at which no sample became due, so that it takes in all frames and
+//! captures in their order. A flight without delays is thus the flight of lock step, sample by sample. Every
 //! deviation is in the records of the steps ([`crate::step_log`]), from which they can be executed again.
 //!
 //! The simulated plant is the exception. It leaves out no step, since its time does not stand still, and catches up
@@ -26,10 +27,10 @@ use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::flight_error::FlightError;
-use crate::input_queue::{CATCHING_UP, InputQueue};
+use crate::input_queue::{self, InputQueue};
 use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::output_ports::OutputPorts;
-use crate::ports::{PortError, Receiver, Topics};
+use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics, consumer_buffer};
 use crate::shared_page::{Cell, SharedPage};
 use crate::step_log::{StepLog, StepRecord, TUNING_SHIFT};
 use crate::tuning::TuningReader;
@@ -60,12 +61,16 @@ impl RealTimePorts {
         external_services: ExternalServices,
         page: &Arc<SharedPage>,
     ) -> Result<Self, PortError> {
-        let makes_up = Timetable::new(schedule, id).makes_up;
+        let timetable = Timetable::new(schedule, id);
         let mut queues = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
             let topic = topics.of(spec.topic);
-            let mut receiver = if makes_up {
-                topic.recorder(CATCHING_UP)?
+            let mut receiver = if timetable.makes_up || timetable.takes_in_all {
+                let kept = input_queue::places(schedule, &timetable, &schedule.edge(id, index));
+                topic.recorder(
+                    kept.max(consumer_buffer(schedule, spec.topic))
+                        .min(RECORDER_BUFFER),
+                )?
             } else {
                 topic.receiver()?
             };
@@ -172,7 +177,7 @@ pub fn fly(
     }
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
-        let (tick, missed) = context.step_to_do(&timetable, due, schedule.last_tick());
+        let (tick, missed) = context.step_to_do(&timetable, due, schedule.last_tick())?;
         debug_assert!(
             due <= tick && tick <= schedule.last_tick() && timetable.steps.occurs_at(tick),
             "a step of the schedule, and none that is past"
@@ -211,29 +216,50 @@ pub fn fly(
     Ok(())
 }
 
+/// Returns the step to execute of those from `due` to `now`: the newest, or the first to come. Never left out are a step that
+/// is the newest to publish an output, and the one at which a sample is `unseen` that the service must take in.
+pub(crate) fn next_step(timetable: &Timetable, due: u64, now: u64, unseen: Option<u64>) -> u64 {
+    let Some(newest) = timetable
+        .steps
+        .last_at_or_before(now)
+        .filter(|&newest| newest > due)
+    else {
+        return due;
+    };
+    let publications = timetable.outputs.iter();
+    let to_be_published = publications
+        .filter_map(|output| output.ticks.last_at_or_before(now))
+        .filter(|&tick| tick >= due);
+    let to_take_in = unseen
+        .and_then(|tick| timetable.steps.first_at_or_after(tick.max(due)))
+        .filter(|&tick| tick <= now);
+    to_be_published.chain(to_take_in).min().unwrap_or(newest)
+}
+
 impl ServiceContext<'_> {
     /// Returns the next step to execute, of those from `due` on, and the number of steps to leave out before it: the
-    /// newest step whose time has come, or else the first to come. A step that is the newest to publish an output is
-    /// never left out.
-    fn step_to_do(&self, timetable: &Timetable, due: u64, last_tick: u64) -> (u64, u64) {
-        if timetable.makes_up {
-            return (due, 0);
-        }
+    /// newest step whose time has come, or else the first to come, unless [`next_step`] is earlier.
+    fn step_to_do(
+        &mut self,
+        timetable: &Timetable,
+        due: u64,
+        last_tick: u64,
+    ) -> Result<(u64, u64), FlightError> {
         let now = self.clock.tick().min(last_tick);
-        let Some(newest) = timetable
-            .steps
-            .last_at_or_before(now)
-            .filter(|&newest| newest > due)
-        else {
-            return (due, 0);
-        };
-        let publications = timetable.outputs.iter();
-        let to_be_published = publications
-            .filter_map(|output| output.ticks.last_at_or_before(now))
-            .filter(|&tick| tick >= due);
-        let tick = to_be_published.min().unwrap_or(newest);
+        if timetable.makes_up || now <= due {
+            return Ok((due, 0));
+        }
+        let mut unseen = None;
+        if timetable.takes_in_all {
+            for queue in &mut self.ports.queues {
+                queue.collect()?;
+                let oldest = queue.oldest_unseen_is_due();
+                unseen = oldest.into_iter().chain(unseen).min();
+            }
+        }
+        let tick = next_step(timetable, due, now, unseen);
         let missed = timetable.steps.count_before(tick) - timetable.steps.count_before(due);
-        (tick, missed)
+        Ok((tick, missed))
     }
 
     fn cell(&self, service: ServiceId) -> &Cell {
