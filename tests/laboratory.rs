@@ -12,6 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use common::laboratory::{free_port, serial_line};
+use common::logs::last_of_host;
 use common::processes::{await_process, await_successor, signal};
 use common::{
     Begun, Place, begin, complaint, finish, fly_to_the_end, output, said, scenario, succeed, until,
@@ -34,7 +35,6 @@ use shared_types::ServiceId;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::exp;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState, VehicleTruth};
-use zerocopy::FromBytes;
 
 /// Place where the vehicle rests in {I}, m.
 const PLACE: [f64; 3] = [0.3, 0.2, 0.0];
@@ -238,16 +238,6 @@ fn log(place: &Place) -> LogReader {
     LogReader::open(&place.log("out")).unwrap()
 }
 
-/// The last sample of a type in `host.mcap`.
-fn last_of_host<T: FromBytes>(place: &Place, channel: &str) -> T {
-    let file = std::fs::read(place.path("out").join("host.mcap")).unwrap();
-    let messages = mcap::MessageStream::new(&file).unwrap();
-    let of_channel = messages
-        .map(|message| message.unwrap())
-        .filter(|message| message.channel.topic == channel);
-    T::read_from_bytes(&of_channel.last().unwrap().data[4..]).unwrap()
-}
-
 /// Returns the recorded frames that the receiver should get, and those of sticks at rest.
 fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let mut encoder = Encoder::new(link, link.transmitter.as_ref().unwrap()).unwrap();
@@ -360,9 +350,9 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
         "nobody knows the truth"
     );
 
-    let capture: CaptureFigures = last_of_host(&place, "host/motion_capture");
+    let capture: CaptureFigures = last_of_host(&place, "out", "host/motion_capture");
     assert!(capture.believed > 0 && capture.connections == 1, "{capture:?}");
-    let link: LinkFigures = last_of_host(&place, "host/radio_link");
+    let link: LinkFigures = last_of_host(&place, "out", "host/radio_link");
     assert!(link.sent > 0 && link.late_max > 0.0, "{link:?}");
     let shown = said(&ended);
     assert!(

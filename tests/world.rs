@@ -9,14 +9,16 @@ use std::net::TcpListener;
 use std::path::Path;
 
 use common::laboratory::free_port;
+use common::logs::last_of_host;
 use common::pilot::{ask, comes_to_the_path};
 use common::processes::{await_end, fill_the_disk_of, services_of, signal};
 use common::world::{World, arguments, kept_time, samples};
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
+use run_log::CaptureFigures;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::ServiceId;
-use shared_types::samples::{RcFrame, VehicleTruth};
+use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
 
 /// The paper's error in Fig. 7, root mean square, m.
 const PAPER: f64 = 0.017;
@@ -131,6 +133,81 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_
 }
 
 /// The world's own log says so, and what frames began to act.
+/// Longest time without a pose beyond the time without a driver: the connection to the server, and some captures.
+const CONNECTION_NS: u64 = 100_000_000;
+
+/// Deaths of the driver in one flight.
+const DEATHS: usize = 3;
+
+/// Flies while the driver of the cameras dies; `None` if the machine stands still.
+fn flown_through_deaths_of_the_cameras_driver(place: &Place, flight: &str, world: &str) -> Option<()> {
+    let settings = settings(place, free_port());
+    let simulated = World::begin(place, &settings, &["--out", world]);
+    until("the device", || place.path("radio").exists().then_some(()));
+    let run = ["--host", "realtime", "--out", flight];
+    let run = begin(&mut place.gerono(&arguments("run", &settings, &run)));
+    let comes = comes_to_the_path(place);
+    if comes {
+        for _ in 0..DEATHS {
+            kill(place, ServiceId::Plant);
+            let now = place.look().map_or(0.0, |snapshot| snapshot.time);
+            ask("a second", || (place.look()?.time > now + 1.0).then_some(()));
+        }
+    }
+    // One that is down already has ended by itself.
+    place.gerono(&["stop"]).output().unwrap();
+    finish(run);
+    simulated.end();
+    (comes && kept_time(place, world)).then_some(())
+}
+
+/// A restarted driver goes on with the clock, the track and the pose that it had.
+#[test]
+fn a_death_of_the_cameras_driver_costs_the_poses_of_its_restart() {
+    let place = Place::new();
+    let names =
+        ["1", "2", "3", "4", "5"].map(|attempt| [format!("flight{attempt}"), format!("world{attempt}")]);
+    let flown = names
+        .iter()
+        .find(|[flight, world]| flown_through_deaths_of_the_cameras_driver(&place, flight, world).is_some());
+    let [flight, _] = flown.expect("the machine stands still in every flight");
+
+    // The driver publishes at every tick, with a pose or without one.
+    let published: Vec<MocapPose> = samples(&place.log(flight));
+    let stamps: Vec<u64> = published.iter().map(|pose| pose.header.stamp_ns).collect();
+    let gaps = |stamps: &[u64]| -> Vec<[u64; 2]> {
+        let pairs = stamps.windows(2).map(|pair| [pair[0], pair[1]]);
+        pairs.collect()
+    };
+    let mut deaths = gaps(&stamps);
+    deaths.sort_by_key(|[from, to]| to - from);
+    let deaths = &deaths[deaths.len() - DEATHS..];
+    let seen = published.iter().filter(|pose| pose.tracked.is_set());
+    let poses: Vec<u64> = seen.map(|pose| pose.header.stamp_ns).collect();
+    let flies_from = deaths.iter().map(|[from, _]| *from).min().unwrap();
+    for [from, to] in gaps(&poses)
+        .into_iter()
+        .filter(|[from, _]| *from + CONNECTION_NS > flies_from)
+    {
+        let dead = deaths.iter().filter(|death| from <= death[1] && death[0] <= to);
+        let dead_ns: u64 = dead.map(|death| death[1] - death[0]).sum();
+        assert!(
+            to - from <= dead_ns + CONNECTION_NS,
+            "no pose for {} ms from {} ms on, no driver for {} ms: {deaths:?}",
+            (to - from) / 1_000_000,
+            from / 1_000_000,
+            dead_ns / 1_000_000,
+        );
+    }
+    let last: CaptureFigures = last_of_host(&place, flight, "host/motion_capture");
+    assert!(last.believed > 50, "{last:?}");
+    assert_eq!(
+        (last.unsettled, last.settled, last.clock_steps),
+        (0, 0, 0),
+        "{last:?}"
+    );
+}
+
 fn assert_it_came_from_the_ground_and_returned(log: &Path) {
     let truths = samples::<VehicleTruth>(log);
     let height = |truth: &VehicleTruth| -truth.position_world[2];

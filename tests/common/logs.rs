@@ -9,6 +9,16 @@ use zerocopy::FromBytes;
 
 use super::Place;
 
+/// The last sample of a type in the `host.mcap` of a run's folder.
+pub(crate) fn last_of_host<T: FromBytes>(place: &Place, run: &str, channel: &str) -> T {
+    let file = std::fs::read(place.path(run).join("host.mcap")).unwrap();
+    let messages = mcap::MessageStream::new(&file).unwrap();
+    let of_channel = messages
+        .map(|message| message.unwrap())
+        .filter(|message| message.channel.topic == channel);
+    T::read_from_bytes(&of_channel.last().unwrap().data[4..]).unwrap()
+}
+
 /// A whole log, replayed.
 pub(crate) fn replayed(log: &Path) -> Replayed {
     replay(log, &Options::default(), None).unwrap()
