@@ -6,6 +6,7 @@
 //! * `GERONO_CAMERA_MINUTES`: minutes in the air, 1 unless stated;
 //! * `GERONO_CAMERA_SEED`: the first minute's seed, the next one has the next;
 //! * `GERONO_CAMERA_KINDS`: `turns`, `freezes`, `strangers`, `network`, with commas between; all unless stated;
+//! * `GERONO_CAMERA_RATE`: rate of the cameras, Hz, 100 unless stated;
 //! * `GERONO_CAMERA_FIFO`: flies with real-time priorities if it is 1.
 
 #[path = "common/adversary/mod.rs"]
@@ -16,9 +17,11 @@ use std::fmt::{Display, Formatter};
 
 use adversary::{Adversary, Event, KINDS, Kind, Ports, Record, Served, Spoil, plan};
 use common::laboratory::free_port;
+use common::logs::last_of_host;
 use common::pilot::{ask, comes_to_the_path};
 use common::world::{World, arguments, latest, samples};
 use common::{Place, begin, finish, said, until};
+use run_log::CaptureFigures;
 use runtime::flight_clock::monotonic_ns;
 use scenario::CaptureSystem;
 use shared_types::samples::{MocapPose, VehicleTruth};
@@ -32,7 +35,11 @@ const SYSTEMS: [CaptureSystem; 3] = [
 /// Fastest touch-down that is a landing and no fall, m/s.
 const TOUCH_DOWN: f64 = 1.0;
 
-/// Least share of the poses beside strangers that are believed, of that without strangers.
+/// Rates of the cameras of each of these systems in the short test, Hz.
+const RATES: [u64; 3] = [50, 100, 200];
+
+/// Least share of the poses beside strangers that are believed: of all that came to the driver, and of the share without
+/// strangers where the machine loses some on the way.
 const BELIEVED: f64 = 0.99;
 
 /// Longest time for which the machine may stand still in a minute that counts, s.
@@ -46,6 +53,8 @@ const RECOVERY_NS: u64 = 2_000_000_000;
 struct Flight<'a> {
     seed: u64,
     system: CaptureSystem,
+    /// Of the cameras, Hz.
+    rate: u64,
     is_moving: bool,
     kinds: &'a [Kind],
     seconds: f64,
@@ -69,6 +78,8 @@ struct Minute {
     /// Believed and sent poses beside strangers, and without any.
     beside: [u64; 2],
     alone: [u64; 2],
+    /// Packets and poses that the driver has refused for what they held.
+    refused: u64,
     /// Largest lateness of the world's steps, s.
     late: f64,
     record: Record,
@@ -93,11 +104,12 @@ impl Display for Minute {
         };
         write!(
             formatter,
-            "{:?}; believed beside strangers {}, alone {}; the machine: world late {:.1} ms, longest gap of frames {:.1} ms, \
+            "{:?}; believed beside strangers {}, alone {}, refused {}; the machine: world late {:.1} ms, longest gap of frames {:.1} ms, \
              lost {:.2} s{}",
             self.outcome,
             share(self.beside),
             share(self.alone),
+            self.refused,
             1e3 * self.late,
             1e-6 * self.record.longest_gap_ns as f64,
             1e-9 * self.record.machine_ns as f64,
@@ -115,6 +127,11 @@ fn settings(place: &Place, flight: &Flight<'_>, port: u16) -> Vec<String> {
         format!("duration={:?}", flight.seconds + 60.0),
         format!("vehicle.fan.on_at={:?}", flight.seconds + 50.0),
         "flight.spool_up=0.2".to_owned(),
+        format!(
+            "motion_capture.rate=[{:?}, {:?}]",
+            0.9 * flight.rate as f64,
+            1.1 * flight.rate as f64
+        ),
     ];
     if flight.system == CaptureSystem::Natnet {
         // Its stamps are those of the exposure.
@@ -181,6 +198,7 @@ fn fly(place: &Place, name: &str, flight: &Flight<'_>) -> Minute {
         outcome,
         beside,
         alone,
+        refused: refused(&last_of_host(place, &run_name, "host/motion_capture")),
         late: latest(place, &world_name),
         record,
         plan,
@@ -228,6 +246,21 @@ fn believed(served: &[Served], plan: &[Event], poses: &[u64]) -> [[u64; 2]; 2] {
     counts
 }
 
+/// Returns how many packets and poses the driver has refused for what they held. Those that came at a wrong time are the
+/// machine's.
+fn refused(figures: &CaptureFigures) -> u64 {
+    let CaptureFigures {
+        malformed,
+        absent,
+        occluded,
+        frozen,
+        jumped,
+        exchanged,
+        ..
+    } = *figures;
+    malformed + absent + occluded + frozen + jumped + exchanged
+}
+
 fn share([believed, sent]: [u64; 2]) -> f64 {
     believed as f64 / sent.max(1) as f64
 }
@@ -241,12 +274,13 @@ fn strangers_take_no_pose_away() {
             let flight = Flight {
                 seed: 1 + index as u64,
                 system,
+                rate: RATES[index],
                 is_moving: index == 1,
                 kinds: &[Kind::Strangers],
                 seconds: 12.0,
             };
             let minute = fly(&place, &format!("{}-{attempt}", system.name()), &flight);
-            println!("{}: {minute}", system.name());
+            println!("{}, {} Hz: {minute}", system.name(), flight.rate);
             minute.counts().then_some(minute)
         });
         // A machine that stands still loses vehicles by itself, whatever the cameras send.
@@ -260,6 +294,12 @@ fn strangers_take_no_pose_away() {
         let facts = format!("{minute}\n{:#?}\n{}", minute.plan, minute.shown);
         assert_eq!(minute.outcome, Outcome::Flew, "{facts}");
         assert!(share(minute.beside) >= BELIEVED * share(minute.alone), "{facts}");
+        let [_, beside] = minute.beside;
+        assert!(beside > RATES[index], "strangers for more than a second: {facts}");
+        assert!(
+            minute.refused as f64 <= (1.0 - BELIEVED) * beside as f64,
+            "{facts}"
+        );
     }
 }
 
@@ -269,6 +309,7 @@ fn strangers_take_no_pose_away() {
 fn minutes_of_everything() {
     let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
     let minutes = number("GERONO_CAMERA_MINUTES").unwrap_or(1);
+    let rate = number("GERONO_CAMERA_RATE").unwrap_or(100);
     let first_seed = number("GERONO_CAMERA_SEED").unwrap_or(1);
     let stated = std::env::var("GERONO_CAMERA_KINDS").unwrap_or_default();
     let kinds: Vec<Kind> = KINDS
@@ -283,6 +324,7 @@ fn minutes_of_everything() {
         let flight = Flight {
             seed,
             system: SYSTEMS[(seed % 3) as usize],
+            rate,
             is_moving: seed / 3 % 2 == 1,
             kinds: &kinds,
             seconds: 60.0,
