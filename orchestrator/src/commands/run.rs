@@ -33,6 +33,9 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     {
         return Err(Failure::bad_input(problem.to_string()));
     }
+    if arguments.host == Host::Realtime {
+        scenario = scenario.with_policies_of_real_time();
+    }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
         let reason =
