@@ -132,7 +132,7 @@ pub struct RealTime {
 impl Default for RealTime {
     fn default() -> Self {
         Self {
-            hang_limit: 0.25,
+            hang_limit: 0.1,
             grace: 0.002,
             orchestrator_loss: OrchestratorLoss::default(),
         }
