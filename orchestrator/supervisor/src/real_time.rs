@@ -114,7 +114,9 @@ where
         .store(clock.start_ns, Ordering::Release);
     observer.flight_begins_at(clock.start_ns);
     supervisor.go()?;
-    let recorder = recorder.distrust(context.scenario.external_services(), &context.schedule, clock);
+    let recorder = recorder
+        .distrust(context.scenario.external_services(), &context.schedule, clock)
+        .remember_for_late_steps(&context.schedule);
     if scenario
         .flight
         .as_ref()
@@ -159,7 +161,9 @@ where
     observer.flight_begins_at(clock.start_ns);
     observer.ready(&supervisor, context.cores.ring);
     observer.note("another orchestrator has taken over");
-    let recorder = recorder.distrust(context.scenario.external_services(), &context.schedule, clock);
+    let recorder = recorder
+        .distrust(context.scenario.external_services(), &context.schedule, clock)
+        .remember_for_late_steps(&context.schedule);
     let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
     flight.motors = Motors::unknown();
     flight.monitor.begin_now(flight.supervisor.step_log());
@@ -399,10 +403,12 @@ impl<'a> Flight<'a> {
         if !self.supervisor.needs_care() {
             return self.supervisor.keep_standby();
         }
-        let restarted = self
-            .supervisor
+        // What was published before a process was ready it is told; what comes later it receives by itself.
+        let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
+        let restarted = supervisor
             .restart_dead()
-            .and_then(|()| self.supervisor.resume_in_real_time());
+            .and_then(|()| recorder.receive())
+            .and_then(|()| supervisor.resume_in_real_time(|topic, from| recorder.remembered(topic, from)));
         if let Err(failure) = restarted {
             self.fail(failure);
         }

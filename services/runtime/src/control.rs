@@ -84,11 +84,11 @@ pub enum ToService {
         /// Number of the restart.
         birth: u32,
     },
-    /// A sample that a restarted service may have missed.
+    /// A sample that a restarted service may have missed; in real time, before `Go`, several of them.
     Missed {
         /// Place of the input in the wiring table.
         input: usize,
-        /// The sample.
+        /// The sample, or the samples one after another.
         bytes: Vec<u8>,
     },
     /// In a replay: execute these steps. Their inputs have been published.

@@ -35,6 +35,11 @@ pub struct InputQueue {
     /// Publisher of the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
+    kept: KeptSamples,
+}
+
+/// Samples that have come.
+struct KeptSamples {
     /// A ring, of ascending ticks.
     slots: Vec<Slot>,
     /// Place of the next sample.
@@ -93,16 +98,18 @@ impl InputQueue {
             sample: OwnedSample::of(topic),
         };
         Self {
-            store: edge.has_faults().then(|| EdgeStore::new(edge.clone())),
+            kept: KeptSamples {
+                store: edge.has_faults().then(|| EdgeStore::new(edge.clone())),
+                slots: (0..depth).map(|_| slot()).collect(),
+                next: 0,
+                delivered: slot(),
+                newest: None,
+                seen: None,
+            },
             edge,
             index,
             publisher,
             receiver,
-            slots: (0..depth).map(|_| slot()).collect(),
-            next: 0,
-            delivered: slot(),
-            newest: None,
-            seen: None,
         }
     }
 
@@ -125,7 +132,7 @@ impl InputQueue {
     #[must_use]
     #[inline]
     pub fn has_any(&self) -> bool {
-        self.newest.is_some()
+        self.kept.newest.is_some()
     }
 
     /// Takes new samples. Returns whether the sample of `tick` or a newer one has come.
@@ -135,7 +142,7 @@ impl InputQueue {
     #[inline]
     pub fn has_come(&mut self, tick: u64) -> Result<bool, PortError> {
         self.collect()?;
-        Ok(self.newest >= Some(tick))
+        Ok(self.kept.newest >= Some(tick))
     }
 
     /// Takes new samples.
@@ -149,24 +156,7 @@ impl InputQueue {
             if !self.receiver.receive()? {
                 break;
             }
-            let bytes = self.receiver.held().expect("just received");
-            let tick = header_of(bytes).tick;
-            // A restarted publisher may repeat its last samples.
-            if self.newest.is_some_and(|newest| tick <= newest) {
-                continue;
-            }
-            self.newest = Some(tick);
-            if let Some(store) = &mut self.store {
-                store.keep(bytes);
-                continue;
-            }
-            let slot = &mut self.slots[self.next];
-            if slot.tick.is_some() && slot.tick == self.seen {
-                std::mem::swap(slot, &mut self.delivered);
-            }
-            slot.tick = Some(tick);
-            slot.sample.bytes_mut().copy_from_slice(bytes);
-            self.next = (self.next + 1) % self.slots.len();
+            self.kept.keep(self.receiver.held().expect("just received"));
         }
         Ok(())
     }
@@ -175,18 +165,55 @@ impl InputQueue {
     /// with planned faults, which say by themselves what is lost.
     #[must_use]
     pub fn oldest_unseen_is_due(&self) -> Option<u64> {
-        let unseen = self.slots.iter().filter_map(|slot| slot.tick);
-        let oldest = unseen.filter(|&tick| Some(tick) > self.seen).min()?;
+        let unseen = self.kept.slots.iter().filter_map(|slot| slot.tick);
+        let oldest = unseen.filter(|&tick| Some(tick) > self.kept.seen).min()?;
         Some(oldest + self.edge.latency)
+    }
+
+    /// Takes samples that were published before the port was made, one after another: a restarted service is to see them.
+    pub fn take_missed(&mut self, samples: &[u8]) {
+        let size = self.kept.delivered.sample.bytes().len();
+        for sample in samples.chunks_exact(size) {
+            self.kept.keep(sample);
+        }
     }
 
     /// Returns the newest sample that is due at the step at `tick`.
     #[inline]
     pub fn deliver(&mut self, tick: u64) -> Option<Delivery<'_>> {
         let due = self.edge.due_sample(tick)?;
-        if self.store.is_some() {
-            return self.deliver_among_faults(tick, due);
+        if self.kept.store.is_some() {
+            return self.kept.deliver_among_faults(tick, due);
         }
+        self.kept.deliver(due)
+    }
+}
+
+impl KeptSamples {
+    /// Keeps a sample, unless it is no newer than those before: a restarted publisher may repeat its last samples.
+    #[inline]
+    fn keep(&mut self, bytes: &[u8]) {
+        let tick = header_of(bytes).tick;
+        if self.newest.is_some_and(|newest| tick <= newest) {
+            return;
+        }
+        self.newest = Some(tick);
+        if let Some(store) = &mut self.store {
+            store.keep(bytes);
+            return;
+        }
+        let slot = &mut self.slots[self.next];
+        if slot.tick.is_some() && slot.tick == self.seen {
+            std::mem::swap(slot, &mut self.delivered);
+        }
+        slot.tick = Some(tick);
+        slot.sample.bytes_mut().copy_from_slice(bytes);
+        self.next = (self.next + 1) % self.slots.len();
+    }
+
+    /// Returns the newest sample of the tick `due` or before.
+    #[inline]
+    fn deliver(&mut self, due: u64) -> Option<Delivery<'_>> {
         let (newer, older) = self.slots.split_at(self.next);
         let mut from_newest = newer.iter().rev().chain(older.iter().rev());
         let is_due = |slot: &&Slot| slot.tick.is_some_and(|tick| tick <= due);
@@ -376,6 +403,23 @@ mod tests {
                     seen = tick;
                 }
             }
+        }
+    }
+
+    /// A restarted plant flies its late steps with the frames that were published while it was dead, then with its port's.
+    #[test]
+    fn samples_that_were_published_before_the_port_was_made_come_before_those_of_the_port() {
+        let mut queue = queue([]);
+        let missed = [frame(1), frame(2), frame(3)];
+        queue.take_missed(missed.as_bytes());
+        queue.take_missed(&[0; 3]);
+        queue.receiver = Box::new(Port {
+            coming: [2, 3, 4].map(frame).into(),
+            held: None,
+        });
+        queue.collect().unwrap();
+        for tick in 2..=5 {
+            assert_eq!(delivered(&mut queue, tick), Some((tick - 1, true)));
         }
     }
 

@@ -57,7 +57,7 @@ impl Launch<'_> {
             Ok::<_, ProcessError>(ports)
         })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
-        let Some(restarted) = await_go(waiter.channel(), self.warnings)? else {
+        let Some(restarted) = await_go(waiter.channel(), self.warnings, |_, _| {})? else {
             return Ok(());
         };
         watchdog::during(Work::Ports, || ports.connect())?;
@@ -84,7 +84,7 @@ impl Launch<'_> {
     /// [`ProcessError`].
     pub fn in_replay(self, service: &mut dyn ErasedService, channel: &Channel) -> Result<(), ProcessError> {
         let mut ports = ReplayPorts::open(self.topics, service.id(), self.schedule)?;
-        if await_go(channel, self.warnings)?.is_none() {
+        if await_go(channel, self.warnings, |_, _| {})?.is_none() {
             return Ok(());
         }
         ports.connect()?;
@@ -116,7 +116,8 @@ impl Launch<'_> {
             )
         })?;
         self.crash.pass(CrashPlace::AfterPorts, 0);
-        let Some(restarted) = await_go(waiter.channel(), self.warnings)? else {
+        let take_missed = |input, bytes: &[u8]| ports.take_missed(input, bytes);
+        let Some(restarted) = await_go(waiter.channel(), self.warnings, take_missed)? else {
             return Ok(());
         };
         watchdog::during(Work::Ports, || ports.connect())?;
@@ -159,15 +160,22 @@ impl Launch<'_> {
     }
 }
 
-/// Reports that all ports are made and waits for the start. Returns whether another process has flown before this one;
-/// `None` if the run ends.
-fn await_go(channel: &Channel, warnings: Vec<String>) -> Result<Option<bool>, ProcessError> {
+/// Reports that all ports are made and waits for the start, and takes what comes before it. Returns whether another process
+/// has flown before this one; `None` if the run ends.
+fn await_go(
+    channel: &Channel,
+    warnings: Vec<String>,
+    mut take_missed: impl FnMut(usize, &[u8]),
+) -> Result<Option<bool>, ProcessError> {
     let receivers = Vec::new();
     channel.send(&ToOrchestrator::Ready { warnings, receivers })?;
-    Ok(match channel.receive()? {
-        ToService::Go { restarted, .. } => Some(restarted),
-        _ => None,
-    })
+    loop {
+        match channel.receive()? {
+            ToService::Missed { input, bytes } => take_missed(input, &bytes),
+            ToService::Go { restarted, .. } => return Ok(Some(restarted)),
+            _ => return Ok(None),
+        }
+    }
 }
 
 /// Restores the state of the dead predecessor. Returns the tick after the last one that the state includes.

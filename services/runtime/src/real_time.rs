@@ -88,6 +88,13 @@ impl RealTimePorts {
         Ok(Self { queues, outputs })
     }
 
+    /// Takes samples that were published before the ports were made, of the input at this place of the wiring table.
+    pub fn take_missed(&mut self, index: usize, samples: &[u8]) {
+        if let Some(queue) = self.queues.iter_mut().find(|queue| queue.index == index) {
+            queue.take_missed(samples);
+        }
+    }
+
     /// Connects all ports to those of the other services that exist by now.
     ///
     /// # Errors

@@ -4,11 +4,13 @@
 //! among those of the last [`SETTLING_NS`]; one that comes even later is still recorded, after younger ones. What was
 //! overwritten before it could be taken shows as a gap between what was published and what was recorded.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use host::in_process::TickSink;
 use host::owned_sample::OwnedSample;
+use host::step::Timetable;
 use runtime::flight_clock::FlightClock;
+use runtime::input_queue::CATCHING_UP;
 use runtime::ports::{PortError, RECORDER_BUFFER};
 use runtime::watchdog::{self, Work};
 use shared_types::ExternalServices;
@@ -45,6 +47,20 @@ struct Feed {
     received: u64,
     /// Tick of the newest sample.
     newest: Option<u64>,
+    /// The last samples, if a service that makes up for late steps consumes them: it is to see them when it starts again.
+    last: Option<VecDeque<OwnedSample>>,
+}
+
+impl Feed {
+    fn remember(&mut self, topic: Topic, bytes: &[u8]) {
+        let Some(last) = &mut self.last else {
+            return;
+        };
+        let oldest = (last.len() == CATCHING_UP).then(|| last.pop_front()).flatten();
+        let mut sample = oldest.unwrap_or_else(|| OwnedSample::of(topic));
+        sample.bytes_mut().copy_from_slice(bytes);
+        last.push_back(sample);
+    }
 }
 
 impl Recorder {
@@ -55,6 +71,7 @@ impl Recorder {
             subscription,
             received: 0,
             newest: None,
+            last: None,
         };
         Self {
             feeds: subscriptions.into_iter().map(feed).collect(),
@@ -62,6 +79,33 @@ impl Recorder {
             spare: Default::default(),
             written_until: first_tick,
         }
+    }
+
+    /// Remembers the last samples that a service consumes which makes up for late steps.
+    #[must_use]
+    pub fn remember_for_late_steps(mut self, schedule: &Schedule) -> Self {
+        let all = ServiceId::ALL.into_iter();
+        for service in all.filter(|&service| Timetable::new(schedule, service).makes_up) {
+            for (_, input) in schedule.inputs_read(service) {
+                let mut feeds = self.feeds.iter_mut();
+                if let Some(feed) = feeds.find(|feed| feed.subscription.topic == input.topic) {
+                    feed.last = Some(VecDeque::new());
+                }
+            }
+        }
+        self
+    }
+
+    /// Returns the remembered samples of a topic from a tick on, in their order.
+    pub fn remembered(&self, topic: Topic, from: u64) -> impl Iterator<Item = &[u8]> {
+        let of_topic = move |feed: &&Feed| feed.subscription.topic == topic;
+        let last = self
+            .feeds
+            .iter()
+            .filter(of_topic)
+            .filter_map(|feed| feed.last.as_ref());
+        let samples = last.flatten().map(OwnedSample::bytes);
+        samples.filter(move |bytes| header_of(bytes).tick >= from)
     }
 
     /// Copies what external programs publish before it is looked at, and refuses what cannot be there by the clock.
@@ -161,6 +205,7 @@ impl Recorder {
                 let spare = self.spare[topic.index()].pop();
                 let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
                 sample.bytes_mut().copy_from_slice(bytes);
+                feed.remember(topic, sample.bytes());
                 let earlier = self.waiting.insert((tick, topic), sample);
                 debug_assert!(earlier.is_none(), "one sample a topic and tick");
             }

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use host::step::Timetable;
 use runtime::control::{Role, ToService};
 use runtime::deployment;
-use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
+use shared_types::{ServiceId, Topic};
 
 use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
@@ -15,6 +15,10 @@ use super::{Exit, Restart, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
+
+/// Samples that a service is given when it starts again in real time, and those in one message: its line has room for all.
+const MOST_MISSED: usize = 128;
+const MISSED_AT_ONCE: usize = 16;
 
 impl Supervisor<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
@@ -99,20 +103,52 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Died)
     }
 
-    /// Lets services that restarted in real time go on at once, with the newest samples.
+    /// Lets services that restarted in real time go on at once, with the newest samples. One that makes up for late steps
+    /// is given the samples that are `remembered` of a topic from a tick on.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
-    pub fn resume_in_real_time(&mut self) -> Result<(), FlightFailure> {
+    pub fn resume_in_real_time<'r, I: Iterator<Item = &'r [u8]>>(
+        &mut self,
+        remembered: impl Fn(Topic, u64) -> I,
+    ) -> Result<(), FlightFailure> {
         for at in 0..self.members.len() {
             if self.members[at].phase == Phase::Ready {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
                 self.note_restart(service);
+                if !self.is_external_service(at) {
+                    self.tell_of_missed(service, &remembered);
+                }
                 self.say_go(service, true)?;
             }
         }
         Ok(())
+    }
+
+    /// Gives a service the remembered samples that its late steps have due, the newest [`MOST_MISSED`] of each input.
+    fn tell_of_missed<'r, I: Iterator<Item = &'r [u8]>>(
+        &self,
+        service: ServiceId,
+        remembered: impl Fn(Topic, u64) -> I,
+    ) {
+        if !Timetable::new(self.schedule, service).makes_up {
+            return;
+        }
+        let next_tick = self.next_tick(service);
+        let channel = &self.members[service.index()].process.channel;
+        for (input, spec) in self.schedule.inputs_read(service) {
+            let Some(due) = self.schedule.edge(service, input).due_sample(next_tick) else {
+                continue;
+            };
+            let missed: Vec<&[u8]> = remembered(spec.topic, due).collect();
+            let newest = &missed[missed.len().saturating_sub(MOST_MISSED)..];
+            for samples in newest.chunks(MISSED_AT_ONCE) {
+                let bytes = samples.concat();
+                // It fails only for a process that is gone, which is found so when it is watched.
+                let _ = channel.try_send(&ToService::Missed { input, bytes });
+            }
+        }
     }
 
     /// Starts again what is dead and due. What fails for one service keeps no other from its restart, and may be tried
