@@ -5,7 +5,7 @@
 //! happened, and in real time the next one makes a cold start.
 
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use runtime::control::{ControlError, Host, ToOrchestrator, ToService};
 use runtime::shared_page::Cell;
@@ -13,11 +13,9 @@ use shared_types::ServiceId;
 
 use super::managed_service::Phase;
 use super::presentable::presentable;
+use super::restart_policy::{EXTERNAL_LIMIT, Verdict};
 use super::{Exit, ServiceEvent, Supervisor};
 use crate::FlightFailure;
-
-/// Time for which an external service may take to make its ports, and to connect to those of a service that was started again.
-pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
 impl Supervisor<'_> {
     pub(super) fn is_external_service(&self, at: usize) -> bool {
@@ -125,12 +123,12 @@ impl Supervisor<'_> {
                 && seen.load(Ordering::Acquire) < birth
         };
         let deaf = (0..self.members.len()).find(is_deaf);
-        let Some(at) = deaf.filter(|_| announced_at.elapsed() > PATIENCE) else {
+        let Some(at) = deaf.filter(|_| announced_at.elapsed() > EXTERNAL_LIMIT) else {
             return Ok(());
         };
         let what = format!(
             "has not answered `Connect` within {} s, and nobody can fly on before",
-            PATIENCE.as_secs()
+            EXTERNAL_LIMIT.as_secs()
         );
         Err(self.external_service_failure(at, what))
     }
@@ -144,16 +142,21 @@ impl Supervisor<'_> {
         at: usize,
         now: Instant,
     ) -> Result<(), FlightFailure> {
-        if now.saturating_duration_since(self.members[at].process.asked_at) <= PATIENCE {
-            return Ok(());
+        let starting = self.starting_process(at, now);
+        match starting.verdict_on_external_service() {
+            Verdict::Wait | Verdict::Hedge => Ok(()),
+            Verdict::Replace => {
+                let seconds = starting.elapsed.as_secs_f64();
+                self.replace(at, format!("was not ready after {seconds:.3} s"));
+                Ok(())
+            }
+            Verdict::Fail => {
+                let limit = EXTERNAL_LIMIT.as_secs();
+                self.members[at].process.kill_group();
+                let what = format!("has not said that it is ready within {limit} s");
+                Err(self.external_service_failure(at, what))
+            }
         }
-        let what = format!("has not said that it is ready within {} s", PATIENCE.as_secs());
-        if self.can_be_followed() {
-            self.replace(at, what);
-            return Ok(());
-        }
-        self.members[at].process.kill_group();
-        Err(self.external_service_failure(at, what))
     }
 
     /// Lets external services in flight connect to a restarted service.

@@ -16,6 +16,10 @@ const FIRST_PAUSE: Duration = Duration::from_millis(5);
 /// Time that a service may take to become ready while the run is set up, and in lock-step, where no vehicle is in the air.
 pub const READY_LIMIT: Duration = Duration::from_secs(30);
 
+/// Time that an external service may take to become ready while the run is set up, and in lock-step to connect to a
+/// service that was started again.
+pub const EXTERNAL_LIMIT: Duration = Duration::from_secs(10);
+
 /// Time after which a process that starts in flight is slow: another one is prepared beside it, and takes its place if the
 /// slow one is asleep or stopped.
 pub const HEDGE_AFTER: Duration = Duration::from_millis(25);
@@ -89,6 +93,16 @@ impl StartingProcess {
     #[must_use]
     pub fn is_slow(&self) -> bool {
         self.situation != Situation::SetUp && self.exceeds(HEDGE_AFTER)
+    }
+
+    /// Returns what becomes of an external service: nothing is prepared beside it.
+    #[must_use]
+    pub fn verdict_on_external_service(&self) -> Verdict {
+        match self.situation {
+            Situation::RealTime if self.exceeds(FRESH_LIMIT) => Verdict::Replace,
+            Situation::SetUp | Situation::LockStep if self.elapsed > EXTERNAL_LIMIT => Verdict::Fail,
+            _ => Verdict::Wait,
+        }
     }
 
     /// Returns what becomes of it. The table is in docs/real_time.md.
@@ -227,6 +241,35 @@ mod tests {
                 .contains("`controller`")
         );
         assert!("controller=-1".parse::<PerService<u32>>().is_err());
+    }
+
+    /// In flight the limit is that of the other processes: the vehicle is in the air.
+    #[test]
+    fn an_external_service_that_starts_has_the_limits_of_the_set_up_only_before_the_flight() {
+        use Situation::{LockStep, RealTime, SetUp};
+        use Verdict::{Fail, Replace, Wait};
+        let rows = [
+            (SetUp, 10_000, 0, Wait),
+            (SetUp, 10_001, 0, Fail),
+            (LockStep, 10_001, 0, Fail),
+            (RealTime, 1_000, 0, Wait),
+            (RealTime, 1_001, 0, Replace),
+            (RealTime, 1_001, 1, Wait),
+            (RealTime, 2_001, 1, Replace),
+            (RealTime, 8_001, 9, Replace),
+        ];
+        for row in rows {
+            let (situation, milliseconds, missed, verdict) = row;
+            let starting = StartingProcess {
+                situation,
+                elapsed: Duration::from_millis(milliseconds),
+                was_prepared: false,
+                is_other_prepared: true,
+                is_asleep: true,
+                missed,
+            };
+            assert_eq!(starting.verdict_on_external_service(), verdict, "{row:?}");
+        }
     }
 
     /// Rows of the table in docs/real_time.md: situation, time in ms, prepared, other prepared, asleep, missed before; verdict.

@@ -42,7 +42,7 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    fn starting_process(&mut self, at: usize, now: Instant) -> StartingProcess {
+    pub(super) fn starting_process(&mut self, at: usize, now: Instant) -> StartingProcess {
         // Of two that start, one alone takes the process that is prepared.
         let is_claimed = self
             .members
