@@ -1,14 +1,27 @@
 //! `gerono postmortem`: what an orchestrator becomes that cannot go on; see [`supervisor::postmortem`].
 
 use std::os::unix::fs::MetadataExt;
+use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, WaitOptions, kill_process, kill_process_group};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, kill_process_group, pidfd_open};
 
 use super::Failure;
 use crate::cli::{Host, Postmortem};
 use command_line::exit::Exit;
 use live::run_root;
 use supervisor::postmortem::{Fault, IN_WORDS};
+use supervisor::supervision::Activity;
+
+/// A process of the run that has not been on a processor for so long hangs: services in flight step more often.
+const IDLE_LIMIT: Duration = Duration::from_secs(10);
+
+/// Period at which they are looked at.
+const LOOK_PERIOD: Timespec = Timespec {
+    tv_sec: 1,
+    tv_nsec: 0,
+};
 
 /// Says what has happened, sees to the services, and removes what the run had in shared memory.
 ///
@@ -43,14 +56,66 @@ pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
             let _ = kill_process_group(pid, Signal::KILL);
         }
     }
-    for pid in processes {
-        let _ = rustix::io::retry_on_intr(|| rustix::process::waitpid(Some(pid), WaitOptions::empty()));
-    }
+    await_ends(processes.into_iter().map(Awaited::new).collect());
     let swept = run_root::clean();
     if let Err(error) = &swept {
         eprintln!("what it had in shared memory could not be removed: {error}; `gerono clean` does so");
     }
     Err(Failure::trouble(format!("the flight was not completed: {cause}")))
+}
+
+/// A process of the run that is waited for.
+struct Awaited {
+    pid: Pid,
+    /// Time for which it has been on a processor, ns, and since when it has not been again.
+    idle: (Option<u64>, Instant),
+    /// `true` once it was killed because it was idle for too long.
+    is_killed: bool,
+}
+
+impl Awaited {
+    fn new(pid: Pid) -> Self {
+        Self {
+            pid,
+            idle: (None, Instant::now()),
+            is_killed: false,
+        }
+    }
+
+    /// Returns whether it is still waited for. One that hangs is killed, and one that does not end even then is left.
+    fn goes_on(&mut self) -> bool {
+        let ended = rustix::process::waitpid(Some(self.pid), WaitOptions::NOHANG);
+        if !matches!(ended, Ok(None) | Err(Errno::INTR)) {
+            return false;
+        }
+        let cpu_time = Activity::of(number_of(self.pid)).map(|activity| activity.cpu_time_ns);
+        let (before, since) = self.idle;
+        if cpu_time != before {
+            self.idle = (cpu_time, Instant::now());
+        } else if since.elapsed() > IDLE_LIMIT {
+            if self.is_killed {
+                return false;
+            }
+            let _ = kill_process(self.pid, Signal::KILL);
+            (self.is_killed, self.idle.1) = (true, Instant::now());
+        }
+        true
+    }
+}
+
+/// Waits until all of them have ended: services that go on alone do so by themselves, unless they hang.
+fn await_ends(mut awaited: Vec<Awaited>) {
+    awaited.retain_mut(Awaited::goes_on);
+    while let Some(one) = awaited.first() {
+        let Ok(death) = pidfd_open(one.pid, PidfdFlags::empty()) else {
+            awaited.remove(0);
+            continue;
+        };
+        let mut death = [PollFd::new(&death, PollFlags::IN)];
+        // An interrupted or failed poll is one in which nothing happened: the look below decides.
+        let _ = poll(&mut death, Some(&LOOK_PERIOD));
+        awaited.retain_mut(Awaited::goes_on);
+    }
 }
 
 /// A cause in words.
