@@ -110,6 +110,25 @@ fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services
 }
 
 #[test]
+fn samples_that_stand_in_the_log_far_behind_younger_ones_are_found() {
+    let place = Place::new();
+    fly_to_the_end(&mut place.rig_flight("out", 3.0, &["--host", "realtime"]));
+    let before = replayed(&place.log("out"));
+    // A controller that lags: what it publishes is recorded at the end of the flight, and in part comes seconds late.
+    let late = |topic, tick| topic == Topic::ControlCommand && tick % 3 == 0;
+    let late_log = place.path("out/late.mcap");
+    rewrite_late(&place.log("out"), &late_log, late);
+    std::fs::rename(&late_log, place.log("out")).unwrap();
+    let after = replayed(&place.log("out"));
+    assert!(after.in_real_time && after.compared() > 0);
+    assert_eq!(after.comparisons, before.comparisons);
+    assert_eq!(
+        (after.steps, after.steps_without_inputs),
+        (before.steps, before.steps_without_inputs)
+    );
+}
+
+#[test]
 fn one_bit_that_is_not_as_it_was_is_found() {
     let place = Place::new();
     succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess"]));
@@ -161,6 +180,29 @@ fn what_would_have_been_commanded_differs_where_the_change_acts_and_nowhere_else
         .unwrap();
     assert_eq!(slower.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&slower.stderr).contains("another schedule"));
+}
+
+/// Writes a log again, with the samples of which `is_late` says so behind all others.
+fn rewrite_late(from: &Path, to: &Path, is_late: impl Fn(Topic, u64) -> bool) {
+    let mut reader = LogReader::open(from).unwrap();
+    let manifest = Manifest::new(&reader.manifest().scenario);
+    let mut writer = RunLogWriter::create(to, &manifest, Compression::None).unwrap();
+    let mut late = Vec::new();
+    while let Some(sample) = reader.next_sample().unwrap() {
+        let mut words = vec![0u64; sample.bytes.len().div_ceil(8)];
+        let bytes = &mut zerocopy::IntoBytes::as_mut_bytes(words.as_mut_slice())[..sample.bytes.len()];
+        bytes.copy_from_slice(sample.bytes);
+        if is_late(sample.topic, sample.header.tick) {
+            late.push((sample.topic, words, sample.bytes.len()));
+        } else {
+            writer.write(sample.topic, bytes).unwrap();
+        }
+    }
+    for (topic, words, size) in late {
+        let bytes = zerocopy::IntoBytes::as_bytes(words.as_slice());
+        writer.write(topic, &bytes[..size]).unwrap();
+    }
+    writer.finish().unwrap();
 }
 
 /// Writes a log again, with samples changed.

@@ -14,6 +14,8 @@ pub(super) struct History {
     /// Of a topic that nobody asks for, none.
     topics: [Option<Recorded>; Topic::ALL.len()],
     last_tick: Option<u64>,
+    /// Samples of a topic that are kept.
+    kept: usize,
 }
 
 /// The latest samples of a topic.
@@ -31,7 +33,15 @@ impl History {
         Self {
             topics: Topic::ALL.map(|topic| is_asked_for(topic).then(Recorded::default)),
             last_tick: None,
+            kept: KEPT,
         }
+    }
+
+    /// Keeps what steps may have seen that are so many ticks behind the newest sample.
+    pub(super) fn behind_by(mut self, ticks: u64) -> Self {
+        // A topic has one sample a tick at most.
+        self.kept = KEPT.saturating_add(usize::try_from(ticks).unwrap_or(usize::MAX));
+        self
     }
 
     pub(super) fn keep(&mut self, topic: Topic, bytes: &[u8]) {
@@ -54,7 +64,7 @@ impl History {
 
     pub(super) fn forget_old(&mut self) {
         for recorded in self.topics.iter_mut().flatten() {
-            recorded.forget_old();
+            recorded.forget_old(self.kept);
         }
     }
 }
@@ -90,8 +100,8 @@ impl Recorded {
         self.samples.binary_search_by_key(&seq, |(kept, _)| *kept)
     }
 
-    fn forget_old(&mut self) {
-        while self.samples.len() > KEPT
+    fn forget_old(&mut self, kept: usize) {
+        while self.samples.len() > kept
             && let Some((_, sample)) = self.samples.pop_front()
         {
             self.free.push(sample);

@@ -13,6 +13,7 @@ mod compare;
 pub mod diff;
 mod environment;
 mod history;
+mod log_source;
 mod recorded_steps;
 mod scope;
 mod service_process;
@@ -30,6 +31,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 pub use compare::{Comparison, Difference};
 use environment::ReplayEnvironment;
 use history::History;
+use log_source::LogSource;
 use recorded_steps::RecordedSteps;
 use scope::Scope;
 pub use service_process::ProcessFailure;
@@ -40,10 +42,6 @@ use tuning::RecordedTuning;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::{HostReadError, LogReadError, LogReader};
-
-/// The number of ticks beyond a tick that are read before it is replayed: in real time a sample may come that much
-/// late.
-const READ_AHEAD_TICKS: u64 = 512;
 
 /// Reason why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -256,20 +254,24 @@ pub fn replay(
     replayed.retain(|service| !without_inputs.iter().any(|(without, _)| without == service));
     let replays: Vec<_> = replayed.into_iter().map(replay).collect::<Result<_, _>>()?;
     let is_asked_for = |topic| replays.iter().any(|replay| replay.is_about(topic));
+    let recorded_steps = RecordedSteps::beside(log, scenario, scope.first)?;
+    let lateness = match recorded_steps.is_of_real_time() {
+        true => log_source::largest_lateness(log)?,
+        // Whole ticks are recorded, in their order.
+        false => 0,
+    };
     let mut flight = Replay {
         not_again,
         external_services,
         without_inputs,
-        source: LogSource {
+        source: LogSource::new(
             reader,
-            history: History::of(is_asked_for),
-            tuning: RecordedTuning::of(scenario),
-            read_until: 0,
-            ends: None,
-            breaks_off: false,
-        },
+            lateness,
+            History::of(is_asked_for),
+            RecordedTuning::of(scenario),
+        ),
         replays,
-        recorded_steps: RecordedSteps::beside(log, scenario, scope.first)?,
+        recorded_steps,
         starts: Vec::new(),
         ends_before: 0,
         scope,
@@ -322,7 +324,7 @@ impl Replay<'_> {
 
     fn run(&mut self, mut progress: Option<&mut Progress>) -> Result<(), ReplayError> {
         for tick in 0..=self.scope.last {
-            self.source.read_to(tick + READ_AHEAD_TICKS)?;
+            self.source.read_to(tick)?;
             if self.source.is_exhausted_before(tick) {
                 break;
             }
@@ -396,59 +398,5 @@ impl Replay<'_> {
             comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),
             log_ends: self.source.ends,
         }
-    }
-}
-
-/// The recorded samples, read as far as they are needed.
-struct LogSource {
-    reader: LogReader,
-    history: History,
-    tuning: RecordedTuning,
-    /// All samples of ticks before this one have been read.
-    read_until: u64,
-    /// Reason why the log ends early.
-    ends: Option<String>,
-    /// `true` if it ends anywhere, and not with a whole tick.
-    breaks_off: bool,
-}
-
-impl LogSource {
-    fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
-        while self.read_until <= tick {
-            match self.reader.next_sample() {
-                Ok(Some(sample)) => {
-                    self.read_until = self.read_until.max(sample.header.tick);
-                    self.history.keep(sample.topic, sample.bytes);
-                    if sample.topic == Topic::RunEvent {
-                        self.tuning.take(sample.bytes)?;
-                    }
-                }
-                Ok(None) => {
-                    self.breaks_off |= self.reader.recovery().is_some();
-                    self.read_until = u64::MAX;
-                }
-                // What was read before it is whole.
-                Err(
-                    error @ (LogReadError::Unclosed { .. }
-                    | LogReadError::MissingPart { .. }
-                    | LogReadError::Damaged { .. }),
-                ) => {
-                    self.ends = Some(error.to_string());
-                    self.breaks_off = true;
-                    self.read_until = u64::MAX;
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
-    fn is_exhausted_before(&self, tick: u64) -> bool {
-        let whole_until = self
-            .history
-            .last_tick()
-            .map(|last| last + u64::from(!self.breaks_off));
-        self.read_until == u64::MAX && whole_until <= Some(tick)
     }
 }

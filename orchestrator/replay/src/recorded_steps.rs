@@ -11,9 +11,13 @@ use shared_types::service::Operator;
 
 use runtime::step_log::TUNING_SHIFT;
 
+use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
-use super::{READ_AHEAD_TICKS, ReplayError};
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
+
+/// Ticks beyond a tick up to which the steps of a service are read before it is replayed: its checkpoints are copied beside it
+/// and may be recorded that much late.
+const READ_AHEAD_TICKS: u64 = 512;
 
 /// A step's view of an input: the sequence number of the sample, and whether the step before saw another one.
 pub(super) type InputSequences = [Option<(u64, bool)>; MAX_PORTS];
