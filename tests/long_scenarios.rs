@@ -14,7 +14,7 @@ use common::{Place, begin, complaint, finish, output, succeed, until};
 /// Points of a path whose scenario is longer than a packet of the control channel, and of one that no packet holds.
 const LONG: [usize; 2] = [3000, 5000];
 
-/// A scenario with so many waypoints around a circle; its path.
+/// Writes a scenario with this number of waypoints around a circle. Returns its path.
 fn waypoints(place: &Place, points: usize) -> PathBuf {
     let committed = std::fs::read_to_string(common::scenario("waypoints")).unwrap();
     let (before, rest) = committed.split_once("points = [").unwrap();
@@ -35,7 +35,7 @@ fn waypoints(place: &Place, points: usize) -> PathBuf {
     path
 }
 
-/// `gerono run` of it for so many seconds to the folder `out`; every setting is behind a document of hundreds of kilobytes.
+/// `gerono run` of it for a time in seconds to the folder `out`; every setting is behind a document of hundreds of kilobytes.
 fn flight(place: &Place, points: usize, seconds: f64, out: &str, more: &[&str]) -> Command {
     let scenario = waypoints(place, points);
     let duration = format!("duration={seconds:?}");

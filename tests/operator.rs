@@ -105,7 +105,7 @@ fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
             seen.services.iter().all(|service| service.flies).then_some(())
         });
     }
-    // Nobody restarts them now, and nobody answers: what is left is the memory that the orchestrator has.
+    // They are not restarted now, and no question is answered: the memory of the orchestrator is left.
     signal(run.id(), Signal::STOP);
     for (_, pid) in processes_of(run.id()) {
         signal(pid, Signal::KILL);

@@ -42,8 +42,8 @@ impl Samples {
         self.wanted.iter().all(|wanted| *wanted)
     }
 
-    /// Returns the samples of a topic as an array of words that owns them: they are handed out once and not copied. Nobody writes
-    /// into them, for they are the flight that is saved and hashed.
+    /// Returns the samples of a topic as an array of words that owns them: they are handed out once and not copied. They are
+    /// read-only, because they are the flight that is saved and hashed.
     pub(crate) fn take<'py>(&mut self, py: Python<'py>, topic: Topic) -> Bound<'py, PyArray1<u64>> {
         let array = PyArray1::from_vec(py, std::mem::take(&mut self.topics[topic.index()]));
         array.readwrite().make_nonwriteable();

@@ -9,7 +9,7 @@ use crate::controller::{Error, PythonController};
 use crate::errors;
 use crate::interruptible::interruptible;
 
-/// Fly a sweep in this process on all cores, or on so many, and merge it. Ctrl-C keeps the rows that were flown.
+/// Fly a sweep in this process on all cores, or on a given number, and merge it. Ctrl-C keeps the rows that were flown.
 #[pyfunction]
 pub(crate) fn run_sweep(
     py: Python<'_>,

@@ -37,7 +37,7 @@ impl History {
         }
     }
 
-    /// Keeps what steps may have seen that are so many ticks behind the newest sample.
+    /// Keeps the samples that a step `ticks` behind the newest sample may need.
     pub(super) fn behind_by(mut self, ticks: u64) -> Self {
         // A topic has one sample a tick at most.
         self.kept = KEPT.saturating_add(usize::try_from(ticks).unwrap_or(usize::MAX));

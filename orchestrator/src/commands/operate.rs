@@ -27,7 +27,7 @@ pub fn operate(arguments: &Operate, command: &'static str, question: &Question) 
 /// `gerono arm`: lets the motors turn. Without `--run`, the run of another login is armed only if that is confirmed.
 ///
 /// # Errors
-/// [`Failure`] if there is no such run, if it refuses, or if nobody confirms.
+/// [`Failure`] if there is no such run, if it refuses, or if it is not confirmed.
 pub fn arm(arguments: &Operate) -> Result<(), Failure> {
     let found = live::find(arguments.run.as_deref(), "arm").map_err(Failure::trouble)?;
     let run = LiveRun::connect(&found, PATIENCE).map_err(Failure::trouble)?;
@@ -71,7 +71,7 @@ fn identity(run: &LiveRun) -> Result<String, Failure> {
     }
 }
 
-/// Asks at the terminal; without one nobody confirms.
+/// Asks for confirmation at the terminal. Without a terminal there is none.
 fn is_confirmed(prompt: &str) -> bool {
     if !stdin().is_terminal() || !stderr().is_terminal() {
         return false;

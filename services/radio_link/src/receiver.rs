@@ -63,13 +63,13 @@ pub struct Receiver {
 
 /// Kind of the first bytes.
 enum First {
-    /// A frame of so many bytes with channels.
+    /// A frame of this length, bytes, with channels.
     Channels(usize, ChannelCodes, bool),
-    /// A frame of so many bytes with fields that override channels.
+    /// A frame of this length, bytes, with fields that override channels.
     Override(usize, ChannelCodes),
-    /// A frame of so many bytes with body rates, rad/s, and thrust as a share.
+    /// A frame of this length, bytes, with body rates, rad/s, and thrust as a share.
     Rates(usize, [f64; 3], f64),
-    /// A frame of so many bytes without a command.
+    /// A frame of this length, bytes, without a command.
     Other(usize),
     /// The beginning of one.
     Unfinished,
@@ -155,7 +155,7 @@ impl Receiver {
         }
     }
 
-    /// A channel that is not overridden is the radio's, and here nobody holds one: the motors stop.
+    /// A channel that is not overridden is the radio's, and here there is no radio: the motors stop.
     fn of_overrides(&mut self, fields: &ChannelCodes) -> Command {
         self.overrides.take(fields);
         let pulses = self.overrides.pulses;

@@ -190,7 +190,7 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
 
-    /// Makes a subscriber with a buffer of so many places, at most [`RECORDER_BUFFER`]: the recorder's, or that of a service
+    /// Makes a subscriber with a buffer of this capacity, at most [`RECORDER_BUFFER`]: the recorder's, or that of a service
     /// that catches up with late steps.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Packets of a `SOCK_SEQPACKET` socket that carry one text each, and files.
 //!
 //! The system bounds a packet, by some 200 kB unless an administrator has changed it. A longer text travels in an anonymous
-//! file that nobody can change any more, of which the packet carries the descriptor. So the length of a scenario is no matter
+//! file that is sealed against changes, of which the packet carries the descriptor. So the length of a scenario is no matter
 //! of the socket.
 
 use std::io::{self, IoSlice, IoSliceMut, Write};
@@ -108,7 +108,7 @@ pub fn receive(socket: impl AsFd, flags: RecvFlags) -> Result<Packet, PacketErro
     Ok(Packet { text, files })
 }
 
-/// Makes a file of a text that nobody can change.
+/// Writes a text to a file sealed against changes.
 fn sealed(text: &[u8]) -> Result<OwnedFd, Errno> {
     let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
     let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-message", flags)?);

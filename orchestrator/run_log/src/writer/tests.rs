@@ -20,7 +20,7 @@ fn no_chunk_spans_a_time_of_which_nothing_was_recorded() {
     let mut log = RunLogWriter::create(&path, &manifest, Compression::None)
         .unwrap()
         .in_real_time(&manifest);
-    // Chunks of 13 ticks, and nobody recorded from tick 6 to 99.
+    // Chunks of 13 ticks, and nothing recorded from tick 6 to 99.
     for tick in (0..=5).chain(100..=120) {
         let header = Header {
             tick,

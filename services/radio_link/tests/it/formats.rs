@@ -160,7 +160,7 @@ proptest! {
     }
 }
 
-/// A decoder of SBUS that nobody here wrote.
+/// A third-party decoder of SBUS.
 #[test]
 fn ten_thousand_sbus_frames_are_read_by_another_decoder() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
