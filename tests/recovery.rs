@@ -180,6 +180,32 @@ fn a_service_that_is_stopped_for_a_while_is_waited_for() {
     assert!(log(&place, "stopped") == log(&place, "undisturbed"));
 }
 
+#[test]
+fn a_stopped_service_is_named_after_five_seconds_and_waited_for_until_it_continues() {
+    let place = Place::new();
+    let mut flight = place.short_flight("stopped", 20.0, &[]);
+    let mut child = begin(flight.stderr(std::process::Stdio::piped()));
+    place.await_log("stopped", 1_000_000);
+    let estimator = await_process(child.id(), ServiceId::Estimator);
+    signal(estimator, Signal::STOP);
+    let messages = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut messages = std::io::BufRead::lines(messages).map(Result::unwrap);
+    let said = messages
+        .find(|line| line.contains("the flight waits at"))
+        .unwrap();
+    let expected = format!(
+        " s for `estimator` (process {estimator}, stopped by a signal; `kill -CONT {estimator}` continues it); \
+         Ctrl-C ends the flight"
+    );
+    assert!(said.ends_with(&expected), "{said}");
+    signal(estimator, Signal::CONT);
+    // Said once.
+    assert_eq!(messages.find(|line| line.contains("the flight waits at")), None);
+    assert!(finish(child).status.success());
+    succeed(&mut place.short_flight("undisturbed", 20.0, &["--host", "inprocess"]));
+    assert!(log(&place, "stopped") == log(&place, "undisturbed"));
+}
+
 /// The recorder does not take anything any more, so that publishers wait for room; then their consumers die.
 #[test]
 fn a_consumer_that_dies_while_its_publisher_waits_in_send_is_mended() {

@@ -11,6 +11,7 @@ use shared_types::{Schedule, Topic};
 use super::plan::MatrixCell;
 use super::undisturbed::{NotFlown, Undisturbed};
 use command_line::interrupt::Interrupt;
+use command_line::progress::Messages;
 use metrics::loss::{Loss, LossWatch};
 use metrics::summary::faults::{FaultReport, FaultWatch};
 use metrics::tracker::{Moment, Tracker};
@@ -108,7 +109,15 @@ fn as_processes(
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, FlightFailure> {
     let deployment = Deployment::default();
-    let ending = lock_step::fly(scenario, &deployment, observer, interrupt, &mut Unrecorded)?;
+    let quiet = Messages::default();
+    let ending = lock_step::fly(
+        scenario,
+        &deployment,
+        observer,
+        interrupt,
+        &quiet,
+        &mut Unrecorded,
+    )?;
     Ok(Some(ending.outcome))
 }
 

@@ -130,7 +130,14 @@ fn fly_processes(
     let ending = if arguments.host == Host::Realtime {
         real_time::fly(scenario, &deployment, sink, people, &mut record)?
     } else {
-        lock_step::fly(scenario, &deployment, sink, people.interrupt, &mut record)?
+        lock_step::fly(
+            scenario,
+            &deployment,
+            sink,
+            people.interrupt,
+            &people.messages,
+            &mut record,
+        )?
     };
     Ok(ending.with_record(record.finish()))
 }

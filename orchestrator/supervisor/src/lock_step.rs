@@ -1,5 +1,6 @@
 //! Flies a scenario as processes in lock-step: one a service, and this one, which supervises and records.
 
+mod stall;
 mod watchers;
 
 use std::sync::atomic::Ordering;
@@ -17,12 +18,14 @@ use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
+use command_line::progress::Messages;
+use stall::StallWatch;
 use watchers::Watchers;
 
 /// Period at which the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
-/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`. `messages` are shown at once.
 ///
 /// # Errors
 /// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
@@ -31,6 +34,7 @@ pub fn fly<S: TickSink>(
     deployment: &Deployment,
     sink: &mut S,
     interrupt: &Interrupt,
+    messages: &Messages,
     observer: &mut dyn SupervisionObserver,
 ) -> Result<Ending, FlightFailure>
 where
@@ -58,6 +62,8 @@ where
         supervisor,
         recorder,
         observer,
+        messages,
+        stall: StallWatch::new(started),
         watchers: Watchers::open(&context.root, &context.scenario, &context.schedule),
     };
     let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
@@ -80,6 +86,8 @@ struct Flight<'a> {
     supervisor: Supervisor<'a>,
     recorder: Recorder,
     observer: &'a mut dyn SupervisionObserver,
+    messages: &'a Messages,
+    stall: StallWatch,
     watchers: Watchers<'a>,
 }
 
@@ -122,6 +130,7 @@ impl Flight<'_> {
             } else {
                 self.supervisor.keep_standby();
             }
+            self.report_stall();
             if Instant::now() >= next_health {
                 self.supervisor.wake_all();
                 self.supervisor.remove_unfinished();
@@ -145,6 +154,18 @@ impl Flight<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Says for which service the flight waits, if it has waited for long.
+    fn report_stall(&mut self) {
+        let ticks = self.recorder.ticks();
+        let awaited = || stall::awaited(&self.supervisor, ticks);
+        if let Some(text) = self.stall.check(Instant::now(), ticks, awaited) {
+            self.watchers
+                .events
+                .keep(self.watchers.time(&self.recorder), &text);
+            self.messages.say(text);
+        }
     }
 
     fn attend_to(&mut self, event: ServiceEvent) -> Result<(), FlightFailure> {

@@ -32,7 +32,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
 
-pub use activity::Activity;
+pub use activity::{Activity, Pause};
 use managed_service::{ManagedService, Phase};
 pub use metrics::summary::restart::Restart;
 pub use process::Exit;

@@ -15,23 +15,64 @@ impl Activity {
     /// Returns the present activity of a process, if the system tells.
     #[must_use]
     pub fn of(pid: u32) -> Option<Self> {
-        let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).ok();
-        let stat = read("stat")?;
-        // The name before the state may contain anything, also parentheses.
-        let (_, fields) = stat.rsplit_once(") ")?;
-        let schedstat = read("schedstat")?;
+        let state = state_of(pid)?;
+        let schedstat = std::fs::read_to_string(format!("/proc/{pid}/schedstat")).ok()?;
         let mut times = schedstat.split_whitespace().map(str::parse);
         Some(Self {
-            is_runnable: fields.starts_with(['R', 'D']),
+            is_runnable: matches!(state, 'R' | 'D'),
             cpu_time_ns: times.next()?.ok()?,
             run_delay_ns: times.next()?.ok()?,
         })
     }
 }
 
+/// Returns the letter of a process's state (`man 5 proc_pid_stat`), if the system tells.
+fn state_of(pid: u32) -> Option<char> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The name before the state may contain anything, also parentheses.
+    let (_, fields) = stat.rsplit_once(") ")?;
+    fields.chars().next()
+}
+
+/// Reason why a process cannot run at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pause {
+    /// A signal has stopped it (SIGSTOP and the like).
+    Stopped,
+    /// A debugger has stopped it.
+    Traced,
+}
+
+impl Pause {
+    /// Returns why a process cannot run, if it cannot.
+    #[must_use]
+    pub fn of(pid: u32) -> Option<Self> {
+        match state_of(pid)? {
+            'T' => Some(Self::Stopped),
+            't' => Some(Self::Traced),
+            _ => None,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_stopped_process_is_one() {
+        let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
+        let pid = rustix::process::Pid::from_child(&child);
+        assert_eq!(Pause::of(child.id()), None);
+        rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
+        while Pause::of(child.id()).is_none() {
+            std::thread::yield_now();
+        }
+        assert_eq!(Pause::of(child.id()), Some(Pause::Stopped));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(Pause::of(child.id()), None);
+    }
 
     #[test]
     fn a_process_that_runs_is_runnable_and_uses_its_processor() {
