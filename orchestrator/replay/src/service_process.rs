@@ -137,7 +137,11 @@ impl ServiceProcess {
         let deadline = Instant::now() + BATCH_LIMIT;
         loop {
             match self.process.channel.try_receive::<ToOrchestrator>() {
-                Ok(Some(ToOrchestrator::Failed { reason })) => return Err(self.gave_up(&reason)),
+                Ok(Some(
+                    ToOrchestrator::Failed { reason }
+                    | ToOrchestrator::Refused { reason }
+                    | ToOrchestrator::Dying { reason },
+                )) => return Err(self.gave_up(&reason)),
                 Ok(Some(message)) => return Ok(message),
                 Ok(None) => {}
                 Err(ControlError::Closed) => return Err(self.died()),

@@ -132,6 +132,7 @@ fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
         Outcome::Failed(FlightFailure::Log(_) | FlightFailure::Record(_)) => Exit::NotWritten,
+        Outcome::Failed(FlightFailure::Refused(_)) => Exit::BadInput,
         outcome if was_refused(outcome) => Exit::Trouble,
         Outcome::Failed(_) => Exit::FlightFailed,
     }

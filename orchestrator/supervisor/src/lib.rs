@@ -192,6 +192,9 @@ pub enum FlightFailure {
     /// The record of the machine, `host.mcap`, cannot be written.
     #[error("the record of the machine cannot be kept: {0}")]
     Record(#[source] run_log::LogError),
+    /// No services are made of the scenario: it names a plug-in that cannot fly, for example.
+    #[error("{0}")]
+    Refused(#[source] Box<dyn Error + Send + Sync>),
     /// The machine refused something that every run needs.
     #[error("cannot set the run up: {0}")]
     Setup(#[source] Box<dyn Error + Send + Sync>),

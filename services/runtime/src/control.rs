@@ -200,6 +200,16 @@ pub enum ToOrchestrator {
         /// The reason, in words.
         reason: String,
     },
+    /// The scenario cannot be flown as it is: no service is made of it.
+    Refused {
+        /// The reason, in words.
+        reason: String,
+    },
+    /// The process is about to end by a fault of its code, and another may take its place.
+    Dying {
+        /// The fault, in words.
+        reason: String,
+    },
 }
 
 /// Failure to exchange a message.

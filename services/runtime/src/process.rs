@@ -134,11 +134,12 @@ fn live(
         doorbells,
     } = inherited;
     let line = Arc::new(channel.try_clone()?);
-    let heard = Arc::clone(&line);
+    let (heard, line_of_panics) = (Arc::clone(&line), Arc::clone(&line));
     let tell = move |reason| {
         // An orchestrator that does not receive is gone or hangs as well.
         let _ = line.try_send(&ToOrchestrator::Failed { reason });
     };
+    report_panics(line_of_panics);
     watchdog::watch_service(tell, move || heard.is_hung_up())?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A standby process stays off the services' core until it has a role.
@@ -192,6 +193,17 @@ fn live(
         Host::RealTime => launch.in_real_time(service, start, lock.as_fd(), &waiter),
         Host::Replay => launch.in_replay(service.as_mut(), waiter.channel()),
     }
+}
+
+/// Lets every panic report its words before it ends the process: an exit code says nothing.
+fn report_panics(line: Arc<Channel>) {
+    let print = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let reason = panic.payload_as_str().unwrap_or("it panicked").to_owned();
+        // An orchestrator that does not receive sees the exit code.
+        let _ = line.try_send(&ToOrchestrator::Dying { reason });
+        print(panic);
+    }));
 }
 
 /// Reports that a standby process is prepared, and again at each beat, until it gets a role. `None` if the run ends.
@@ -252,6 +264,9 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
     let message = match &error {
         ProcessError::Flight(FlightError::Stopping) => return Ok(()),
         ProcessError::Flight(FlightError::NonFinite(found)) => ToOrchestrator::NonFinite(found.clone()),
+        ProcessError::Scenario(_) => ToOrchestrator::Refused {
+            reason: resource_limits::in_words(&error),
+        },
         error => ToOrchestrator::Failed {
             reason: resource_limits::in_words(error),
         },

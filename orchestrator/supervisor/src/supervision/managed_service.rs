@@ -37,6 +37,8 @@ pub(super) struct ManagedService {
     pub(super) not_finite: Option<NonFinite>,
     /// The fault of its process, for which it is killed, to be replaced.
     pub(super) blamed: Option<String>,
+    /// The fault of its code by which its process ends, as it reported.
+    pub(super) last_words: Option<String>,
     /// The parts of its deployment that it could not have, told before it was ready: as external_services do.
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
@@ -79,6 +81,7 @@ impl ManagedService {
             slow_since: None,
             not_finite: None,
             blamed: None,
+            last_words: None,
             warnings: Vec::new(),
             remembered: Vec::new(),
         }
@@ -127,7 +130,16 @@ impl ManagedService {
                 self.phase = Phase::GivenUp;
                 ServiceEvent::Lost(FlightFailure::NonFinite(found))
             }
-            ToOrchestrator::Failed { reason } => {
+            ToOrchestrator::Dying { reason } => {
+                self.last_words = Some(presentable(&reason));
+                return None;
+            }
+            // The first process of a service speaks of the scenario, which no flight has proved yet.
+            ToOrchestrator::Refused { reason } if self.lives == 1 => {
+                self.phase = Phase::GivenUp;
+                ServiceEvent::Lost(FlightFailure::Refused(presentable(&reason).into()))
+            }
+            ToOrchestrator::Failed { reason } | ToOrchestrator::Refused { reason } => {
                 self.phase = Phase::GivenUp;
                 ServiceEvent::Lost(FlightFailure::GaveUp {
                     service: self.name.to_owned(),

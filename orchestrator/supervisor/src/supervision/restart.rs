@@ -32,6 +32,9 @@ impl Supervisor<'_> {
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
+        if let Some(words) = member.last_words.take() {
+            exit.description = words;
+        }
         if let Some(what) = member.blamed.take() {
             exit.description = format!("killed, because it {what}");
         }

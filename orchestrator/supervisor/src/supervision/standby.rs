@@ -137,7 +137,11 @@ impl Supervisor<'_> {
                     (self.standby.answered_at, self.standby.asked_at) = (Some(Instant::now()), None);
                     continue;
                 }
-                Ok(Some(ToOrchestrator::Failed { reason })) => Some(reason),
+                Ok(Some(
+                    ToOrchestrator::Failed { reason }
+                    | ToOrchestrator::Refused { reason }
+                    | ToOrchestrator::Dying { reason },
+                )) => Some(reason),
                 Ok(_) => None,
                 Err(_) => {
                     process.ends_within(AFTER_CLOSING);
