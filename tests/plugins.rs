@@ -182,7 +182,11 @@ fn what_a_library_does_wrong_in_its_step_ends_the_flight_clearly_and_the_log_is_
     succeed(&mut fly(&good, "good", &["--host", "inprocess"]));
     let expected = commands(&good, "good");
     let cases = [
-        ("return 7", "failed with 7 in its step at tick 500", true),
+        (
+            "return 7",
+            "`libpid.so` in place of `controller` returned 7 from its step at tick 500",
+            true,
+        ),
         ("command->thrust = NAN", "thrust", true),
         (
             "memset(command, 0, sizeof *command + 8)",
@@ -259,6 +263,40 @@ fn a_library_that_hangs_is_ended() {
 }
 
 #[test]
+fn a_library_that_ends_the_process_is_an_error_with_its_name() {
+    for (misconduct, claim, function) in [
+        ("exit(0)", "", "step"),
+        ("", "it.destroy = leave_at_the_end", "`destroy`"),
+    ] {
+        let place = example(misconduct, claim, &[]);
+        let said =
+            format!("the plug-in `libpid.so` in place of `controller` called `exit` in its {function}");
+        let alone = output(&mut fly(&place, "alone", &["--host", "inprocess"]));
+        assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
+        assert!(complaint(&alone).contains(&said), "{}", complaint(&alone));
+    }
+    let place = example("exit(0)", "", &[]);
+    let flown = output(&mut fly(&place, "processes", &["--restarts", "controller=1"]));
+    assert_eq!(flown.status.code(), Some(3), "{}", complaint(&flown));
+    let reason =
+        "died after tick 499: the plug-in `libpid.so` in place of `controller` called `exit` in its step";
+    assert!(complaint(&flown).contains(reason), "{}", complaint(&flown));
+}
+
+#[test]
+fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
+    let place = example("", "it.destroy = never", &[]);
+    let alone = begin(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    // The processes have flown their last ticks, and are ended.
+    succeed(&mut fly(&place, "processes", &[]));
+    let alone = finish(alone);
+    assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
+    let said = "`destroy` of the plug-in `libpid.so` in place of `controller` has not returned for 20 s";
+    assert!(complaint(&alone).contains(said), "{}", complaint(&alone));
+    assert!(log(&place, "alone") == log(&place, "processes"));
+}
+
+#[test]
 fn a_library_whose_state_is_not_what_it_says_is_found_out() {
     let death = ["--crash", "controller@705:after-step"];
     for (claim, said) in [
@@ -282,6 +320,9 @@ fn a_library_that_cannot_fly_is_refused_before_the_flight() {
         (r#"it.service = "plant""#, "it is a `plant`", &[]),
         ("it.restore = NULL", "a function of the interface is missing", &[]),
         ("it.state_size = enormous", "its state has 1048576 bytes", &[]),
+        ("it.state_size = negative", "its state has -1 bytes", &[]),
+        ("exit(0)", "called `exit` in its initialisation", &[]),
+        ("it.create = leave", "called `exit` in its `create`", &[]),
         ("it.create = refuse", "it flies on Sundays only", &[]),
         ("return NULL", "returns NULL", &[]),
     ];
@@ -298,6 +339,19 @@ fn a_library_that_cannot_fly_is_refused_before_the_flight() {
             "{claim}: {}",
             complaint(&refused)
         );
+        for host in ["inprocess", "lockstep"] {
+            let refused = output(&mut fly(
+                &place,
+                host,
+                &["--host", host, "--restarts", "controller=0"],
+            ));
+            let told = complaint(&refused);
+            let is_death = host == "lockstep" && said.contains("`exit`");
+            // A process that ends while it starts is a death, whatever the reason.
+            let code = if is_death { Some(3) } else { Some(2) };
+            assert_eq!(refused.status.code(), code, "{claim}, {host}: {told}");
+            assert!(told.contains(said), "{claim}, {host}: {told}");
+        }
     }
     let place = example("", "", &[]);
     let scenario = place.path("eight.toml");

@@ -73,6 +73,7 @@ where
             _ => Outcome::Completed,
         },
     };
+    let outcome = free(host, outcome);
     Ok(Ending {
         outcome,
         ticks: sink.ticks,
@@ -84,6 +85,15 @@ where
     })
 }
 
+/// Frees the services of a flight. One that does not return from its freeing fails a flight that was whole; the log is.
+fn free(host: InProcess, outcome: Outcome) -> Outcome {
+    drop(host);
+    match (plugin::loader::take_hung_destroy(), outcome) {
+        (Some(words), Outcome::Completed) => Outcome::Failed(FlightFailure::Plugin(words)),
+        (_, outcome) => outcome,
+    }
+}
+
 /// Returns the host of a flight of `scenario`, before its first tick.
 ///
 /// # Errors
@@ -91,7 +101,7 @@ where
 pub fn host(scenario: &Scenario) -> Result<InProcess, FlightFailure> {
     super::refuse_unsimulated_poses(scenario)?;
     let schedule = super::schedule_of(scenario)?;
-    let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
+    let services = registry::build_all(scenario).map_err(FlightFailure::Refused)?;
     Ok(InProcess::new(schedule, services))
 }
 

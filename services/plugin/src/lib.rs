@@ -11,6 +11,8 @@
 //! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
 
 pub mod abi;
+#[cfg(feature = "load")]
+mod calls;
 pub mod export;
 #[cfg(feature = "load")]
 mod float_mode;

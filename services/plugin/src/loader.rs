@@ -16,6 +16,7 @@ use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId, Topic};
 
 use crate::abi;
+use crate::calls::{self, Call};
 use crate::float_mode::FloatMode;
 use crate::guarded::Guarded;
 
@@ -77,11 +78,29 @@ struct Functions {
     destroy: unsafe extern "C" fn(*mut c_void),
 }
 
+thread_local! {
+    /// What was said of the last service of this thread whose `destroy` did not return.
+    static HUNG: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Takes the report of a service that this thread has dropped and whose `destroy` did not return, if there is one.
+#[must_use]
+pub fn take_hung_destroy() -> Option<String> {
+    HUNG.take()
+}
+
+/// A library's own service on its way to the thread that frees it.
+struct Instance(*mut c_void);
+
+// SAFETY: as for [`PluginService`].
+#[expect(unsafe_code, reason = "the library's service is behind a raw pointer")]
+unsafe impl Send for Instance {}
+
 /// Service of a library.
 struct PluginService {
     role: ServiceId,
-    /// Name of the library's file, for messages.
-    name: String,
+    /// The library and its role, for messages.
+    call: Call,
     functions: Functions,
     /// The library's own service.
     instance: *mut c_void,
@@ -101,8 +120,17 @@ unsafe impl Send for PluginService {}
 /// # Errors
 /// [`LoadError`].
 pub fn load(role: ServiceId, path: &Path, scenario: &Scenario) -> Built {
-    let plugin = open(path)?;
-    Ok(Box::new(PluginService::new(role, path, plugin, scenario)?))
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let call = Call {
+        // A library stays loaded, too.
+        library: name.into_owned().leak(),
+        role,
+        function: "initialisation",
+        is_set_up: true,
+    };
+    calls::guard_exit();
+    let plugin = call.make(|| open(path))?;
+    Ok(Box::new(PluginService::new(call, path, plugin, scenario)?))
 }
 
 /// Loads a library, for the life of the process: code of a library may not go while a thread of it is left.
@@ -192,12 +220,8 @@ fn check(role: ServiceId, plugin: &abi::Plugin) -> Result<(), String> {
 
 impl PluginService {
     #[expect(unsafe_code, reason = "the library makes its service")]
-    fn new(
-        role: ServiceId,
-        path: &Path,
-        plugin: &abi::Plugin,
-        scenario: &Scenario,
-    ) -> Result<Self, LoadError> {
+    fn new(call: Call, path: &Path, plugin: &abi::Plugin, scenario: &Scenario) -> Result<Self, LoadError> {
+        let role = call.role;
         let interface = |reason| LoadError::Interface {
             path: path.to_owned(),
             role,
@@ -215,8 +239,16 @@ impl PluginService {
         };
         let stated = SetupTexts::new(scenario);
         let mut reason = [0u8; REASON];
-        // SAFETY: the texts outlive the call, and the reason has the size that is told.
-        let instance = stated.with(|setup| unsafe { create(setup, reason.as_mut_ptr().cast(), REASON) });
+        let creation = Call {
+            function: "`create`",
+            ..call
+        };
+        let instance = creation.make(|| {
+            stated.with(|setup| {
+                // SAFETY: the texts outlive the call, and the reason has the stated size.
+                unsafe { create(setup, reason.as_mut_ptr().cast(), REASON) }
+            })
+        });
         if instance.is_null() {
             let end = reason.iter().position(|&byte| byte == 0).unwrap_or(REASON);
             let reason = String::from_utf8_lossy(&reason[..end]).into_owned();
@@ -226,12 +258,14 @@ impl PluginService {
             });
         }
         // SAFETY: the library made the instance.
-        let state_size = unsafe { state_size(instance) };
+        let state_size = creation.make(|| unsafe { state_size(instance) });
         let service = Self {
             role,
-            name: path
-                .file_name()
-                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            call: Call {
+                function: "step",
+                is_set_up: false,
+                ..call
+            },
             functions,
             instance,
             inputs: role
@@ -249,16 +283,29 @@ impl PluginService {
         };
         if state_size > MAX_STATE {
             return Err(interface(format!(
-                "its state has {state_size} bytes, and a checkpoint holds {MAX_STATE}"
+                "its state has {} bytes, and a checkpoint holds 0 to {MAX_STATE}: let `state_size` return the size of the \
+                 state",
+                // A library that returns a negative number means no size of 18 digits.
+                state_size.cast_signed()
             )));
         }
         Ok(service)
     }
 
+    fn call_in(&self, function: &'static str) -> Call {
+        Call {
+            function,
+            ..self.call
+        }
+    }
+
     /// Ends the step, and with it the process or the flight.
     #[cold]
     fn fail(&self, reason: &str) -> ! {
-        panic!("the plug-in `{}` in place of `{}` {reason}", self.name, self.role)
+        panic!(
+            "the plug-in `{}` in place of `{}` {reason}",
+            self.call.library, self.role
+        )
     }
 }
 
@@ -342,13 +389,15 @@ impl ErasedService for PluginService {
         }
         let mode = FloatMode::current();
         // SAFETY: the instance is the library's own, and all memory outlives the call.
-        let failure = unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr()) };
+        let failure = self
+            .call
+            .make(|| unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr()) });
         if FloatMode::current() != mode {
             mode.set();
             self.fail("changed the floating-point mode in its step");
         }
         if failure != 0 {
-            self.fail(&format!("failed with {failure} in its step at tick {}", now.tick));
+            self.fail(&format!("returned {failure} from its step at tick {}", now.tick));
         }
         for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
             if !place.is_intact() {
@@ -370,7 +419,8 @@ impl ErasedService for PluginService {
         let mut state = self.state.borrow_mut();
         let place = state.bytes_mut().as_mut_ptr().cast();
         // SAFETY: the place has the size that the library told.
-        unsafe { (self.functions.save)(self.instance, place) };
+        self.call_in("`save`")
+            .make(|| unsafe { (self.functions.save)(self.instance, place) });
         if !state.is_intact() {
             self.fail("wrote beyond its state");
         }
@@ -382,14 +432,25 @@ impl ErasedService for PluginService {
         let mut state = self.state.borrow_mut();
         state.bytes_mut().copy_from_slice(bytes);
         // SAFETY: these are a state's bytes, aligned to 8.
-        unsafe { (self.functions.restore)(self.instance, state.bytes().as_ptr().cast()) };
+        self.call_in("`restore`")
+            .make(|| unsafe { (self.functions.restore)(self.instance, state.bytes().as_ptr().cast()) });
     }
 }
 
 impl Drop for PluginService {
     #[expect(unsafe_code, reason = "the library frees its service")]
     fn drop(&mut self) {
-        // SAFETY: the library made the instance, and nobody uses it any more.
-        unsafe { (self.functions.destroy)(self.instance) };
+        let (instance, destroy) = (Instance(self.instance), self.functions.destroy);
+        let has_returned = self.call_in("`destroy`").make_within_limit(move || {
+            let Instance(instance) = { instance };
+            // SAFETY: the library made the instance, and no other reference to it is left.
+            unsafe { destroy(instance) };
+        });
+        if !has_returned {
+            HUNG.set(Some(format!(
+                "`destroy` of the plug-in `{}` in place of `{}` has not returned for 20 s",
+                self.call.library, self.role
+            )));
+        }
     }
 }

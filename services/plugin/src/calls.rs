@@ -1,0 +1,92 @@
+//! Calls of a library's functions: one that ends the whole process (`exit`) is an error with a name, and one that does
+//! not return from `destroy` holds nothing up for long.
+
+use std::cell::Cell;
+use std::ffi::c_int;
+use std::sync::Once;
+use std::sync::mpsc;
+use std::time::Duration;
+
+use shared_types::ServiceId;
+
+/// Time within which `destroy` must return: that of a step (`runtime::watchdog`).
+const DESTROY_LIMIT: Duration = Duration::from_secs(20);
+
+/// Exit codes of `gerono` (`gerono --help`): a scenario that cannot be flown, and a flight that failed.
+const BAD_INPUT: c_int = 2;
+const FLIGHT_FAILED: c_int = 3;
+
+/// Function of a library that this thread is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Call {
+    /// The library's file name.
+    pub library: &'static str,
+    /// The service that it is.
+    pub role: ServiceId,
+    /// The function, as in "called `exit` in its step".
+    pub function: &'static str,
+    /// `true` before the library has made its service.
+    pub is_set_up: bool,
+}
+
+thread_local! {
+    static CURRENT: Cell<Option<Call>> = const { Cell::new(None) };
+}
+
+#[expect(unsafe_code, reason = "two functions of the C library")]
+unsafe extern "C" {
+    fn atexit(callback: extern "C" fn()) -> c_int;
+    safe fn _exit(code: c_int) -> !;
+}
+
+impl Call {
+    /// Calls a function of the library.
+    #[inline]
+    pub(crate) fn make<R>(self, act: impl FnOnce() -> R) -> R {
+        CURRENT.set(Some(self));
+        let result = act();
+        CURRENT.set(None);
+        result
+    }
+
+    /// Calls `destroy` in a thread of its own. Returns `false` if it has not returned in time; then the thread is left
+    /// to itself.
+    pub(crate) fn make_within_limit(self, act: impl FnOnce() + Send + 'static) -> bool {
+        let (done, ends) = mpsc::channel();
+        let started = std::thread::Builder::new()
+            .name("destroy".to_owned())
+            .spawn(move || {
+                self.make(act);
+                // Nobody listens after the limit.
+                let _ = done.send(());
+            });
+        // Without a thread the instance is not freed, which the end of the process does.
+        started.is_err() || ends.recv_timeout(DESTROY_LIMIT) != Err(mpsc::RecvTimeoutError::Timeout)
+    }
+}
+
+/// Makes `exit` an error while a thread is in a library: the exit code 0 would claim a flight that has not ended.
+pub(crate) fn guard_exit() {
+    static GUARD: Once = Once::new();
+    #[expect(unsafe_code, reason = "a function of the C library")]
+    // SAFETY: the callback is a plain function, and never unwinds. Without room for it the guard is missing.
+    GUARD.call_once(|| unsafe {
+        let _ = atexit(at_exit);
+    });
+}
+
+/// Called by the C library at `exit`, in the thread that called it.
+extern "C" fn at_exit() {
+    let Some(call) = CURRENT.take() else { return };
+    let Call {
+        library,
+        role,
+        function,
+        is_set_up,
+    } = call;
+    // The panic's hook says it, to the orchestrator too where there is one; nothing unwinds beyond this function.
+    let _said = std::panic::catch_unwind(|| {
+        panic!("the plug-in `{library}` in place of `{role}` called `exit` in its {function}");
+    });
+    _exit(if is_set_up { BAD_INPUT } else { FLIGHT_FAILED })
+}
