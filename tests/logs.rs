@@ -36,6 +36,65 @@ fn read(log: &Path) -> (Samples, Result<(), LogReadError>) {
     }
 }
 
+/// Texts of programs below a folder, with their paths.
+fn programs(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.append(&mut programs(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            found.push((path, text));
+        }
+    }
+    found
+}
+
+#[test]
+fn no_reader_takes_an_error_for_the_end() {
+    // Each ends silently at the first error, and what was read until then counts as the whole.
+    let patterns = [
+        concat!("while let Ok", "(Some("),
+        concat!("while let Some", "(Ok("),
+        concat!("map_while", "(Result::ok)"),
+        concat!("map_while", "(|found| found.ok())"),
+    ];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let folders = ["orchestrator", "services", "shared_types", "python/src", "tests"];
+    let mut texts: Vec<_> = folders
+        .iter()
+        .flat_map(|folder| programs(&root.join(folder)))
+        .collect();
+    texts.retain(|(path, _)| !path.components().any(|part| part.as_os_str() == "target"));
+    assert!(texts.len() > 300, "only {} files", texts.len());
+    let found: Vec<_> = texts
+        .iter()
+        .filter(|(_, text)| patterns.iter().any(|pattern| text.contains(pattern)))
+        .map(|(path, _)| path)
+        .collect();
+    assert_eq!(found, Vec::<&PathBuf>::new());
+}
+
+#[test]
+fn what_is_identified_from_a_damaged_log_is_an_error() {
+    let place = Place::new();
+    succeed(&mut place.rig_flight("out", 12.0, &["--host", "inprocess", "--quiet"]));
+    let whole = output(&mut place.gerono(&["identify", "out"]));
+    assert_eq!(whole.status.code(), Some(0), "{}", complaint(&whole));
+    let mut bytes = std::fs::read(place.log("out")).unwrap();
+    let middle = bytes.len() * 9 / 10;
+    bytes[middle] ^= 1;
+    std::fs::write(place.log("out"), bytes).unwrap();
+    let damaged = output(&mut place.gerono(&["identify", "out"]));
+    assert_eq!(damaged.status.code(), Some(1), "{}", complaint(&damaged));
+    assert!(
+        damaged.stdout.is_empty() && complaint(&damaged).contains("damaged after"),
+        "{}",
+        complaint(&damaged)
+    );
+}
+
 /// A short flight's log, and what an independent reader finds in each of its chunks.
 struct Whole {
     place: Place,
@@ -85,7 +144,7 @@ impl Whole {
         let _ = std::fs::remove_file(&new);
         // Whatever it is, reading it ends.
         if let Ok(mut reader) = LogReader::open(&damaged) {
-            while let Ok(Some(_)) = reader.next_sample() {}
+            while reader.next_sample().is_ok_and(|sample| sample.is_some()) {}
         }
         let recovery = recover(&damaged, &new, Some(&self.scenario))?;
         assert!(is_whole(&new).unwrap());

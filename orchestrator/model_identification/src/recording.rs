@@ -69,14 +69,14 @@ impl Recording {
         })
     }
 
-    /// Reads a log; one that breaks off, up to there.
+    /// Reads a whole log.
     ///
     /// # Errors
-    /// [`IdentifyError`].
+    /// [`IdentifyError`], also if the log breaks off or is damaged.
     pub fn read(log: &Path) -> Result<Self, IdentifyError> {
         let mut reader = LogReader::open(log)?;
         let mut recording = Self::new(&reader.manifest().scenario)?;
-        while let Ok(Some(logged)) = reader.next_sample() {
+        while let Some(logged) = reader.next_sample()? {
             recording.observe(logged.topic, logged.bytes);
         }
         recording.complete()

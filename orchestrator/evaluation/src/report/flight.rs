@@ -57,19 +57,20 @@ impl Flight {
         let is_timed = facts.as_ref().is_some_and(|facts| facts.timing.is_some());
         let (tables, track, marks, summary, traces) = gatherer.finish();
         let marks = marks.finish(&scenario, summary.simulated_seconds);
+        let (histograms, unread) = if is_timed {
+            latency::histograms(log, &scenario, &schedule)
+        } else {
+            (Vec::new(), None)
+        };
         Ok(Self {
             label: label(log),
-            broken,
+            broken: broken.or(unread.map(|error| error.to_string())),
             tables,
             track,
             marks,
             summary,
             facts,
-            histograms: if is_timed {
-                latency::histograms(log, &scenario, &schedule)
-            } else {
-                Vec::new()
-            },
+            histograms,
             paper: paper.zip(traces),
             scenario,
         })

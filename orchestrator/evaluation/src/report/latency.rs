@@ -6,7 +6,7 @@ use scenario::Scenario;
 use serde::Serialize;
 use shared_types::{Schedule, ServiceId};
 
-use run_log::{HostReader, host_log_beside};
+use run_log::{HostReadError, HostReader, host_log_beside};
 
 /// Edges of the bins in a decade.
 const EDGES: [u64; 10] = [100, 126, 158, 200, 251, 316, 398, 501, 631, 794];
@@ -53,20 +53,33 @@ fn edges() -> impl Iterator<Item = u64> {
     (0..DECADES).flat_map(|decade| EDGES.map(|edge| edge * 10_u64.pow(decade)))
 }
 
-/// Returns the lateness and the duration of each service's steps; none of a flight in simulated time, or if what is
-/// beside the log cannot be read.
-pub(super) fn histograms(log: &Path, scenario: &Scenario, schedule: &Schedule) -> Vec<Histogram> {
-    let steps = host_log_beside(log).and_then(|path| HostReader::open(&path).ok());
+/// Returns the lateness and the duration of each service's steps, none of a flight in simulated time; and why the record of
+/// them ends early, if it does.
+pub(super) fn histograms(
+    log: &Path,
+    scenario: &Scenario,
+    schedule: &Schedule,
+) -> (Vec<Histogram>, Option<HostReadError>) {
+    let (steps, mut broken) = match host_log_beside(log)
+        .map(|path| HostReader::open(&path))
+        .transpose()
+    {
+        Ok(steps) => (steps, None),
+        Err(error) => (None, Some(error)),
+    };
     let mut late = ServiceId::ALL
         .map(|service| Histogram::new(scenario.process_name(service), "step began after its tick"));
     let mut long = ServiceId::ALL.map(|service| Histogram::new(scenario.process_name(service), "step took"));
-    for (service, step) in steps
-        .into_iter()
-        .flat_map(HostReader::steps)
-        .map_while(Result::ok)
-    {
+    for found in steps.into_iter().flat_map(HostReader::steps) {
+        let (service, step) = match found {
+            Ok(found) => found,
+            Err(error) => {
+                broken = Some(error);
+                break;
+            }
+        };
         late[service.index()].count(step.began_ns.saturating_sub(schedule.time_ns(step.tick)));
-        // Of a step in which a process died nobody knows how long it took.
+        // The duration of a step in which a process died is not recorded.
         if step.published_ns != 0 {
             long[service.index()].count(step.published_ns.saturating_sub(step.began_ns));
         }
@@ -74,7 +87,7 @@ pub(super) fn histograms(log: &Path, scenario: &Scenario, schedule: &Schedule) -
     let pairs = late.into_iter().zip(long);
     let mut histograms: Vec<_> = pairs.flat_map(|(late, long)| [late, long]).collect();
     histograms.retain(|histogram| !histogram.is_empty());
-    histograms
+    (histograms, broken)
 }
 
 #[cfg(test)]
@@ -96,13 +109,18 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_without_a_record_of_the_machine_has_none() {
+    fn a_flight_without_a_record_of_the_machine_has_none_and_a_damaged_record_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let flown = run_log::test_flight::scenario(0.001, 0.01);
         let schedule = flown.schedule().unwrap();
         let log = folder.path().join("run.mcap");
-        assert_eq!(histograms(&log, &flown, &schedule), []);
-        std::fs::write(folder.path().join("host.mcap"), "no log").unwrap();
-        assert_eq!(histograms(&log, &flown, &schedule), []);
+        let (found, broken) = histograms(&log, &flown, &schedule);
+        assert!(found.is_empty() && broken.is_none());
+        std::fs::write(folder.path().join("host.mcap"), "this is no log").unwrap();
+        let (found, broken) = histograms(&log, &flown, &schedule);
+        assert!(
+            found.is_empty() && matches!(broken, Some(HostReadError::Damaged { .. })),
+            "{broken:?}"
+        );
     }
 }
