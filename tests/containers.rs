@@ -8,76 +8,19 @@ mod common;
 use std::io::{PipeWriter, pipe};
 use std::os::fd::AsFd;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
+use common::container::{OWN_MEMORY, SHARED_MEMORY, contained, may_contain};
 use common::processes::signal;
-use common::{Begun, Place, begin, complaint, finish, output, said, scenario, until};
+use common::{Begun, Place, begin, complaint, finish, output, said, until};
 use live::Snapshot;
 use runtime::descriptors::hand_on;
 use rustix::process::Signal;
 
-/// Prepares the file system of a container: one that shares the machine's memory, and one with its own.
-const SHARED_MEMORY: &str = "true";
-const OWN_MEMORY: &str =
-    "mount -t tmpfs tmpfs /dev/shm && mount -t tmpfs -o mode=700 tmpfs \"$XDG_RUNTIME_DIR\"";
-
-/// A command in PID and mount namespaces of its own, after `preparation`.
-fn contained(place: &Place, preparation: &str, arguments: &[&str]) -> Command {
-    let plain = place.gerono(arguments);
-    let mut command = Command::new("unshare");
-    command
-        .args([
-            "--mount",
-            "--pid",
-            "--fork",
-            "--kill-child",
-            "--mount-proc",
-            "sh",
-            "-c",
-        ])
-        .arg(format!("{preparation} && exec \"$@\""))
-        .arg("sh")
-        .arg(plain.get_program())
-        .args(plain.get_args())
-        .stdin(Stdio::null());
-    if let Some(folder) = plain.get_current_dir() {
-        command.current_dir(folder);
-    }
-    for (name, value) in plain.get_envs() {
-        if let Some(value) = value {
-            command.env(name, value);
-        }
-    }
-    command
-}
-
-/// Returns whether this user may make such namespaces; says so if not.
-fn may_contain() -> bool {
-    let mut command = Command::new("unshare");
-    command.args(["--mount", "--pid", "--fork", "--mount-proc", "sh", "-c"]);
-    command.arg("mount -t tmpfs tmpfs /dev/shm");
-    let may = command.output().is_ok_and(|output| output.status.success());
-    if !may {
-        eprintln!("SKIPPED: this user may not make PID and mount namespaces");
-    }
-    may
-}
-
 /// A flight in real time in a container, as seen from the host.
 fn take_off(place: &Place, preparation: &str) -> Begun {
-    let hover = scenario("hover");
-    let arguments = [
-        "run",
-        hover.to_str().unwrap(),
-        "--host",
-        "realtime",
-        "--quiet",
-        "--out",
-        "out",
-        "--set",
-        "duration=300.0",
-    ];
-    let run = begin(&mut contained(place, preparation, &arguments));
+    let mut flight = contained(&place.live_hover("out", &["--quiet"]), preparation);
+    let run = begin(&mut flight);
     until("a flight that can be looked at from the host", || place.look());
     run
 }
@@ -158,7 +101,7 @@ fn inside_of_a_container_a_flight_outside_is_said_to_be_there_and_not_to_be_seen
         &["get"],
         &["attach", "--out", "none"],
     ] {
-        let refused = output(&mut contained(&place, SHARED_MEMORY, arguments));
+        let refused = output(&mut contained(&place.gerono(arguments), SHARED_MEMORY));
         let words = format!(
             "{}-0 is in use by processes that cannot be seen from this container",
             run.id()
@@ -181,23 +124,8 @@ fn inside_of_a_container_a_flight_outside_is_said_to_be_there_and_not_to_be_seen
 fn lose_the_orchestrator(place: &Place, preparation: &str) -> (Begun, String, PipeWriter) {
     // Process 1 of the namespaces is a shell: with the orchestrator in its place they would end with it.
     let below_a_shell = format!("{preparation} && (\"$@\" & wait); read line <&3; false");
-    let mut command = contained(
-        place,
-        &below_a_shell,
-        &[
-            "run",
-            scenario("hover").to_str().unwrap(),
-            "--host",
-            "realtime",
-            "--quiet",
-            "--out",
-            "out",
-            "--set",
-            "duration=300.0",
-            "--set",
-            "real_time.orchestrator_loss=\"continue\"",
-        ],
-    );
+    let goes_on = ["--quiet", "--set", "real_time.orchestrator_loss=\"continue\""];
+    let mut command = contained(&place.live_hover("out", &goes_on), &below_a_shell);
     let (input, holds) = pipe().unwrap();
     hand_on(&mut command, 3, [input.as_fd()]).unwrap();
     let run = begin(&mut command);

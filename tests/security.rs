@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use common::processes::{await_process, await_successor, services_of, shared_memory_of, signal};
-use common::{Begun, begin, complaint, finish, output, said, scenario, succeed, until};
+use common::{Begun, begin, complaint, finish, hover_arguments, output, said, scenario, succeed, until};
 use live::runs::SCOPE;
 use live::{Answer, Question, SOCKET, Snapshot};
 use runtime::control::{Channel, SHARED_PAGE_FD};
@@ -107,17 +107,8 @@ impl Users {
     /// A flight in real time of the owner's under way, begun under the umask that forbids nothing.
     fn take_off(&self) -> Begun {
         let hover = self.path("hover.toml");
-        let arguments = [
-            "run",
-            hover.to_str().unwrap(),
-            "--host",
-            "realtime",
-            "--quiet",
-            "--out",
-            "flight",
-        ];
-        let mut command = self.gerono(self.owner, &arguments);
-        command.args(["--set", "duration=300.0"]);
+        let mut command = self.gerono(self.owner, &hover_arguments(hover.to_str().unwrap(), "flight"));
+        command.arg("--quiet");
         let before = rustix::process::umask(Mode::empty());
         let run = begin(&mut command);
         rustix::process::umask(before);
@@ -328,7 +319,7 @@ fn root_finds_and_kills_the_run_of_a_user() {
     // Both processes are of one login where the system keeps it, and then of one person.
     let login = fs::read_to_string("/proc/self/loginuid").unwrap_or_default();
     if login.trim().parse().unwrap_or(u32::MAX) == u32::MAX {
-        // What turns motors asks whose run is meant; nobody confirms here.
+        // What turns motors asks whose run is meant; nothing confirms it here.
         let refused = output(&mut users.gerono(0, &["arm"]));
         let text = complaint(&refused);
         assert_eq!(refused.status.code(), Some(1), "{text}");

@@ -1,6 +1,7 @@
 //! Parts that the tests of real processes share: isolation, a watchdog, and the search for leftovers.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
+pub(crate) mod container;
 pub(crate) mod laboratory;
 pub(crate) mod logs;
 pub(crate) mod pilot;
@@ -29,6 +30,14 @@ const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// Services whose orchestrator was killed are waited for so long before what they leave is left.
 const SWEEPING: Duration = Duration::from_secs(20);
+
+/// Arguments of `gerono` for a hover in real time, of this scenario, for longer than any test lasts.
+pub(crate) fn hover_arguments<'a>(hover: &'a str, out: &'a str) -> [&'a str; 8] {
+    let duration = "duration=300.0";
+    [
+        "run", hover, "--host", "realtime", "--out", out, "--set", duration,
+    ]
+}
 
 /// The committed scenario of a name.
 pub(crate) fn scenario(name: &str) -> PathBuf {
@@ -107,7 +116,8 @@ impl Place {
 
     /// `gerono run` of a hover in real time for longer than any test lasts, to the folder `out`.
     pub(crate) fn live_hover(&self, out: &str, more: &[&str]) -> Command {
-        let mut command = self.live_flight("hover", out, &["duration=100.0"]);
+        let hover = scenario("hover");
+        let mut command = self.gerono(&hover_arguments(hover.to_str().unwrap(), out));
         command.args(more);
         command
     }
