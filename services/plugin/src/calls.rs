@@ -57,7 +57,7 @@ impl Call {
             .name("destroy".to_owned())
             .spawn(move || {
                 self.make(act);
-                // Nobody listens after the limit.
+                // It fails after the limit, when the receiver is gone.
                 let _ = done.send(());
             });
         // Without a thread the instance is not freed, which the end of the process does.
@@ -84,7 +84,7 @@ extern "C" fn at_exit() {
         function,
         is_set_up,
     } = call;
-    // The panic's hook says it, to the orchestrator too where there is one; nothing unwinds beyond this function.
+    // The panic hook prints the text, and sends it to the orchestrator if there is one; the panic ends here.
     let _said = std::panic::catch_unwind(|| {
         panic!("the plug-in `{library}` in place of `{role}` called `exit` in its {function}");
     });

@@ -76,7 +76,7 @@ pub(super) fn awaited(supervisor: &Supervisor<'_>, ticks: u64) -> Option<String>
         .collect();
     if causes.is_empty() {
         let cells = &supervisor.page().control_block().cells;
-        // Relaxed: whether it waits for another one is only said.
+        // Relaxed: only for a message.
         let steps = |service: shared_types::ServiceId| {
             cells[service.index()].waiting_for.load(Ordering::Relaxed) == 0
         };

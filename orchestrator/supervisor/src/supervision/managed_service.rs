@@ -134,7 +134,7 @@ impl ManagedService {
                 self.last_words = Some(presentable(&reason));
                 return None;
             }
-            // The first process of a service speaks of the scenario, which no flight has proved yet.
+            // Of a later process it is a failure in flight: the first one was made of the same scenario.
             ToOrchestrator::Refused { reason } if self.lives == 1 => {
                 self.phase = Phase::GivenUp;
                 ServiceEvent::Lost(FlightFailure::Refused(presentable(&reason).into()))
