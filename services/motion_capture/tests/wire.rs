@@ -127,7 +127,8 @@ proptest! {
 
     #[test]
     fn vrpn_poses_come_back_from_pieces_of_any_length(
-        names in prop::collection::vec(name(), 1..5),
+        // Of two trackers of one name neither has a pose.
+        names in prop::collection::hash_set(name(), 1..5).prop_map(Vec::from_iter),
         poses in prop::collection::vec((0i32..5, coordinates(), quaternion(), 0i32..4), 0..20),
         cuts in prop::collection::vec(1usize..100, 1..50),
     ) {
