@@ -5,12 +5,12 @@ use shared_types::ExternalServices;
 use super::conclusion::FlightResult;
 use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
+use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
-use supervisor::postmortem::Postmortem;
 use supervisor::real_time::{self, Clients, TakeOver};
 use supervisor::recording_sink::RecordingSink;
 
@@ -26,7 +26,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let place = live::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
-    let _postmortem = Postmortem::prepare(Host::Realtime, folder.path(), ExternalServices::default())
+    let _postmortem = Postmortem::prepare(Host::Realtime.name(), folder.path(), ExternalServices::default())
         .map_err(Failure::trouble)?;
     let flight = TakeOver::prepare(&place).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();

@@ -9,13 +9,13 @@ use shared_types::ServiceId;
 use super::conclusion::FlightResult;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run};
+use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::deployment::{Deployment, Placement};
-use supervisor::postmortem::Postmortem;
 use supervisor::real_time::Clients;
 use supervisor::recording_sink::RecordingSink;
 use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
@@ -34,7 +34,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         return Err(Failure::bad_input(problem.to_string()));
     }
     if arguments.host == Host::Realtime {
-        scenario = scenario.with_policies_of_real_time();
+        scenario = real_time::with_policies(scenario);
     }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
@@ -124,7 +124,7 @@ fn fly_processes(
     people: &Clients<'_>,
 ) -> Result<Ending, FlightFailure> {
     let mut record = host_record(folder, scenario, arguments.recording)?;
-    let _postmortem = Postmortem::prepare(arguments.host, folder.path(), scenario.external_services())
+    let _postmortem = Postmortem::prepare(arguments.host.name(), folder.path(), scenario.external_services())
         .map_err(FlightFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {

@@ -13,10 +13,10 @@ use runtime::peer::peer_credentials;
 use rustix::fs::{Mode, fchmod};
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
-use crate::postmortem::contained;
 use live::run_root::RunRoot;
 use live::runs::OrchestratorLabel;
 use live::{Answer, Question, SOCKET, may_operate};
+use postmortem::contained;
 
 /// Clients that are heard at once.
 const CLIENTS: usize = 16;

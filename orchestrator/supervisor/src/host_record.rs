@@ -15,7 +15,9 @@ use shared_types::schedule::Edge;
 use crate::Outcome;
 use crate::host_record::snapshots::Snapshots;
 use crate::real_time::StepObserver;
-use crate::supervision::{Activity, Restart, SupervisionObserver, Supervisor};
+use runtime::activity::Activity;
+
+use crate::supervision::{Restart, SupervisionObserver, Supervisor};
 use metrics::summary::timing::TimingReport;
 use run_log::{
     CaptureFigures, HostEvent, HostLogWriter, HostSample, LinkFigures, LogError, ServiceHealth, ServiceStep,

@@ -9,7 +9,6 @@ pub mod in_process;
 mod live_events;
 pub mod lock_step;
 mod newest;
-pub mod postmortem;
 pub mod real_time;
 pub mod recorder;
 pub mod recording_sink;

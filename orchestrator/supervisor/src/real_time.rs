@@ -14,10 +14,13 @@ mod heartbeat;
 mod kill_switch;
 mod laboratory;
 mod monitor;
+mod policies;
 mod recorder;
 mod shutdown;
 mod take_over;
 mod tuning;
+
+pub use policies::with_policies;
 
 use std::borrow::Cow;
 use std::sync::atomic::Ordering;

@@ -6,7 +6,6 @@
 //!
 //! In normal operation a standby process waits to take the role of the next service that dies.
 
-mod activity;
 mod external_service;
 mod managed_service;
 mod presentable;
@@ -21,6 +20,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use runtime::activity::Activity;
 use runtime::checkpoints::Checkpoints;
 use runtime::control::{ControlError, Role, Start, ToOrchestrator, ToService};
 use runtime::crash::Crash;
@@ -32,7 +32,6 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
 
-pub use activity::{Activity, Pause};
 use managed_service::{ManagedService, Phase};
 pub use metrics::summary::restart::Restart;
 pub use process::Exit;

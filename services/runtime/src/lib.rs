@@ -32,6 +32,7 @@
 //! * [`deployment`]: core, scheduler, memory, death of the parent;
 //! * [`descriptors`]: inherited file descriptors;
 //! * [`external_service`]: an external program in place of a service;
+//! * [`activity`]: whether a process could run, and how long it has;
 //! * [`flight_clock`]: ticks on the system's clock;
 //! * [`orchestrator_watchdog`] and [`take_over`]: loss of the orchestrator, and another one that takes over;
 //! * [`watchdog`]: work that takes too long;
@@ -40,6 +41,7 @@
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the control channel
 //! closes, or when its parent dies. A service stops at a number that is not finite and never publishes it.
 
+pub mod activity;
 mod atomics;
 pub mod checkpoints;
 pub mod control;

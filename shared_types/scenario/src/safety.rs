@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::input_validator::Policy;
 
 use super::{EdgeName, Scenario};
-use shared_types::service::{nanoseconds, seconds};
+use shared_types::service::nanoseconds;
 use shared_types::wiring::{ServiceId, Topic};
 
 /// Default duration of the transfer to the law's commands, s.
@@ -13,15 +13,6 @@ const RECOVER: f64 = 0.1;
 
 /// Default excess of a fresh input's age over its usual age, s.
 const GRACE: f64 = 0.1;
-
-/// In real time without a stated policy: excess of a state's age up to which the law flies on a predicted state, s.
-const PREDICTED: f64 = 0.2;
-
-/// In real time without a stated policy: excess of a state's age above which the controller levels the vehicle, s.
-const LEVELLED: f64 = 0.3;
-
-/// In real time without a stated policy: excess of a reference's age up to which it is continued along the path, s.
-const CONTINUED: f64 = 0.5;
 
 /// Policy of a service for an input whose samples are too old or impossible.
 ///
@@ -122,29 +113,6 @@ impl Scenario {
     #[must_use]
     pub fn safety_of(&self, topic: Topic, service: ServiceId) -> Option<&InputSafety> {
         self.safety.get(&format!("{topic} -> {service}"))
-    }
-
-    /// Returns the scenario for a flight in real time: the controller has a policy for its inputs also where none is
-    /// stated, because the system's clock does not wait for a service that hangs or starts again.
-    ///
-    /// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle.
-    /// While nothing is late, a policy changes no byte of a flight.
-    #[must_use]
-    pub fn with_policies_of_real_time(mut self) -> Self {
-        let above_ordinary = |scenario: &Self, topic, excess: f64| {
-            let edge = EdgeName::of(topic, ServiceId::Controller);
-            seconds(edge.map_or(0, |edge| scenario.ordinary_age_ns(edge))) + excess
-        };
-        let state = InputSafety {
-            level: Some(above_ordinary(&self, Topic::VehicleState, LEVELLED)),
-            ..InputSafety::new(above_ordinary(&self, Topic::VehicleState, PREDICTED))
-        };
-        let reference = InputSafety::new(above_ordinary(&self, Topic::PathReference, CONTINUED));
-        for (topic, policy) in [(Topic::VehicleState, state), (Topic::PathReference, reference)] {
-            let name = format!("{topic} -> {}", ServiceId::Controller);
-            self.safety.entry(name).or_insert(policy);
-        }
-        self
     }
 
     /// Returns the age up to which an input counts as fresh, ns: the scenario's value, or a tenth of a second above the

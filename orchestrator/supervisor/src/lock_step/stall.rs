@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use shared_types::service::seconds;
 
-use crate::supervision::{Pause, Supervisor};
+use crate::supervision::Supervisor;
+use runtime::activity::Pause;
 
 /// Period of the checks.
 const PERIOD: Duration = Duration::from_secs(1);

@@ -16,7 +16,7 @@ use runtime::shared_page::ControlBlock;
 use shared_types::schedule::OutageSchedule;
 use shared_types::{Schedule, ServiceId};
 
-use crate::supervision::Activity;
+use runtime::activity::Activity;
 
 /// Limits after which services that are all late at once count as hanging nevertheless.
 const GRANT: u64 = 3;

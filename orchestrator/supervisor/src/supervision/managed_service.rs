@@ -7,10 +7,11 @@ use runtime::control::{Host, ToOrchestrator};
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
+use super::ServiceEvent;
 use super::presentable::presentable;
 use super::process::Process;
-use super::{Activity, ServiceEvent};
 use crate::FlightFailure;
+use runtime::activity::Activity;
 
 /// A service of the supervisor.
 pub(super) struct ManagedService {

@@ -7,7 +7,9 @@ use runtime::control::Host;
 
 use super::managed_service::Phase;
 use super::restart_policy::{READY_LIMIT, Situation, StartingProcess, Verdict};
-use super::{Activity, Exit, STOP_LIMIT, Supervisor};
+use runtime::activity::Activity;
+
+use super::{Exit, STOP_LIMIT, Supervisor};
 use crate::FlightFailure;
 
 /// Time for which a process may live after it has closed its line: one that ends closes it a little before.

@@ -51,33 +51,6 @@ fn a_policy_for_every_input_that_has_a_use_for_it_is_accepted() {
     );
 }
 
-/// What is stated stays, and what is added is accepted as if it were stated.
-#[test]
-fn in_real_time_the_controller_has_policies_that_nothing_exceeds_without_faults() {
-    for scenario in [fig1(), rig()] {
-        let flown = scenario.clone().with_policies_of_real_time();
-        assert_eq!(flown.problems(), []);
-        assert_eq!(flown.safety.len(), 2);
-        for topic in [Topic::VehicleState, Topic::PathReference] {
-            let edge = EdgeName::of(topic, ServiceId::Controller).unwrap();
-            let policy = flown.safety_of(topic, ServiceId::Controller).unwrap();
-            let ordinary = scenario.ordinary_age_ns(edge) as f64 / 1e9;
-            assert!(policy.max_age > ordinary + 0.1, "{policy:?}");
-        }
-        let state = flown
-            .safety_of(Topic::VehicleState, ServiceId::Controller)
-            .unwrap();
-        assert!(state.level.is_some_and(|level| level > state.max_age));
-        // The motors of a vehicle in the air are stopped by a statement only.
-        assert_eq!((state.failsafe, state.jump), (None, None));
-    }
-    let stated = InputSafety::new(0.066);
-    let mut scenario = rig();
-    scenario.safety.insert(STATE.to_owned(), stated.clone());
-    let flown = scenario.with_policies_of_real_time();
-    assert_eq!(flown.safety[STATE], stated);
-}
-
 #[test]
 fn policies_of_inputs_that_there_are_not_or_that_no_policy_is_for_are_refused() {
     let policy = InputSafety::new(0.1);

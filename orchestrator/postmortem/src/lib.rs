@@ -13,6 +13,8 @@
     reason = "signal handlers and execv can only be reached by calls of libc"
 )]
 
+pub mod aftermath;
+
 use std::cell::Cell;
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -25,8 +27,6 @@ use runtime::watchdog;
 use rustix::fs::{Mode, OFlags};
 use shared_types::ExternalServices;
 use shared_types::ServiceId;
-
-use crate::host_kind::Host;
 
 /// Longest description of a cause, bytes.
 const CAUSE: usize = 1024;
@@ -68,13 +68,13 @@ impl Postmortem {
     ///
     /// # Errors
     /// If the folder's name cannot be told on a command line, or if the system has no thread left.
-    pub fn prepare(host: Host, folder: &Path, external_services: ExternalServices) -> std::io::Result<Self> {
+    pub fn prepare(host: &str, folder: &Path, external_services: ExternalServices) -> std::io::Result<Self> {
         let external_services = ServiceId::ALL
             .into_iter()
             .filter(|service| external_services[service.index()]);
         let external_services =
             external_services.flat_map(|external_service| ["--external-service", external_service.name()]);
-        let words: Result<Vec<CString>, _> = ["gerono", "postmortem", "--host", host.name()]
+        let words: Result<Vec<CString>, _> = ["gerono", "postmortem", "--host", host]
             .into_iter()
             .chain(external_services)
             .map(str::as_bytes)
@@ -259,7 +259,7 @@ thread_local! {
 }
 
 /// Runs what a client has asked for; `None` if it panicked. The flight goes on in any case.
-pub(crate) fn contained<T>(action: impl FnOnce() -> T) -> Option<T> {
+pub fn contained<T>(action: impl FnOnce() -> T) -> Option<T> {
     let outer = IS_CONTAINED.replace(true);
     let done = catch_unwind(AssertUnwindSafe(action));
     IS_CONTAINED.set(outer);
@@ -354,7 +354,7 @@ mod tests {
 
         let _turn = ONE_PLAN.lock().unwrap_or_else(PoisonError::into_inner);
         let external_services = ExternalServices::default();
-        let _plan = Postmortem::prepare(Host::Lockstep, Path::new("/nowhere"), external_services).unwrap();
+        let _plan = Postmortem::prepare("lockstep", Path::new("/nowhere"), external_services).unwrap();
         let mut command = std::process::Command::new("true");
         let hit = || {
             // The first signal is handled, and the handler is gone with it.
@@ -391,7 +391,7 @@ mod tests {
     fn a_panic_of_what_was_asked_for_ends_that_and_not_the_process() {
         let _turn = ONE_PLAN.lock().unwrap_or_else(PoisonError::into_inner);
         let prepared =
-            Postmortem::prepare(Host::Realtime, Path::new("results"), ExternalServices::default()).unwrap();
+            Postmortem::prepare("realtime", Path::new("results"), ExternalServices::default()).unwrap();
         assert_eq!(contained(|| 1), Some(1));
         assert_eq!(contained(|| -> i32 { panic!("a defect") }), None);
         assert!(!IS_CONTAINED.get());

@@ -1,0 +1,76 @@
+//! Policies of the controller's inputs where none is stated: in real time a state may be late.
+
+use scenario::{EdgeName, InputSafety, Scenario};
+use shared_types::service::seconds;
+use shared_types::{ServiceId, Topic};
+
+/// Excess of a state's age up to which the law flies on a predicted state, s.
+const PREDICTED: f64 = 0.2;
+
+/// Excess of a state's age above which the controller levels the vehicle, s.
+const LEVELLED: f64 = 0.3;
+
+/// Excess of a reference's age up to which it is continued along the path, s.
+const CONTINUED: f64 = 0.5;
+
+/// Returns the scenario for a flight in real time: the controller has a policy for its inputs also where none is
+/// stated, because the system's clock does not wait for a service that hangs or starts again.
+///
+/// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle.
+/// While nothing is late, a policy changes no byte of a flight.
+#[must_use]
+pub fn with_policies(mut scenario: Scenario) -> Scenario {
+    let above_ordinary = |scenario: &Scenario, topic, excess: f64| {
+        let edge = EdgeName::of(topic, ServiceId::Controller);
+        seconds(edge.map_or(0, |edge| scenario.ordinary_age_ns(edge))) + excess
+    };
+    let state = InputSafety {
+        level: Some(above_ordinary(&scenario, Topic::VehicleState, LEVELLED)),
+        ..InputSafety::new(above_ordinary(&scenario, Topic::VehicleState, PREDICTED))
+    };
+    let reference = InputSafety::new(above_ordinary(&scenario, Topic::PathReference, CONTINUED));
+    for (topic, policy) in [(Topic::VehicleState, state), (Topic::PathReference, reference)] {
+        let name = format!("{topic} -> {}", ServiceId::Controller);
+        scenario.safety.entry(name).or_insert(policy);
+    }
+    scenario
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STATE: &str = "vehicle/state -> controller";
+
+    fn scenario(name: &str) -> Scenario {
+        let file = format!("{}/../../scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        scenario_file::load(std::path::Path::new(&file), &[], None).unwrap()
+    }
+
+    /// What is stated stays, and what is added is accepted as if it were stated.
+    #[test]
+    fn in_real_time_the_controller_has_policies_that_nothing_exceeds_without_faults() {
+        for stated in [scenario("fig1"), scenario("fig3_6")] {
+            let flown = with_policies(stated.clone());
+            assert_eq!(flown.problems(), []);
+            assert_eq!(flown.safety.len(), 2);
+            for topic in [Topic::VehicleState, Topic::PathReference] {
+                let edge = EdgeName::of(topic, ServiceId::Controller).unwrap();
+                let policy = flown.safety_of(topic, ServiceId::Controller).unwrap();
+                let ordinary = stated.ordinary_age_ns(edge) as f64 / 1e9;
+                assert!(policy.max_age > ordinary + 0.1, "{policy:?}");
+            }
+            let state = flown
+                .safety_of(Topic::VehicleState, ServiceId::Controller)
+                .unwrap();
+            assert!(state.level.is_some_and(|level| level > state.max_age));
+            // The motors of a vehicle in the air are stopped by a statement only.
+            assert_eq!((state.failsafe, state.jump), (None, None));
+        }
+        let stated = InputSafety::new(0.066);
+        let mut scenario = scenario("fig3_6");
+        scenario.safety.insert(STATE.to_owned(), stated.clone());
+        let flown = with_policies(scenario);
+        assert_eq!(flown.safety[STATE], stated);
+    }
+}
