@@ -56,9 +56,13 @@ impl Awaited {
         if !matches!(ended, Ok(None) | Err(Errno::INTR)) {
             return false;
         }
-        let cpu_time = Activity::of(number_of(self.pid)).map(|activity| activity.cpu_time_ns);
+        let activity = Activity::of(number_of(self.pid));
+        // Kernels without these figures tell nothing, or 0.
+        let cpu_time = activity
+            .map(|activity| activity.cpu_time_ns)
+            .filter(|&time| time > 0);
         let (before, since) = self.idle;
-        if cpu_time != before {
+        if cpu_time.is_none() || cpu_time != before {
             self.idle = (cpu_time, Instant::now());
         } else if since.elapsed() > IDLE_LIMIT {
             if self.is_killed {
