@@ -408,11 +408,10 @@ impl<'a> Flight<'a> {
         }
         // What was published before a process was ready it is told; what comes later it receives by itself.
         let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
-        let restarted = supervisor
-            .restart_dead()
-            .and_then(|()| recorder.receive())
-            .and_then(|()| supervisor.resume_in_real_time(|topic, from| recorder.remembered(topic, from)));
-        if let Err(failure) = restarted {
+        // A port that fails keeps no service from flying on.
+        let restarted = supervisor.restart_dead().and(recorder.receive());
+        let resumed = supervisor.resume_in_real_time(|topic, from| recorder.remembered(topic, from));
+        if let Err(failure) = restarted.and(resumed) {
             self.fail(failure);
         }
         self.observer.changed(&self.supervisor);
