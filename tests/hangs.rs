@@ -358,10 +358,11 @@ fn a_standby_process_that_hangs_leaves_no_trace_in_the_log() {
 fn a_flight_ends_although_a_service_hangs_in_its_last_moments() {
     for service in [ServiceId::Estimator, ServiceId::RcOutput, ServiceId::Plant] {
         let place = Place::new();
-        let child = begin(&mut place.rig_flight("out", 4.0, &["--host", "realtime", "--quiet"]));
+        // Beyond the approach, in which the vehicle is fastest.
+        let child = begin(&mut place.rig_flight("out", 12.0, &["--host", "realtime", "--quiet"]));
         let orchestrator = child.id();
         let hanging = until("the last moments", || {
-            let is_last = place.look().is_some_and(|snapshot| snapshot.time > 3.85);
+            let is_last = place.look().is_some_and(|snapshot| snapshot.time > 11.85);
             is_last.then(|| pid_of(orchestrator, service)).flatten()
         });
         send(hanging, Signal::STOP);
