@@ -37,7 +37,7 @@ use zerocopy::FromZeros;
 use crate::curve::CurvePoint;
 use crate::speed_profile::{SpeedProfile, Stop};
 use crate::timing_law::PathRates;
-use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg};
+use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg, SlowDown};
 
 /// Rise after which the vehicle counts as airborne, m.
 pub const LIFTED: f64 = 0.05;
@@ -69,6 +69,8 @@ shared_types::sample! {
         pub from_world: [f64; 3],
         /// End of the segment in {I}, m.
         pub to_world: [f64; 3],
+        /// Velocity in {I} with which the vehicle was met at the begin of the segment, m/s.
+        pub met_velocity: [f64; 3],
         /// Time on the segment, s.
         pub along: f64,
         /// Rate of that time.
@@ -341,7 +343,11 @@ impl Phases {
             return;
         }
         let velocity = from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body);
-        let should_sink = memory.way == PhasesMemory::WAY_DESCENT && memory.along > DESCENT_BEGIN;
+        let slow_down = SlowDown {
+            velocity: memory.met_velocity.into(),
+        };
+        let should_sink =
+            memory.way == PhasesMemory::WAY_DESCENT && memory.along > DESCENT_BEGIN + slow_down.duration();
         let stands = should_sink
             && velocity.z < SINKING * self.stated.landing_speed
             && thrust < UNLOADED * memory.carrying_thrust;
@@ -452,26 +458,23 @@ impl Phases {
                 self.memory.ground = place[2];
             }
             FlightPhase::TakeOff => {
-                let from = sight
-                    .vehicle
-                    .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
                 if before == FlightPhase::Disarmed {
                     self.memory.airborne = true.into();
                     self.memory.carrying_thrust = sight.frame.map_or(0.0, |frame| frame.thrust);
                 }
                 if before == FlightPhase::Armed {
+                    let from = sight
+                        .vehicle
+                        .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
                     let to = from - Vector3::z() * self.stated.takeoff_height;
                     self.begin(PhasesMemory::WAY_RISE, from, to);
                 } else {
-                    self.begin(PhasesMemory::WAY_TRANSIT, from, sight.path);
+                    self.meet(PhasesMemory::WAY_TRANSIT, sight);
                 }
             }
             FlightPhase::Fly => self.memory.way = PhasesMemory::WAY_PATH,
             FlightPhase::Land if row.cause == Cause::Strayed => {
-                let from = sight
-                    .vehicle
-                    .map_or(sight.path, |vehicle| Vector3::from(vehicle.position_world));
-                self.begin(PhasesMemory::WAY_DESCENT, from, from);
+                self.meet(PhasesMemory::WAY_DESCENT, sight);
             }
             FlightPhase::Land => {
                 let is_on_path = self.memory.way == PhasesMemory::WAY_PATH;
@@ -495,6 +498,18 @@ impl Phases {
         (memory.way, memory.from_world, memory.to_world) = (way, from.into(), to.into());
         (memory.along, memory.along_rate, memory.waited) = (0.0, 1.0, 0.0);
         (memory.stopping, memory.braking) = (false.into(), false.into());
+        memory.met_velocity = [0.0; 3];
+    }
+
+    /// Begins a segment, to the path or down, where the vehicle comes to rest that is met in motion.
+    fn meet(&mut self, way: u8, sight: &PhaseInput<'_>) {
+        let Some(vehicle) = sight.vehicle else {
+            return self.begin(way, sight.path, sight.path);
+        };
+        let velocity = from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body);
+        let from = Vector3::from(vehicle.position_world) + SlowDown { velocity }.way();
+        self.begin(way, from, sight.path);
+        self.memory.met_velocity = velocity.into();
     }
 
     fn leg(&self) -> Option<Leg> {
@@ -510,6 +525,12 @@ impl Phases {
     }
 
     fn line_point(&self) -> Option<CurvePoint> {
+        let velocity = self.memory.met_velocity.into();
+        let point = self.segment_point()?;
+        Some(SlowDown { velocity }.before(point, self.memory.along))
+    }
+
+    fn segment_point(&self) -> Option<CurvePoint> {
         if self.memory.way == PhasesMemory::WAY_DESCENT {
             let descent = Descent {
                 from: self.memory.from_world.into(),

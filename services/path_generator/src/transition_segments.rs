@@ -7,6 +7,8 @@ use crate::speed_profile::{MOST_CURVED, STEEPEST, Step};
 
 /// Largest acceleration on a leg, m/s².
 const ACCELERATION: f64 = 1.0;
+/// Largest deceleration of a vehicle that is met in motion, m/s².
+const DECELERATION: f64 = 2.5;
 /// Time in which a descent reaches its speed, s.
 pub const DESCENT_BEGIN: f64 = 1.0;
 
@@ -46,6 +48,46 @@ impl Leg {
             derivative2: way * (step.curvature * rate * rate),
             derivative3: way * (step.third * rate * rate * rate),
             ..CurvePoint::at_rest(self.from)
+        }
+    }
+}
+
+/// Way on which a vehicle that is met in motion comes to rest, beside the segment that begins at its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlowDown {
+    /// The vehicle's velocity when it was met, in {I}, m/s.
+    pub velocity: Vector3<f64>,
+}
+
+impl SlowDown {
+    /// Returns its duration, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        STEEPEST * self.velocity.norm() / DECELERATION
+    }
+
+    /// Returns the whole way, m.
+    #[must_use]
+    pub fn way(&self) -> Vector3<f64> {
+        self.velocity * (0.5 * self.duration())
+    }
+
+    /// Returns a point of a segment with the rest of the way before it, some seconds after the begin of both.
+    #[must_use]
+    pub fn before(&self, point: CurvePoint, time: f64) -> CurvePoint {
+        let duration = self.duration();
+        if time >= duration {
+            return point;
+        }
+        let rate = 1.0 / duration;
+        let step = Step::at(time * rate);
+        let behind = time - duration * Step::integral(time * rate);
+        CurvePoint {
+            position: point.position + self.velocity * behind - self.way(),
+            derivative1: point.derivative1 + self.velocity * (1.0 - step.value),
+            derivative2: point.derivative2 - self.velocity * (step.slope * rate),
+            derivative3: point.derivative3 - self.velocity * (step.curvature * rate * rate),
+            ..point
         }
     }
 }
@@ -107,6 +149,26 @@ mod tests {
             prop_assert!(point.derivative2.norm() <= ACCELERATION * (1.0 + 1e-9));
             prop_assume!(leg.duration() > 0.5);
             assert_derivatives(|time| leg.at(time), time)?;
+        }
+
+        #[test]
+        fn a_vehicle_that_is_met_in_motion_is_led_from_its_place_and_velocity_to_the_segment(
+            velocity in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], share in 0.01..0.99f64,
+        ) {
+            let slow_down = SlowDown { velocity: velocity.into() };
+            prop_assume!(slow_down.duration() > 0.5);
+            let met = Vector3::new(0.3, -0.2, 0.1);
+            let leg = Leg { from: met + slow_down.way(), to: Vector3::new(1.0, 2.0, -1.0), speed: 0.4 };
+            let at = |time| slow_down.before(leg.at(time), time);
+            let begin = at(0.0);
+            prop_assert!((begin.position - met).norm() < 1e-12);
+            prop_assert!((begin.derivative1 - slow_down.velocity).norm() < 1e-12);
+            let time = share * slow_down.duration();
+            assert_derivatives(at, time)?;
+            let slowed = at(time).derivative2 - leg.at(time).derivative2;
+            prop_assert!(slowed.norm() <= DECELERATION * (1.0 + 1e-9));
+            let later = slow_down.duration() + share;
+            prop_assert_eq!(at(later), leg.at(later));
         }
 
         #[test]
