@@ -342,7 +342,7 @@ impl Phases {
         if !memory.airborne.is_set() {
             return;
         }
-        let velocity = from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body);
+        let velocity = velocity_world(vehicle);
         let slow_down = SlowDown {
             velocity: memory.met_velocity.into(),
         };
@@ -375,7 +375,7 @@ impl Phases {
         let has_stopped =
             self.memory.stopping.is_set() && self.memory.stopping_for >= self.memory.stop_duration;
         if has_stopped && self.memory.way != PhasesMemory::WAY_DESCENT {
-            let from = self.line_point().map_or(sight.path, |point| point.position);
+            let from = self.reference(sight);
             self.begin(PhasesMemory::WAY_DESCENT, from, from);
         }
     }
@@ -394,7 +394,6 @@ impl Phases {
             let position = |vehicle: &VehicleState| Vector3::from(vehicle.position_world);
             sight.vehicle.map(|vehicle| (position(vehicle) - place).norm())
         };
-        let reference = self.line_point().map_or(sight.path, |point| point.position);
         // This step sees the vehicle, and `unseen_for` is still that of the steps before.
         let is_found = memory.unseen_for > BRAKE_AFTER && sight.is_seen();
         Conditions {
@@ -410,7 +409,7 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: is_found && way_from(reference).is_some_and(|way| way > STRAYED),
+            strayed: is_found && way_from(self.reference(sight)).is_some_and(|way| way > STRAYED),
             stranded: is_found
                 && sight
                     .vehicle
@@ -506,7 +505,7 @@ impl Phases {
         let Some(vehicle) = sight.vehicle else {
             return self.begin(way, sight.path, sight.path);
         };
-        let velocity = from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body);
+        let velocity = velocity_world(vehicle);
         let from = Vector3::from(vehicle.position_world) + SlowDown { velocity }.way();
         self.begin(way, from, sight.path);
         self.memory.met_velocity = velocity.into();
@@ -522,6 +521,11 @@ impl Phases {
             to: self.memory.to_world.into(),
             speed: self.stated.takeoff_speed,
         })
+    }
+
+    /// Returns the place of the reference in {I}, m.
+    fn reference(&self, sight: &PhaseInput<'_>) -> Vector3<f64> {
+        self.line_point().map_or(sight.path, |point| point.position)
     }
 
     fn line_point(&self) -> Option<CurvePoint> {
@@ -540,6 +544,12 @@ impl Phases {
         }
         self.leg().map(|leg| leg.at(self.memory.along))
     }
+}
+
+/// Returns ṗ in {I}, m/s: (1).
+#[must_use]
+pub fn velocity_world(vehicle: &VehicleState) -> Vector3<f64> {
+    from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body)
 }
 
 /// Returns the tick of the first step of the path generator in a flight without failures.

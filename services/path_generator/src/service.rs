@@ -18,7 +18,6 @@ use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::input_validator::{
     GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
 };
-use shared_types::rotation::from_row_major;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::Input;
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
@@ -27,7 +26,7 @@ use zerocopy::FromZeros;
 
 use crate::bump::TransitionError;
 use crate::curve::{Curve, CurveError, CurvePoint};
-use crate::phases::{PathRateCommand, PhaseInput, Phases, PhasesMemory};
+use crate::phases::{PathRateCommand, PhaseInput, Phases, PhasesMemory, velocity_world};
 use crate::speed_profile::SpeedProfile;
 use crate::timing_law::{PathRates, TimingLaw};
 
@@ -250,8 +249,7 @@ impl Mover {
         match self {
             Self::TimingLaw(law) => {
                 let p = Vector3::from(vehicle.position_world);
-                let world_from_body = from_row_major(&vehicle.world_from_body);
-                let p_dot = world_from_body * Vector3::from(vehicle.velocity_body); // (1)
+                let p_dot = velocity_world(vehicle);
                 let z1 = p - point.position; // (7)
                 let z1_dot = p_dot - point.derivative1 * gamma_dot;
                 law.paced(profile, &z1, &z1_dot, gamma_dot)
