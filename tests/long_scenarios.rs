@@ -103,7 +103,7 @@ fn a_long_scenario_is_set_described_and_taken_over_in_real_time() {
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
-/// What a browser is told of the flight first.
+/// Returns the first message that a browser gets of the flight.
 fn described(view: &mut common::Begun) -> serde_json::Value {
     use std::io::{BufRead, BufReader, Write};
     let mut out = BufReader::new(view.stdout.take().unwrap());

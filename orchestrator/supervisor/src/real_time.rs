@@ -406,7 +406,7 @@ impl<'a> Flight<'a> {
         if !self.supervisor.needs_care() {
             return self.supervisor.keep_standby();
         }
-        // What was published before a process was ready it is told; what comes later it receives by itself.
+        // A process gets what was published before it was ready by message, and receives what comes later by itself.
         let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
         // A port that fails keeps no service from flying on.
         let restarted = supervisor.restart_dead().and(recorder.receive());

@@ -1,11 +1,11 @@
 //! The system as the flight meets it, which sends any numbers.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 
 use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use motion_capture::sender;
-use motion_capture::sender::server::quaternion;
+use motion_capture::sender::server::{is_there, quaternion};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::CapturePose;
@@ -167,18 +167,6 @@ fn describe(strangers: &[(Vec<u8>, i32)], bytes: &mut Vec<u8>) {
         sender::vrpn::sender(*id, name, bytes);
     }
     sender::vrpn::types(bytes);
-}
-
-/// Reads and ignores a client's messages; returns whether it is still connected.
-fn is_there(client: &mut TcpStream) -> bool {
-    let mut said = [0; 1024];
-    loop {
-        match client.read(&mut said) {
-            Ok(0) => return false,
-            Ok(_) => {}
-            Err(error) => return error.kind() == ErrorKind::WouldBlock,
-        }
-    }
 }
 
 fn object(body: &OutBody) -> Object {

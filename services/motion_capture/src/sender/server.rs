@@ -147,7 +147,8 @@ fn greeted(mut client: TcpStream, bodies: &[&str]) -> Option<TcpStream> {
 }
 
 /// Reads and ignores a client's messages; returns whether it is still connected.
-fn is_there(client: &mut TcpStream) -> bool {
+#[must_use]
+pub fn is_there(client: &mut TcpStream) -> bool {
     let mut said = [0; 1024];
     loop {
         match client.read(&mut said) {
