@@ -6,7 +6,9 @@ mod kill_switch;
 use std::fs::File;
 use std::process::Command;
 
+use common::pilot::{await_phase, wait_on_the_ground};
 use common::processes::{processes_of, signal};
+use common::terminal::Terminal;
 use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
 use live::runs::SCOPE;
 use live::{SOCKET, Snapshot};
@@ -214,5 +216,54 @@ fn programs_that_connect_and_say_nothing_keep_no_operator_out() {
     );
     assert!(look(&place, &run).unwrap().killed);
     drop(silent);
+    end(run);
+}
+
+#[test]
+fn another_login_has_to_confirm_what_turns_motors() {
+    let login = std::fs::read_to_string("/proc/self/loginuid").unwrap_or_default();
+    if !rustix::process::geteuid().is_root() || login.trim().parse().is_ok_and(|login: u32| login != u32::MAX)
+    {
+        eprintln!("SKIPPED: only root without a login can act as the `sudo` of another login");
+        return;
+    }
+    let place = Place::new();
+    let run = wait_on_the_ground(&place);
+    await_phase(&place, "disarmed");
+    let name = name_of(&run);
+    let arm = || {
+        let mut command = place.gerono(&["arm"]);
+        command.env("SUDO_UID", "65534");
+        command
+    };
+    let prompt = |terminal: &mut Terminal| {
+        terminal.await_text("[y/N]");
+        let shown = terminal.screen().text();
+        for piece in [&name, "Arm run", "started by root", "The motors may turn."] {
+            assert!(shown.contains(piece), "{piece}: {shown}");
+        }
+    };
+    // Where nobody can be asked, and where the answer is no.
+    let refused = output(&mut arm());
+    let mut terminal = Terminal::open(300, 30);
+    let mut asked = terminal.start(&mut arm());
+    prompt(&mut terminal);
+    terminal.press("\n");
+    let answered = terminal.await_exit(&mut asked);
+    for (code, shown) in [
+        (refused.status.code(), complaint(&refused)),
+        (answered.code(), terminal.screen().text()),
+    ] {
+        assert_eq!(code, Some(1), "{shown}");
+        assert!(shown.contains(&format!("gerono arm --run {name}")), "{shown}");
+    }
+    assert_eq!(place.look().unwrap().phase.as_deref(), Some("disarmed"));
+    let mut asked = terminal.start(&mut arm());
+    prompt(&mut terminal);
+    terminal.press("y\n");
+    let answered = terminal.await_exit(&mut asked);
+    assert!(answered.success(), "{}", terminal.screen().text());
+    await_phase(&place, "take-off");
+    succeed(&mut place.gerono(&["kill"]));
     end(run);
 }
