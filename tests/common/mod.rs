@@ -62,6 +62,12 @@ impl Place {
         Self { folder }
     }
 
+    /// Lets it outlive the test, so that what went wrong can be looked at.
+    pub(crate) fn keep(&mut self) -> &Path {
+        self.folder.disable_cleanup(true);
+        self.folder.path()
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }

@@ -35,8 +35,8 @@ const STRANGER_ID: i32 = 2;
 const EPOCH_NS: i64 = 1_000_000_000_000_000;
 /// Longest wait of the thread, ns.
 const WAIT_NS: u64 = 2_000_000;
-/// Time without a frame of the system that counts as the machine's fault, ns.
-const GAP_NS: u64 = 50_000_000;
+/// Longest time without a frame of the system on a machine that does not stand still, ns.
+const GAP_NS: u64 = 60_000_000;
 
 /// A frame that was served: when, and whether the vehicle's pose in it was spoiled or beside strangers.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +50,8 @@ pub(crate) struct Served {
 pub(crate) struct Record {
     /// The frames, from the begin of the plan on.
     pub(crate) served: Vec<Served>,
-    /// Longest time without a frame of the system, ns, and the sum of those that count as the machine's fault.
-    pub(crate) longest_gap_ns: u64,
-    pub(crate) machine_ns: u64,
+    /// Time at which the machine was first seen to have stood still, ns.
+    pub(crate) stood_still_ns: Option<u64>,
 }
 
 /// The ports of a proxy.
@@ -112,6 +111,11 @@ impl Adversary {
         self.began_ns.store(monotonic_ns(), Ordering::Relaxed);
     }
 
+    /// Returns whether the machine has stood still since the plan began.
+    pub(crate) fn has_stood_still(&self) -> bool {
+        self.record.lock().unwrap().stood_still_ns.is_some()
+    }
+
     /// Ends it, and returns what it has done.
     pub(crate) fn end(mut self) -> Record {
         self.stop.store(true, Ordering::Relaxed);
@@ -151,10 +155,8 @@ impl Proxy {
         source.poll(now_ns, &mut |frame| {
             if now_ns >= began_ns {
                 let mut record = record.lock().unwrap();
-                let gap_ns = came_ns.map_or(0, |came_ns| now_ns - came_ns);
-                record.longest_gap_ns = record.longest_gap_ns.max(gap_ns);
-                if gap_ns > GAP_NS {
-                    record.machine_ns += gap_ns;
+                if came_ns.is_some_and(|came_ns| now_ns - came_ns > GAP_NS) {
+                    record.stood_still_ns.get_or_insert(now_ns);
                 }
             }
             *came_ns = Some(now_ns);
