@@ -24,6 +24,7 @@ pub use track::Bounds;
 use crate::clock::{Mapped, RemoteClock};
 use crate::conventions::{Calibration, WorldPose};
 use crate::figures::Figures;
+use crate::frame_clock::FrameClock;
 use crate::wire::{Frame, LONGEST_NAME, Name, Stamp, WireBody};
 use numbering::{Numbering, Order};
 use stillness::Stillness;
@@ -31,10 +32,10 @@ use track::{PoseDecision, Tracks};
 
 /// Largest lead of a pose's capture time over its arrival, ns: an error of the clock's estimate.
 const FUTURE_NS: u64 = 1_000_000;
-/// Jitter of the arrival of packets without any other time, ns.
-const ARRIVAL_NOISE_NS: u64 = 20_000_000;
 /// Age on arrival above which the time of a pose is regarded as wrong, ns.
 const OLDEST_NS: u64 = 1_000_000_000;
+/// Frames in a row whose numbers are not where the clock has them, after which the time between frames is measured again.
+const MOST_DOUBTED: u32 = 100;
 
 /// Selector of the vehicle's body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,6 +118,9 @@ pub struct Feed {
     calibration: Calibration,
     latency_ns: u64,
     clock: RemoteClock,
+    frame_clock: FrameClock,
+    /// Frames in a row whose stamps were doubted.
+    doubted: u32,
     numbering: Numbering,
     tracks: Tracks,
     figures: Figures,
@@ -149,15 +153,13 @@ impl Feed {
             calibration,
             latency_ns: nanoseconds(stated.latency.unwrap_or(system.latency())),
             clock: RemoteClock::new(),
+            frame_clock: FrameClock::default(),
+            doubted: 0,
             numbering: Numbering::default(),
             tracks: Tracks::new(Bounds {
                 max_speed: stated.max_speed,
                 max_turn_rate: stated.max_turn_rate,
                 settle_ns: nanoseconds(stated.settle),
-                time_noise_ns: match system {
-                    CaptureSystem::ViconUdp => ARRIVAL_NOISE_NS,
-                    CaptureSystem::Vrpn | CaptureSystem::Natnet => 0,
-                },
             }),
             figures: Figures::new(stated.rate),
             counts: FeedCounts::default(),
@@ -269,17 +271,24 @@ impl Feed {
 
     /// Returns the capture time of a frame, ns of the local clock; `None` if it is not known.
     fn captured_ns(&mut self, frame: &Frame, arrived_ns: u64) -> Option<u64> {
-        let Some(stamp) = frame.stamp else {
-            return Some(arrived_ns.saturating_sub(self.latency_ns));
+        let stamp = match (frame.stamp, frame.number) {
+            (Some(stamp), _) => stamp,
+            (None, Some(number)) => self.stamp_of_number(number, arrived_ns)?,
+            // Of a body that is not seen.
+            (None, None) => return Some(arrived_ns.saturating_sub(self.latency_ns)),
         };
         match self.clock.hear(stamp.sent_ns, arrived_ns) {
-            Mapped::At(sent_ns) => self.in_order(stamp, sent_ns, arrived_ns),
+            Mapped::At(sent_ns) => {
+                self.doubted = 0;
+                self.in_order(stamp, sent_ns, arrived_ns)
+            }
             Mapped::Listening => {
                 self.counts.unsettled += 1;
                 None
             }
             Mapped::Doubted => {
                 self.counts.mistimed += 1;
+                self.doubted += 1;
                 None
             }
             Mapped::Stepped => {
@@ -288,6 +297,23 @@ impl Feed {
                 None
             }
         }
+    }
+
+    /// Returns the stamp of a frame that has only a number.
+    fn stamp_of_number(&mut self, number: u32, arrived_ns: u64) -> Option<Stamp> {
+        if self.doubted > MOST_DOUBTED {
+            // Its sender has another rate now.
+            self.frame_clock = FrameClock::default();
+            self.doubted = 0;
+        }
+        let Some(stamp_ns) = self.frame_clock.stamp(number, arrived_ns) else {
+            self.counts.unsettled += 1;
+            return None;
+        };
+        Some(Stamp {
+            exposed_ns: stamp_ns,
+            sent_ns: stamp_ns,
+        })
     }
 
     /// As [`Feed::captured_ns`], for a frame that was sent at a time of the local clock. Without frame numbers the

@@ -3,7 +3,7 @@
 //! * [`wire`]: common parts of the decoders, with the limits on input from strangers;
 //! * [`vicon_udp`], [`vrpn`], [`natnet`]: from bytes to frames of poses, pure;
 //! * [`transport`]: sockets that never block, and their descriptors for waiting;
-//! * [`clock`]: the estimate of the sender's clock;
+//! * [`clock`]: the estimate of the sender's clock, and `frame_clock`: stamps for frames that have only numbers;
 //! * [`conventions`]: from the capture system's axes to the paper's;
 //! * [`feed`]: from frames to accepted poses of the vehicle, with their capture times;
 //! * [`refusals`]: what was refused, by reason, and [`diagnosis`]: why the vehicle is not seen, in words;
@@ -19,6 +19,7 @@ mod counts;
 pub mod diagnosis;
 pub mod feed;
 pub mod figures;
+mod frame_clock;
 pub mod natnet;
 pub mod refusals;
 pub mod sender;

@@ -7,12 +7,12 @@
 use nalgebra::Matrix3;
 use shared_types::rotation::{defect, from_row_major, to_row_major};
 use shared_types::sample::{Field, Flag};
-use zerocopy::FromZeros;
 
 use super::Feed;
 use super::numbering::Numbering;
 use super::track::Place;
 use crate::clock::{ClockLine, RemoteClock};
+use crate::frame_clock::FrameClock;
 use crate::wire::CapturePose;
 
 /// Age of a memory beyond which a feed starts without it, ns.
@@ -31,6 +31,10 @@ shared_types::sample! {
         pub offset_ns: i64,
         /// Rate at which the local clock gains on the sender's.
         pub slope: f64,
+        /// Time between two frames of a sender that does not stamp them, ns; 0 while it is not known.
+        pub period_ns: f64,
+        /// Stamp that its newest frame was given, ns.
+        pub given_stamp_ns: i64,
         /// Exposure of the newest frame by the sender's clock, ns.
         pub last_stamp_ns: i64,
         /// Capture of the last accepted pose, ns.
@@ -45,6 +49,8 @@ shared_types::sample! {
         pub seen_rotation: [f64; 9],
         /// Number of the newest frame.
         pub number: u32,
+        /// Number of the frame that was given the stamp.
+        pub given_to: u32,
         /// `true` if the clock's line is known.
         pub is_timed: Flag,
         /// `true` if frames have numbers.
@@ -55,8 +61,6 @@ shared_types::sample! {
         pub is_seen: Flag,
         /// Frames in a row in which x, y, z and the heading have stood still alone.
         pub still_for: [u8; 4],
-        /// Explicit padding.
-        pub pad0: [u8; 4],
     }
 }
 
@@ -65,6 +69,7 @@ impl Feed {
     #[must_use]
     pub fn save(&self) -> FeedMemory {
         let line = self.clock.line();
+        let frame_clock = self.frame_clock.newest();
         let place = self.tracks.believed();
         let number = self.numbering.newest();
         let seen = self.stillness.last.as_ref();
@@ -73,6 +78,9 @@ impl Feed {
             arrived_ns: line.map_or(0, |line| line.arrived_ns),
             offset_ns: line.map_or(0, |line| line.offset_ns),
             slope: line.map_or(0.0, |line| line.slope),
+            period_ns: frame_clock.map_or(0.0, |(_, _, period_ns)| period_ns),
+            given_stamp_ns: frame_clock.map_or(0, |(_, stamp_ns, _)| stamp_ns),
+            given_to: frame_clock.map_or(0, |(number, _, _)| number),
             last_stamp_ns: self.last_stamp_ns,
             at_ns: place.map_or(0, |place| place.at_ns),
             position: place.map_or([0.0; 3], |place| place.position.into()),
@@ -85,7 +93,6 @@ impl Feed {
             is_timed: line.is_some().into(),
             is_numbered: number.is_some().into(),
             is_tracked: place.is_some().into(),
-            ..FeedMemory::new_zeroed()
         }
     }
 
@@ -106,6 +113,9 @@ impl Feed {
         }
         if memory.is_numbered.is_set() {
             self.numbering = Numbering::after(memory.number);
+        }
+        if memory.period_ns > 0.0 {
+            self.frame_clock = FrameClock::after(memory.given_to, memory.given_stamp_ns, memory.period_ns);
         }
         if memory.is_tracked.is_set() {
             self.tracks.restore(Place {

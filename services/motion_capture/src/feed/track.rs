@@ -35,8 +35,6 @@ pub struct Bounds {
     pub max_turn_rate: f64,
     /// Time for which poses must follow each other before they are accepted, ns.
     pub settle_ns: u64,
-    /// Excess of the time between two poses over that of their capture times, ns.
-    pub time_noise_ns: u64,
 }
 
 /// Decision on a pose for a track.
@@ -96,7 +94,7 @@ impl Place {
 
 impl Bounds {
     fn can_follow(&self, from: &Place, to: &Place) -> bool {
-        let since_ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS) + self.time_noise_ns;
+        let since_ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS);
         let reach = self.max_speed * seconds(since_ns) + POSITION_NOISE;
         let reach_of_turn = (self.max_turn_rate * seconds(since_ns)).min(LARGEST_TURN) + ATTITUDE_NOISE;
         let [way, turn] = from.way_and_turn(to);
@@ -256,7 +254,6 @@ mod tests {
                     max_speed: 10.0,
                     max_turn_rate: 35.0,
                     settle_ns: 300_000_000,
-                    time_noise_ns: 0,
                 }),
                 velocity: velocity.into(),
                 rates: rates.into(),
