@@ -201,10 +201,10 @@ fn a_state_lost_for_good_leads_through_all_stages_at_their_ages_to_motors_at_res
     for (tick, frame) in &flight.frames {
         assert_eq!(frame.failsafe.is_set(), *tick >= first_above(5000), "{tick}");
     }
-    // It does not fall before the motors rest, however long it was blind.
+    // It sinks and does not fall before the motors rest: 0.3 m/s² for the 4 s of the descent, beside what it had.
     let falls = flight.falls.iter().filter(|(tick, _)| *tick < first_above(5000));
     let fastest = falls.fold(0.0_f64, |most, (_, fall)| most.max(*fall));
-    assert!(fastest < 1.0, "{fastest} m/s");
+    assert!(fastest < 0.3 + 0.3 * 4.0, "{fastest} m/s");
 }
 
 #[test]

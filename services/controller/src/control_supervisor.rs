@@ -161,7 +161,7 @@ impl ControlSupervisor {
             observer.interrupt();
         }
         if let Some(safety) = &mut self.safety {
-            (safety.reckoned, safety.transfer) = (Reckoned::NOTHING, Transfer::NONE);
+            (safety.reckoned, safety.transfer, safety.unseen_ns) = (Reckoned::NOTHING, Transfer::NONE, 0);
         }
     }
 
@@ -176,16 +176,11 @@ impl ControlSupervisor {
         let Some(mut safety) = self.safety else {
             return self.command_by_law(now, input.state, input, telemetry);
         };
-        let ControlInput {
-            state,
-            is_new,
-            age_ns,
-            ..
-        } = *input;
+        let ControlInput { state, age_ns, .. } = *input;
         let estimate = ModelEstimate::new(&self.parameters, &self.estimates);
         let last = self.last;
-        safety.reckon(now, state, is_new, age_ns, last.as_ref(), &estimate);
-        self.stage = safety.stage(age_ns, last.as_ref());
+        safety.reckon(now, input, last.as_ref(), &estimate);
+        self.stage = safety.stage(now, input, last.as_ref());
         if self.stage != FailsafeStage::Nominal {
             safety.transfer = Transfer::NONE;
             let command = safety.command(self.stage, last.as_ref(), &estimate);

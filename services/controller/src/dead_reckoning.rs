@@ -7,8 +7,9 @@
 //! ```
 //!
 //! `push` is the acceleration that the filter saw at the last good state and that the estimates do not explain. It
-//! fades, because the estimates learn any lasting push. Ideal cameras give none: with commands of torque the push is
-//! zero.
+//! fades to its mean over the last seconds in the air, the lasting push: a law that estimates nothing leaves every error
+//! of mass and thrust to it, and without it a blind vehicle would climb or fall by that error. Ideal cameras give none:
+//! with commands of torque the push is zero.
 //!
 //! The prediction stays finite for every initial state of a flight: the rates are bounded, and the attitude is pulled
 //! back to SO(3).
@@ -29,8 +30,10 @@ use control_law::signals::{Commanded, Estimates};
 /// Longest step of the prediction, s, and most steps at once: a longer time is predicted in longer steps.
 const STEP: f64 = 0.002;
 const MOST_STEPS: f64 = 200.0;
-/// Decay of the push.
+/// Decay of the push to the lasting one.
 const PUSH_FADES: Lag = Lag::new(0.5);
+/// Mean of the lasting push: over the turbulence of a room, and short beside a flight.
+const PUSH_LASTS: Lag = Lag::new(2.0);
 /// Largest predicted body rate, each component, rad/s.
 const FASTEST_TURN: f64 = 50.0;
 
@@ -49,6 +52,8 @@ shared_types::sample! {
         pub thrust: f64,
         /// Acceleration that the estimates do not explain, in {I}, m/s².
         pub push_world: [f64; 3],
+        /// Its mean over the last seconds in the air, in {I}, m/s².
+        pub lasting_push_world: [f64; 3],
         /// `true` once there was a state to begin with.
         pub has_begun: Flag,
         /// Explicit padding.
@@ -124,9 +129,17 @@ impl DeadReckoning {
         }
     }
 
-    /// Begins at a measured state, with the last command.
+    /// Begins at a measured state, with the last command. The vehicle has been airborne for `airborne` seconds since the
+    /// state of `before`.
     #[must_use]
-    pub fn begin(&self, state: &VehicleState, last: &Commanded, estimate: &ModelEstimate) -> Reckoned {
+    pub fn begin(
+        &self,
+        before: &Reckoned,
+        state: &VehicleState,
+        last: &Commanded,
+        estimate: &ModelEstimate,
+        airborne: f64,
+    ) -> Reckoned {
         let r = rotation::from_row_major(&state.world_from_body);
         let (thrust, push) = match self.actuation {
             Actuation::Torque => (last.thrust, Vector3::zeros()),
@@ -135,6 +148,7 @@ impl DeadReckoning {
                 (state.thrust, Vector3::from(state.acceleration_world) - explained)
             }
         };
+        let lasting = Vector3::from(before.lasting_push_world);
         Reckoned {
             position_world: state.position_world,
             world_from_body: state.world_from_body,
@@ -142,6 +156,7 @@ impl DeadReckoning {
             angular_velocity_body: bounded(state.angular_velocity_body.into()).into(),
             thrust,
             push_world: push.into(),
+            lasting_push_world: between(lasting, push, PUSH_LASTS.gone(airborne)).into(),
             has_begun: true.into(),
             pad0: [0; 7],
         }
@@ -160,6 +175,7 @@ impl DeadReckoning {
         let h = elapsed / count;
         let mut motion = before.motion();
         let (mut thrust, mut push) = (before.thrust, Vector3::from(before.push_world));
+        let lasting = Vector3::from(before.lasting_push_world);
         let fading = PUSH_FADES.left(h);
         let mut left = count;
         while left >= 1.0 {
@@ -181,7 +197,7 @@ impl DeadReckoning {
                 rotation::is_rotation(&motion.world_from_body) || !rotation::is_rotation(&r),
                 "{motion:?}"
             );
-            push *= fading;
+            push = lasting + (push - lasting) * fading;
             left -= 1.0;
         }
         Reckoned {
@@ -238,6 +254,7 @@ impl Reckoned {
         angular_velocity_body: [0.0; 3],
         thrust: 0.0,
         push_world: [0.0; 3],
+        lasting_push_world: [0.0; 3],
         has_begun: Flag::CLEAR,
         pad0: [0; 7],
     };
@@ -321,6 +338,10 @@ pub(crate) mod tests {
         }
     }
 
+    fn begin(dead_reckoning: &DeadReckoning, state: &VehicleState, command: &Commanded) -> Reckoned {
+        dead_reckoning.begin(&Reckoned::NOTHING, state, command, &estimate(), 0.0)
+    }
+
     proptest! {
         /// The steps are fine enough that the division of a time into steps does not matter.
         #[test]
@@ -330,7 +351,7 @@ pub(crate) mod tests {
         ) {
             let dead_reckoning = DeadReckoning::new(&scenario(rates_mode));
             let command = command(thrust, rates);
-            let start = dead_reckoning.begin(&state(attitude, velocity, omega), &command, &estimate());
+            let start = begin(&dead_reckoning, &state(attitude, velocity, omega), &command);
             let whole = dead_reckoning.advanced(&start, &command, &estimate(), 0.1);
             let mut parts = start;
             for _ in 0..100 {
@@ -349,7 +370,7 @@ pub(crate) mod tests {
         ) {
             let dead_reckoning = DeadReckoning::new(&scenario(rates_mode));
             let command = command(thrust, rates);
-            let start = dead_reckoning.begin(&state([0.3, 0.2, 0.1], velocity, omega), &command, &estimate());
+            let start = begin(&dead_reckoning, &state([0.3, 0.2, 0.1], velocity, omega), &command);
             let end = dead_reckoning.advanced(&start, &command, &estimate(), elapsed);
             prop_assert!(shared_types::sample::Field::is_finite(&end), "{:?}", end);
             prop_assert!(rotation::defect(&rotation::from_row_major(&end.world_from_body)) < 1e-6);
@@ -360,7 +381,7 @@ pub(crate) mod tests {
     fn rates_and_thrust_follow_with_the_lags_of_the_scenario() {
         let dead_reckoning = DeadReckoning::new(&scenario(true));
         let command = command(2.5, [1.0, 0.0, 0.0]);
-        let start = dead_reckoning.begin(&state([0.0; 3], [0.0; 3], [0.0; 3]), &command, &estimate());
+        let start = begin(&dead_reckoning, &state([0.0; 3], [0.0; 3], [0.0; 3]), &command);
         let after = dead_reckoning.advanced(&start, &command, &estimate(), 0.02);
         assert!((after.angular_velocity_body[0] - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
         assert!((after.thrust - (2.5 - 0.6 * libm::exp(-0.02 / 0.03))).abs() < 1e-12);
@@ -374,11 +395,35 @@ pub(crate) mod tests {
         pushed.thrust = MASS * (GRAVITY - 0.2);
         pushed.acceleration_world = [0.6, 0.0, 0.0];
         let hover = command(pushed.thrust, [0.0; 3]);
-        let start = dead_reckoning.begin(&pushed, &hover, &estimate());
+        let start = begin(&dead_reckoning, &pushed, &hover);
         let [soon, late] = [0.01, 3.0].map(|time| dead_reckoning.advanced(&start, &hover, &estimate(), time));
         assert!((soon.velocity_world[0] - 0.006).abs() < 1e-4, "{soon:?}");
         // b̂ of 0.1 m/s² for 3 s, and 0.5 m/s² for half a second.
         assert!((late.velocity_world[0] - 0.55).abs() < 0.02, "{late:?}");
         assert!(late.velocity_world[2].abs() < 1e-9);
+    }
+    /// A push of the whole flight is no gust: it stays.
+    #[test]
+    fn an_unexplained_acceleration_that_has_lasted_stays_and_a_gust_on_top_of_it_fades() {
+        let dead_reckoning = DeadReckoning::new(&scenario(true));
+        let mut state = state([0.0; 3], [0.0; 3], [0.0; 3]);
+        state.thrust = MASS * (GRAVITY - 0.2);
+        let hover = command(state.thrust, [0.0; 3]);
+        state.acceleration_world = [0.1, 0.0, -0.5];
+        let mut reckoned = Reckoned::NOTHING;
+        for _ in 0..1000 {
+            reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), 0.02);
+        }
+        let on_the_ground = VehicleState {
+            acceleration_world: [0.0; 3],
+            thrust: 0.0,
+            ..state
+        };
+        reckoned = dead_reckoning.begin(&reckoned, &on_the_ground, &hover, &estimate(), 0.0);
+        state.acceleration_world[2] -= 0.6;
+        reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), 0.0);
+        let late = dead_reckoning.advanced(&reckoned, &hover, &estimate(), 3.0);
+        // 0.5 m/s² for 3 s, and 0.6 m/s² for half a second.
+        assert!((late.velocity_world[2] + 1.8).abs() < 0.02, "{late:?}");
     }
 }

@@ -5,13 +5,24 @@
 //! | nominal | the law's, on a predicted state ([`crate::dead_reckoning`]) if the measured one is late |
 //! | hold | the last command again: for a tenth of a second nothing is better |
 //! | level | the vehicle levels out and neither climbs nor sinks |
-//! | descend | level, it sinks at [`DESCENT`] |
+//! | descend | level, with a thrust below the weight: it goes down with [`DESCENT`] |
 //! | failsafe | the motors stop |
 //!
 //! The scenario states the stages and their ages; a stage begins when the state is *older* than its age. Level means R
 //! e3 = e3. With n = Rᵀe3 and V = 1 − e3ᵀn, the body rates ω = k (e3 × n) make V̇ = −k‖e3 × n‖²: the vehicle levels out
 //! from every attitude but upside down, and does not yaw. Attitude, rates and velocity are the predicted ones; the
-//! thrust m̂(g + b̂z + kv (vz − sink))/n3 makes vz that of the stage.
+//! thrust of the stage *level* is m̂(g + b̂z + push + kv vz)/n3, which makes vz 0.
+//!
+//! No measurement shows a blind vehicle how fast it sinks. A constant speed of descent would be that of the prediction
+//! alone: with a thrust 2.5 % above the predicted one the vehicle would climb by 0.25 m/s more every second, and one that
+//! has touched the ground meanwhile, where the prediction sinks on, would lift off again. So the stage *descend* is open
+//! loop, m̂(g + b̂z + push − a)/n3: a/g = 3 % below the weight. The vehicle goes down whatever its velocity, as long as the
+//! thrust that carried it is known to 3 %; it is measured in flight, see [`crate::dead_reckoning`]. From a height h in m,
+//! in air that does not brake, that takes √(2h/a) and ends at √(2ah): 0.95 m/s from 1.5 m. PX4 descends without a vertical
+//! velocity at the same 0.3 m/s² (`FlightTaskDescend`).
+//!
+//! **A landing** goes over to this stage early, [`COASTS`] after the cameras have lost the vehicle on its straight way
+//! down: neither the stage *level* nor the law on a predicted state is safe where the ground may hold the vehicle.
 //!
 //! Failure policy: without a last command to hold, as after a cold start of the controller, the vehicle levels out
 //! instead. Before the first good state the controller commands nothing. No stage is final: the next good state returns
@@ -26,8 +37,10 @@ use vehicle_model::rigid_body::gyroscopic_torque;
 use crate::dead_reckoning::{ModelEstimate, Reckoned};
 use control_law::signals::Commanded;
 
-/// Speed of descent, m/s.
+/// Acceleration of the descent, m/s².
 pub const DESCENT: f64 = 0.3;
+/// Time after which a landing that the cameras do not see goes over to the descent, s.
+const COASTS: f64 = 0.1;
 /// k, gain of the body rates on the tilt, 1/s.
 const LEVELLING: f64 = 5.0;
 /// kv, gain of the thrust on the vertical velocity, 1/s.
@@ -111,6 +124,19 @@ impl FailsafeStages {
             .rfind(begun)
             .map_or(FailsafeStage::Nominal, |&(stage, _)| stage)
     }
+
+    /// Returns the stage for an age, ns, on the straight way down of a landing on which the cameras have not seen the
+    /// vehicle for a time, ns.
+    #[must_use]
+    pub fn at_landing(&self, age_ns: u64, unseen_ns: u64) -> FailsafeStage {
+        let [_, _, (descend, begins), _] = self.begins;
+        let stage = self.at(age_ns);
+        if begins.is_some() && unseen_ns > nanoseconds(COASTS) {
+            stage.max(descend)
+        } else {
+            stage
+        }
+    }
 }
 
 /// Leveler of the vehicle.
@@ -131,17 +157,29 @@ impl Leveler {
         }
     }
 
-    /// Returns the command that levels a vehicle and makes it sink at `sink` m/s.
+    /// Returns the command that levels a vehicle and makes it neither climb nor sink.
     #[must_use]
-    pub fn command(&self, vehicle: &Reckoned, estimate: &ModelEstimate, sink: f64) -> Commanded {
+    pub fn level(&self, vehicle: &Reckoned, estimate: &ModelEstimate) -> Commanded {
+        let [.., vertical] = vehicle.velocity_world;
+        self.command(vehicle, estimate, -BRAKING * vertical)
+    }
+
+    /// Returns the command that levels a vehicle and makes it go down.
+    #[must_use]
+    pub fn descend(&self, vehicle: &Reckoned, estimate: &ModelEstimate) -> Commanded {
+        self.command(vehicle, estimate, DESCENT)
+    }
+
+    /// Returns the command that levels a vehicle, with an acceleration downwards, m/s².
+    fn command(&self, vehicle: &Reckoned, estimate: &ModelEstimate, down: f64) -> Commanded {
         let motion = vehicle.motion();
         let omega = motion.angular_velocity_body;
         let n = motion.world_from_body.row(2).transpose(); // Rᵀ e3
         let rates = Vector3::z().cross(&n) * LEVELLING;
         let turning = self.inertia.component_mul(&(rates - omega)) * self.turning;
         let torque = turning + gyroscopic_torque(&self.inertia, &omega);
-        let braking = BRAKING * (motion.velocity_world.z - sink);
-        let pull = GRAVITY + estimate.disturbance_world.z + braking;
+        let [.., push] = vehicle.push_world;
+        let pull = GRAVITY + estimate.disturbance_world.z + push - down;
         let thrust = estimate.mass * pull / n.z.max(LEAST_UPRIGHTNESS);
         Commanded {
             thrust: thrust.clamp(0.0, MOST_THRUST * estimate.mass * GRAVITY),
@@ -168,9 +206,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_vehicle_levels_out_from_any_tilt_and_moves_at_the_stated_speed(
+        fn the_vehicle_levels_out_from_any_tilt_and_holds_its_height_or_goes_down_ever_faster(
             tilt in 0.0..2.5f64, direction in 0.0..6.3f64, yaw in -3.0..3.0f64, vertical in -1.0..1.0f64,
-            turns in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], sink in prop_oneof![Just(0.0), Just(DESCENT)],
+            turns in [-2.0..2.0f64, -2.0..2.0f64, -2.0..2.0f64], descends in any::<bool>(),
             rates in any::<bool>(), hold in prop_oneof![Just(0.001), Just(0.022)],
         ) {
             let dead_reckoning = DeadReckoning::new(&scenario(rates));
@@ -183,16 +221,24 @@ mod tests {
             state.velocity_body = attitude.tr_mul(&Vector3::new(0.5, 0.0, vertical)).into();
             (state.angular_velocity_body, state.thrust) = (turns, 1.9);
             state.acceleration_world = (Vector3::z() * (GRAVITY + 0.3) - attitude.column(2) * (1.9 / 0.2)).into();
-            let mut vehicle = dead_reckoning.begin(&state, &Commanded::NOTHING, &BELIEVED);
-            let mut time = 0.0;
+            let mut vehicle = dead_reckoning.begin(&Reckoned::NOTHING, &state, &Commanded::NOTHING, &BELIEVED, 0.0);
+            let (mut time, mut before) = (0.0, 0.0);
             while time < 5.0 {
-                let command = leveller.command(&vehicle, &BELIEVED, sink);
+                if time < 4.0 {
+                    before = vehicle.velocity_world[2];
+                }
+                let command = if descends {
+                    leveller.descend(&vehicle, &BELIEVED)
+                } else {
+                    leveller.level(&vehicle, &BELIEVED)
+                };
                 vehicle = dead_reckoning.advanced(&vehicle, &command, &BELIEVED, hold);
                 time += hold;
             }
             let r = rotation::from_row_major(&vehicle.world_from_body);
             prop_assert!(r[(2, 2)] > 0.9999, "level: {}", r[(2, 2)]);
-            prop_assert!((vehicle.velocity_world[2] - sink).abs() < 0.02, "{:?}", vehicle.velocity_world);
+            let expected = if descends { before + DESCENT } else { 0.0 };
+            prop_assert!((vehicle.velocity_world[2] - expected).abs() < 0.02, "{:?}", vehicle.velocity_world);
         }
     }
 

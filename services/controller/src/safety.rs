@@ -5,13 +5,14 @@
 //! it keeps turning the vehicle by an error that has long been corrected.
 
 use scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
-use shared_types::samples::VehicleState;
+use shared_types::samples::{PathReference, VehicleState};
 use shared_types::service::seconds;
 use shared_types::{Now, ServiceId, Topic};
 
 use crate::bumpless_transfer::Transfer;
+use crate::control_supervisor::ControlInput;
 use crate::dead_reckoning::{DeadReckoning, ModelEstimate, Reckoned};
-use crate::failsafe::{DESCENT, FailsafeStage, FailsafeStages, Leveler};
+use crate::failsafe::{FailsafeStage, FailsafeStages, Leveler};
 use control_law::signals::Commanded;
 
 /// Policy for the vehicle's state, and its memory.
@@ -23,6 +24,8 @@ pub struct Safety {
     ordinary_age_ns: u64,
     dead_reckoning: DeadReckoning,
     leveller: Leveler,
+    /// Time for which the cameras have not seen the vehicle, ns.
+    pub unseen_ns: u64,
     /// The predicted vehicle.
     pub reckoned: Reckoned,
     /// The transfer back to the law.
@@ -41,28 +44,35 @@ impl Safety {
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             dead_reckoning,
             leveller: Leveler::new(dead_reckoning.inertia, scenario.command_hold()),
+            unseen_ns: 0,
             reckoned: Reckoned::NOTHING,
             transfer: Transfer::NONE,
         }
     }
 
-    /// Returns the stage for a state's age, ns. Without a last command to hold, the vehicle levels out instead.
-    #[must_use]
-    pub fn stage(&self, age_ns: u64, last: Option<&Commanded>) -> FailsafeStage {
-        match self.stages.at(age_ns) {
+    /// Returns the stage for the age of the state. Without a last command to hold, the vehicle levels out instead.
+    pub fn stage(&mut self, now: &Now, input: &ControlInput<'_>, last: Option<&Commanded>) -> FailsafeStage {
+        self.unseen_ns = if input.state.coasting.is_set() {
+            self.unseen_ns.saturating_add(now.elapsed_ns)
+        } else {
+            0
+        };
+        let stage = if leads_straight_down(input.reference) {
+            self.stages.at_landing(input.age_ns, self.unseen_ns)
+        } else {
+            self.stages.at(input.age_ns)
+        };
+        match stage {
             FailsafeStage::Hold if last.is_none() => FailsafeStage::Level,
             stage => stage,
         }
     }
 
-    /// Predicts the vehicle's state at present: from the last good state, if it `is_new`, else from the last
-    /// prediction.
+    /// Predicts the vehicle's state at present: from the last good state, if it is new, else from the last prediction.
     pub fn reckon(
         &mut self,
         now: &Now,
-        state: &VehicleState,
-        is_new: bool,
-        age_ns: u64,
+        input: &ControlInput<'_>,
         last: Option<&Commanded>,
         estimate: &ModelEstimate,
     ) {
@@ -71,9 +81,12 @@ impl Safety {
             ..Commanded::NOTHING
         };
         let last = last.unwrap_or(&hover);
-        if is_new || !self.reckoned.has_begun.is_set() {
-            self.reckoned = self.dead_reckoning.begin(state, last, estimate);
-            let late_ns = age_ns.saturating_sub(self.ordinary_age_ns);
+        if input.is_new || !self.reckoned.has_begun.is_set() {
+            let airborne = if input.teaches { now.elapsed() } else { 0.0 };
+            self.reckoned = self
+                .dead_reckoning
+                .begin(&self.reckoned, input.state, last, estimate, airborne);
+            let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
             self.pass(late_ns, last, estimate);
         } else {
             self.pass(now.elapsed_ns, last, estimate);
@@ -108,8 +121,8 @@ impl Safety {
     ) -> Commanded {
         match stage {
             FailsafeStage::Nominal | FailsafeStage::Hold => last.copied().unwrap_or(Commanded::NOTHING),
-            FailsafeStage::Level => self.leveller.command(&self.reckoned, estimate, 0.0),
-            FailsafeStage::Descend => self.leveller.command(&self.reckoned, estimate, DESCENT),
+            FailsafeStage::Level => self.leveller.level(&self.reckoned, estimate),
+            FailsafeStage::Descend => self.leveller.descend(&self.reckoned, estimate),
             FailsafeStage::Failsafe => Commanded::NOTHING,
         }
     }
@@ -132,4 +145,10 @@ impl Safety {
         };
         self.transfer.command(law)
     }
+}
+
+/// Returns whether a reference leads the vehicle straight down to land.
+fn leads_straight_down(reference: &PathReference) -> bool {
+    let [x, y, z] = reference.derivative1_world;
+    reference.phase == PathReference::PHASE_LAND && x == 0.0 && y == 0.0 && z > 0.0
 }

@@ -84,6 +84,8 @@ shared_types::sample! {
         pub reckoned: Reckoned,
         /// The transfer back to the law.
         pub transfer: Transfer,
+        /// Time for which the cameras have not seen the vehicle, ns; 0 without a policy.
+        pub unseen_ns: u64,
         /// `true` if the observer has a last sample.
         pub observer_has_seen: Flag,
         /// `true` if there was a last command.
@@ -254,6 +256,7 @@ impl Service for ControllerService {
                 .safety
                 .map_or(Reckoned::NOTHING, |safety| safety.reckoned),
             transfer: supervisor.safety.map_or(Transfer::NONE, |safety| safety.transfer),
+            unseen_ns: supervisor.safety.map_or(0, |safety| safety.unseen_ns),
             observer_has_seen: seen.is_some().into(),
             has_last: supervisor.last.is_some().into(),
             stage: supervisor.stage.code(),
@@ -280,6 +283,7 @@ impl Service for ControllerService {
         supervisor.stage = FailsafeStage::from_code(state.stage);
         if let Some(safety) = &mut supervisor.safety {
             (safety.reckoned, safety.transfer) = (state.reckoned, state.transfer);
+            safety.unseen_ns = state.unseen_ns;
         }
         if let Some(rate_controller) = &mut supervisor.rate_controller {
             rate_controller.memory = RateControllerState {
