@@ -21,7 +21,7 @@
 //! in air that does not brake, that takes √(2h/a) and ends at √(2ah): 0.95 m/s from 1.5 m. PX4 descends without a vertical
 //! velocity at the same 0.3 m/s² (`FlightTaskDescend`).
 //!
-//! **A landing** goes over to this stage early, [`COASTS`] after the cameras have lost the vehicle on its straight way
+//! **A landing** goes over to this stage early, `COASTS` after the cameras have lost the vehicle on its straight way
 //! down: neither the stage *level* nor the law on a predicted state is safe where the ground may hold the vehicle.
 //!
 //! Failure policy: without a last command to hold, as after a cold start of the controller, the vehicle levels out

@@ -25,6 +25,7 @@
 //! * [`motion`]: the nominal state and its step;
 //! * [`error_state`]: the transition of its error, and the process noise;
 //! * [`filter_state`]: nominal state and covariance together: propagation and the use of a pose;
+//! * [`ground_contact`]: the touch-down of a vehicle that has flown;
 //! * [`scatter`]: the noise of the cameras, if it is more than stated;
 //! * [`filter`]: selection of captures, restarts of the filter, prediction.
 
@@ -34,6 +35,7 @@ pub mod commands;
 pub mod error_state;
 pub mod filter;
 pub mod filter_state;
+pub mod ground_contact;
 pub mod motion;
 pub mod scatter;
 mod state;

@@ -8,6 +8,9 @@ use shared_types::service::seconds;
 /// Capacity of the history, commands.
 pub const CAPACITY: usize = 64;
 
+/// Longest step of a propagation, ns.
+const LONGEST_STEP_NS: u64 = 2_000_000;
+
 /// Largest magnitude of a number in a flight, SI units; powers and products of several such numbers stay finite.
 pub(super) const LARGEST: f64 = 1e9;
 
@@ -32,6 +35,17 @@ pub struct Segment {
     pub to_ns: u64,
     /// The command.
     pub command: Command,
+}
+
+/// Command over steps of equal length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// The command.
+    pub command: Command,
+    /// Number of steps.
+    pub steps: u64,
+    /// Length of a step, s.
+    pub h: f64,
 }
 
 /// Commands that act or are under way, oldest first. The first is assumed to have acted ever before.
@@ -185,6 +199,19 @@ impl CommandHistory {
                 command,
             })
             .filter(|segment| segment.from_ns < segment.to_ns)
+    }
+
+    /// Returns these commands with the steps of a propagation between the two times.
+    pub fn stretches(&self, from_ns: u64, to_ns: u64) -> impl Iterator<Item = Stretch> {
+        self.segments(from_ns, to_ns).map(|segment| {
+            let length_ns = segment.to_ns - segment.from_ns;
+            let steps = length_ns.div_ceil(LONGEST_STEP_NS);
+            Stretch {
+                command: segment.command,
+                steps,
+                h: seconds(length_ns) / steps as f64,
+            }
+        })
     }
 
     fn newest(&self) -> &Command {

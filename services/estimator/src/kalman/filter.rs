@@ -18,7 +18,10 @@
 //!   link can carry;
 //! * while the vehicle stands on the ground, as a flight with phases begins and ends, the filter starts from every
 //!   capture: the ground's support is no disturbance, and people may carry the vehicle about;
-//! * without a capture used for two periods of the cameras and their latency the state coasts;
+//! * a vehicle that has flown and touches the ground stands there until its thrust lifts it or it is seen to move:
+//!   [`ground_contact`](super::ground_contact);
+//! * without a capture used for two periods of the cameras and their latency the state coasts, and so it does while
+//!   captures come more than 0.1 s late;
 //! * without one for [`coast`](Kalman::coast) the prediction continues, but no longer counts as tracked; when
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture restarts
 //!   the filter.
@@ -34,6 +37,7 @@ use super::attitude_trust::AttitudeTrust;
 use super::commands::{CAPACITY, CommandHistory};
 use super::error_state::ProcessNoise;
 use super::filter_state::{FilterState, Innovation, MEASURED, MarkerOffset, Pose, PoseNoise, ProcessModel};
+use super::ground_contact::{Ground, Rest};
 use super::motion::{Actuation, VehicleModel};
 use super::scatter::Scatter;
 use crate::source::{Estimate, is_pose};
@@ -48,6 +52,9 @@ const TURN_KNOWN_NS: u64 = 250_000_000;
 /// Time after the first start in which the rate bias, and with it the predicted attitude, is not known well, ns. A
 /// restart keeps the bias.
 const SETTLED_NS: u64 = 2_000_000_000;
+/// Lateness of captures above which the state coasts, ns: so far predicted, the law of a landing acts on a ground that the
+/// vehicle has met long ago.
+const LATE_NS: u64 = 100_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
 
@@ -81,6 +88,8 @@ pub struct KalmanFilter {
     coast_ns: u64,
     /// Time without a capture after which one must be missing, ns.
     patience_ns: u64,
+    /// Age of the newest exposure after which captures are late, ns.
+    oldest_ns: u64,
     prediction: bool,
     /// Largest thrust (N) and body rates (rad/s) that the link can carry.
     most_sent: [f64; 4],
@@ -121,6 +130,17 @@ pub(super) struct Track {
     pub started_ns: u64,
     /// The last attitude that the vehicle can have reached.
     pub trust: AttitudeTrust,
+    /// The ground, as far as the captures show it.
+    pub ground: Ground,
+}
+
+impl Track {
+    /// Begins the comparison of rest and free flight at a capture, if it has to begin again.
+    fn compare_rest(&mut self, exposure_ns: u64, pose: &Pose) {
+        if self.ground.rest.captures == Rest::OVER {
+            self.ground.rest = Rest::new(exposure_ns, pose, &self.state.nominal);
+        }
+    }
 }
 
 impl KalmanFilter {
@@ -136,6 +156,7 @@ impl KalmanFilter {
         let has_ground = scenario.flight.is_some();
         Ok(Self {
             patience_ns: longest_gap_ns(scenario, &schedule),
+            oldest_ns: longest_gap_ns(scenario, &schedule) + usual_latency_ns(scenario, &model) + LATE_NS,
             process: ProcessModel {
                 vehicle: VehicleModel::new(&model),
                 noise: ProcessNoise::new(kalman),
@@ -223,6 +244,9 @@ impl KalmanFilter {
         let history = &mut self.memory.history;
         let turn_if_missed = history.turn_if_missed(track.state.time_ns, exposure_ns);
         track.state.propagate(exposure_ns, &self.process, history);
+        if self.has_ground && track.ground.has_flown {
+            track.ground.rest.fly(exposure_ns, &self.process.vehicle, history);
+        }
         history.forget_before(exposure_ns);
         let predicted = track.state.nominal.world_from_body;
         let flies = !track.state.stands && !self.has_come_to_rest(exposure_ns);
@@ -238,6 +262,15 @@ impl KalmanFilter {
         if self.is_lost(now_ns) {
             return self.restart(now_ns, exposure_ns, &pose, &track.state);
         }
+        if self.has_ground && track.ground.has_flown && !self.has_come_to_rest(exposure_ns) {
+            if self.touches_down(&pose, &mut track) {
+                return self.land(now_ns, exposure_ns, &pose, &track);
+            }
+            if track.state.stands {
+                return self.restart(now_ns, exposure_ns, &pose, &track.state);
+            }
+        }
+        track.ground.observe_rise(&pose.position_world);
         let (residual, stated) = (track.state.residual(&pose), self.pose_noise);
         let scatter = &mut self.memory.scatter;
         scatter.observe(&residual, &track.state.pose_covariance(), stated);
@@ -267,6 +300,7 @@ impl KalmanFilter {
             track.refused_since_ns = None;
             let corrected = &track.state.nominal.world_from_body;
             track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
+            track.compare_rest(exposure_ns, &pose);
             self.memory.track = Some(track);
             return Outcome::Used(innovation.whitened());
         }
@@ -275,8 +309,30 @@ impl KalmanFilter {
             return self.restart(now_ns, exposure_ns, &pose, &track.state);
         }
         track.trust = AttitudeTrust::new(exposure_ns, &predicted, &pose.world_from_body);
+        track.compare_rest(exposure_ns, &pose);
         self.memory.track = Some(track);
         self.refuse()
+    }
+
+    /// Returns whether a capture shows that the ground holds the vehicle, which has flown.
+    fn touches_down(&self, pose: &Pose, track: &mut Track) -> bool {
+        let rest = &mut track.ground.rest;
+        if track.state.stands {
+            rest.holds(pose, self.noise())
+        } else {
+            rest.observe(pose, self.noise())
+        }
+    }
+
+    /// Starts from a capture of a vehicle that the ground holds, with what was known of it in flight.
+    fn land(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, track: &Track) -> Outcome {
+        let flight = &track.ground.rest.free;
+        let state = track.state.landed(exposure_ns, pose, self.noise(), flight);
+        self.start(now_ns, state);
+        if let Some(landed) = &mut self.memory.track {
+            landed.ground = track.ground;
+        }
+        Outcome::Started
     }
 
     /// Returns the noise of measured poses, as far as it is known.
@@ -313,8 +369,11 @@ impl KalmanFilter {
     /// Returns whether due captures are missing, so that the state is predicted further than usual.
     #[must_use]
     pub fn is_coasting(&self, now_ns: u64) -> bool {
-        self.unseen_for_ns(now_ns)
-            .is_some_and(|unseen| unseen > self.patience_ns)
+        let is_late = |track: &Track| now_ns.saturating_sub(track.state.time_ns) > self.oldest_ns;
+        let is_silent = self
+            .unseen_for_ns(now_ns)
+            .is_some_and(|unseen| unseen > self.patience_ns);
+        is_silent || self.memory.track.as_ref().is_some_and(is_late)
     }
 
     /// Returns the number of captures refused since the start of the flight.
@@ -344,7 +403,7 @@ impl KalmanFilter {
     fn start_from(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose) -> Outcome {
         let actuation = Actuation::settled(self.memory.history.acting(exposure_ns));
         let offset = self.process.marker_offset;
-        let state = if self.has_ground && self.process.vehicle.is_held(&actuation) {
+        let state = if self.has_ground && self.process.vehicle.is_held(&actuation, 0.0) {
             FilterState::standing(exposure_ns, pose, self.noise(), offset, actuation)
         } else {
             FilterState::from_pose(exposure_ns, pose, self.noise(), offset, actuation)
@@ -389,9 +448,14 @@ impl KalmanFilter {
         self.memory.scatter.innovation = SVector::zeros();
         let attitude = &state.nominal.world_from_body;
         let first = self.memory.track.map(|track| track.started_ns);
+        let mut ground = Ground::new(state.time_ns, &state.nominal, state.stands);
+        if let (false, Some(before)) = (state.stands, &self.memory.track) {
+            (ground.stood_z, ground.has_flown) = (before.ground.stood_z, before.ground.has_flown);
+        }
         self.memory.track = Some(Track {
             started_ns: first.unwrap_or(state.time_ns),
             trust: AttitudeTrust::new(state.time_ns, attitude, attitude),
+            ground,
             state,
             used_at_ns: now_ns,
             refused_since_ns: None,
@@ -430,7 +494,11 @@ fn estimate_of(state: &FilterState, vehicle: &VehicleModel) -> Estimate {
         position_world: nominal.tracked_point().into(),
         world_from_body: to_row_major(&nominal.world_from_body),
         velocity_body: nominal.world_from_body.tr_mul(&nominal.velocity_world).into(),
-        angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
+        angular_velocity_body: if state.stands {
+            [0.0; 3]
+        } else {
+            (nominal.actuation.rates_body + nominal.rate_bias_body).into()
+        },
         acceleration_world: if state.stands {
             [0.0; 3]
         } else {
@@ -468,6 +536,12 @@ fn check_history(scenario: &Scenario, schedule: &Schedule, model: &Model) -> Res
         "shorten this latency, that of `mocap/pose -> estimator`, `model.capture_latency` or the period of \
          `mocap/pose`, or give `rc/frame` a longer period",
     ))
+}
+
+/// Returns the usual age of an exposure when its capture arrives from the cameras, ns.
+fn usual_latency_ns(scenario: &Scenario, model: &Model) -> u64 {
+    let believed_ns = nanoseconds(model.capture_latency.unwrap_or(0.0));
+    scenario.capture_latency_ns().max(believed_ns)
 }
 
 /// Returns the number of commands that act, or are sent and will, between the last capture and the time of the

@@ -1,20 +1,17 @@
 //! Mean and covariance together: propagation over the sent frames, and correction by a pose.
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
-use scenario::{Kalman, Model};
+use scenario::{GRAVITY, Kalman, Model};
 use shared_types::rotation::{exp, is_rotation, orthonormalized, skew};
 use shared_types::service::seconds;
 
 use super::attitude::log;
-use super::commands::CommandHistory;
+use super::commands::{CommandHistory, Stretch};
 use super::error_state::{
     ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, MARKER_OFFSET, POSITION, ProcessNoise, RATE_BIAS,
     VELOCITY, add_to_diagonal, is_symmetric, symmetrized,
 };
 use super::motion::{Actuation, NominalState, VehicleModel};
-
-/// Longest step of the propagation, ns.
-const LONGEST_STEP_NS: u64 = 2_000_000;
 
 /// Size of a measurement: position and attitude.
 pub const MEASURED: usize = 6;
@@ -29,6 +26,9 @@ const INITIAL_DISTURBANCE_DEVIATION: f64 = 5.0;
 
 /// Standard deviation of each component of the velocity of a vehicle on the ground, which people may push, m/s.
 const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
+
+/// Standard deviations of d by which a vehicle on the ground may be lighter than estimated.
+const PULL_DEVIATIONS: f64 = 3.0;
 
 /// A pose of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -219,6 +219,30 @@ impl FilterState {
         state
     }
 
+    /// Makes the state of a vehicle that has come down to the ground at a pose. ω_bias, d and r are those of `flight`, the
+    /// vehicle in flight: they hold again when it lifts off.
+    #[must_use]
+    pub fn landed(&self, time_ns: u64, pose: &Pose, noise: PoseNoise, flight: &NominalState) -> Self {
+        let known = MarkerOffset {
+            body: Vector3::zeros(),
+            variance: 0.0,
+        };
+        let mut state = Self::standing(time_ns, pose, noise, known, self.nominal.actuation);
+        state.keep_slow(flight, &self.covariance);
+        state.referred_to_center()
+    }
+
+    /// Takes over ω_bias, d and r, with their covariance.
+    fn keep_slow(&mut self, nominal: &NominalState, covariance: &Covariance) {
+        self.nominal.marker_offset_body = nominal.marker_offset_body;
+        self.nominal.rate_bias_body = nominal.rate_bias_body;
+        self.nominal.disturbance_world = nominal.disturbance_world;
+        let slow = covariance.fixed_view::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS);
+        self.covariance
+            .fixed_view_mut::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS)
+            .copy_from(&slow);
+    }
+
     /// Makes the state of a pose after the vehicle was lost: as of the first one, but ω_bias, d and r are kept, with their
     /// possible drift since.
     #[must_use]
@@ -240,14 +264,7 @@ impl FilterState {
             variance: 0.0,
         };
         let mut state = Self::from_pose(time_ns, pose, noise, known, actuation);
-        state.nominal.marker_offset_body = self.nominal.marker_offset_body;
-        state.nominal.rate_bias_body = self.nominal.rate_bias_body;
-        state.nominal.disturbance_world = self.nominal.disturbance_world;
-        let slow = self.covariance.fixed_view::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS);
-        state
-            .covariance
-            .fixed_view_mut::<SLOW, SLOW>(RATE_BIAS, RATE_BIAS)
-            .copy_from(&slow);
+        state.keep_slow(&self.nominal, &self.covariance);
         let gone = seconds(time_ns.saturating_sub(self.time_ns));
         process.noise.add_drift_to(&mut state.covariance, gone);
         state.referred_to_center()
@@ -259,18 +276,16 @@ impl FilterState {
         if to_ns <= self.time_ns {
             return;
         }
-        for segment in history.segments(self.time_ns, to_ns) {
-            let length_ns = segment.to_ns - segment.from_ns;
-            let steps = length_ns.div_ceil(LONGEST_STEP_NS);
-            let h = seconds(length_ns) / steps as f64;
+        let pull = self.pull();
+        for Stretch { command, steps, h } in history.stretches(self.time_ns, to_ns) {
             for _ in 0..steps {
                 if self.stands {
                     let actuation = &mut self.nominal.actuation;
-                    *actuation = process.vehicle.actuated(actuation, &segment.command, h);
-                    self.stands = process.vehicle.is_held(actuation);
+                    *actuation = process.vehicle.actuated(actuation, &command, h);
+                    self.stands = process.vehicle.is_held(actuation, pull);
                     continue;
                 }
-                let (nominal, transition) = process.vehicle.stepped(&self.nominal, &segment.command, h);
+                let (nominal, transition) = process.vehicle.stepped(&self.nominal, &command, h);
                 self.nominal = nominal;
                 self.covariance = transition.carried(&self.covariance);
                 process.noise.add_to(&mut self.covariance, h);
@@ -281,6 +296,13 @@ impl FilterState {
         self.covariance = symmetrized(&self.covariance);
         debug_assert!(is_symmetric(&self.covariance), "{}", self.covariance);
         self.time_ns = to_ns;
+    }
+
+    /// Returns the acceleration by which gravity and the disturbance pull the vehicle down at least, m/s².
+    #[must_use]
+    pub fn pull(&self) -> f64 {
+        let variance = self.covariance[(DISTURBANCE + 2, DISTURBANCE + 2)];
+        GRAVITY + self.nominal.disturbance_world.z - PULL_DEVIATIONS * variance.max(0.0).sqrt()
     }
 
     /// Returns whether all variances are positive numbers, as they are while rounding errors are small beside them.

@@ -8,7 +8,7 @@ use vehicle_model::lag::Lag;
 use vehicle_model::rigid_body;
 
 use super::attitude::right_jacobian;
-use super::commands::Command;
+use super::commands::{Command, CommandHistory, Stretch};
 use super::error_state::Transition;
 
 /// Share of its weight from which on thrust may lift the vehicle, whatever its estimated mass.
@@ -91,10 +91,29 @@ impl VehicleModel {
         }
     }
 
-    /// Returns whether a vehicle that stands on the ground stays there with this thrust.
+    /// Returns whether a vehicle that stands on the ground stays there with this thrust. `pull` (m/s²) is what gravity and
+    /// the disturbance pull it down with at least; nothing is known of a vehicle that has not flown yet.
     #[must_use]
-    pub fn is_held(&self, actuation: &Actuation) -> bool {
-        actuation.thrust < LIFTING * self.mass * GRAVITY
+    pub fn is_held(&self, actuation: &Actuation, pull: f64) -> bool {
+        actuation.thrust < self.mass * pull.max(LIFTING * GRAVITY)
+    }
+
+    /// Returns the vehicle in free flight from one time to another, ns, under the commands that act until then.
+    #[must_use]
+    pub fn flown(
+        &self,
+        state: &NominalState,
+        history: &CommandHistory,
+        from_ns: u64,
+        to_ns: u64,
+    ) -> NominalState {
+        let mut flown = *state;
+        for Stretch { command, steps, h } in history.stretches(from_ns, to_ns) {
+            for _ in 0..steps {
+                (flown, _) = self.stepped(&flown, &command, h);
+            }
+        }
+        flown
     }
 
     /// Returns v̇ = g e3 − (T/m) R e3 + d in {I}, m/s².

@@ -9,7 +9,8 @@ use super::attitude_trust::AttitudeTrust;
 use super::commands::{CAPACITY, Command, CommandHistory};
 use super::error_state::{Covariance, ERRORS};
 use super::filter::{KalmanFilter, Memory, Track};
-use super::filter_state::{FilterState, PoseNoise};
+use super::filter_state::{FilterState, Pose, PoseNoise};
+use super::ground_contact::{Ground, Rest};
 use super::motion::{Actuation, NominalState};
 use super::scatter::Scatter;
 
@@ -70,6 +71,38 @@ shared_types::sample! {
         pub rests: Flag,
         /// `true` if the ground holds the vehicle.
         pub stands: Flag,
+        /// z of the tracked point where the vehicle last stood before it flew, in {I}, m.
+        pub stood_z: f64,
+        /// Exposure of the capture since which the vehicle is compared with one at rest, ns since the start of the flight.
+        pub rest_since_ns: u64,
+        /// Position of that capture in {I}, m.
+        pub rest_position_world: [f64; 3],
+        /// Attitude of that capture, row-major.
+        pub rest_world_from_body: [f64; 9],
+        /// Time of the vehicle in free flight since then, ns since the start of the flight.
+        pub free_ns: u64,
+        /// Its p in {I}, m.
+        pub free_position_world: [f64; 3],
+        /// Its v in {I}, m/s.
+        pub free_velocity_world: [f64; 3],
+        /// Its R, row-major.
+        pub free_world_from_body: [f64; 9],
+        /// Its ω_bias in {B}, rad/s.
+        pub free_rate_bias_body: [f64; 3],
+        /// Its d in {I}, m/s².
+        pub free_disturbance_world: [f64; 3],
+        /// Its r in {B}, m.
+        pub free_marker_offset_body: [f64; 3],
+        /// Its T̂, N.
+        pub free_thrust: f64,
+        /// Its ω̂ in {B}, rad/s.
+        pub free_rates_body: [f64; 3],
+        /// Captures that have shown the vehicle at rest since then; all ones once it is seen to move.
+        pub rest_captures: u32,
+        /// `true` if the vehicle has flown since it stood.
+        pub has_flown: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 3],
     }
 }
 
@@ -140,6 +173,52 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.started_ns = track.started_ns;
     state.trusted_ns = track.trust.trusted_ns;
     state.unseen_ns = track.trust.unseen_ns;
+    save_ground(&track.ground, state);
+}
+
+fn save_ground(ground: &Ground, state: &mut KalmanState) {
+    let Rest { pose, free, .. } = &ground.rest;
+    (state.stood_z, state.has_flown) = (ground.stood_z, ground.has_flown.into());
+    (state.rest_since_ns, state.rest_captures) = (ground.rest.since_ns, ground.rest.captures);
+    state.rest_position_world = pose.position_world.into();
+    state.rest_world_from_body = to_row_major(&pose.world_from_body);
+    state.free_ns = ground.rest.free_ns;
+    state.free_position_world = free.position_world.into();
+    state.free_velocity_world = free.velocity_world.into();
+    state.free_world_from_body = to_row_major(&free.world_from_body);
+    state.free_rate_bias_body = free.rate_bias_body.into();
+    state.free_disturbance_world = free.disturbance_world.into();
+    state.free_marker_offset_body = free.marker_offset_body.into();
+    state.free_thrust = free.actuation.thrust;
+    state.free_rates_body = free.actuation.rates_body.into();
+}
+
+fn restored_ground(state: &KalmanState) -> Ground {
+    Ground {
+        stood_z: state.stood_z,
+        has_flown: state.has_flown.is_set(),
+        rest: Rest {
+            since_ns: state.rest_since_ns,
+            pose: Pose {
+                position_world: state.rest_position_world.into(),
+                world_from_body: from_row_major(&state.rest_world_from_body),
+            },
+            captures: state.rest_captures,
+            free: NominalState {
+                position_world: state.free_position_world.into(),
+                velocity_world: state.free_velocity_world.into(),
+                world_from_body: from_row_major(&state.free_world_from_body),
+                rate_bias_body: state.free_rate_bias_body.into(),
+                disturbance_world: state.free_disturbance_world.into(),
+                marker_offset_body: state.free_marker_offset_body.into(),
+                actuation: Actuation {
+                    thrust: state.free_thrust,
+                    rates_body: state.free_rates_body.into(),
+                },
+            },
+            free_ns: state.free_ns,
+        },
+    }
 }
 
 fn restored_track(state: &KalmanState) -> Track {
@@ -169,5 +248,6 @@ fn restored_track(state: &KalmanState) -> Track {
             trusted_ns: state.trusted_ns,
             unseen_ns: state.unseen_ns,
         },
+        ground: restored_ground(state),
     }
 }

@@ -1,0 +1,214 @@
+//! Flights from the ground to the ground whose captures come late or not at all: none falls.
+//!
+//! A vehicle falls that touches the ground faster than [`FALL`], tips over, or has its motors stopped by the envelope.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use host::in_process::{InProcess, TickSink};
+use registry::build_all;
+use scenario::Scenario;
+use shared_types::samples::{PathReference, RcFrame, VehicleTruth};
+use shared_types::{FlightPhase, Topic};
+use toml::{Table, Value};
+use zerocopy::FromBytes;
+
+/// Speed of a touch-down above which the vehicle counts as lost, m/s: 1 m/s above that of the landing.
+const FALL: f64 = 1.3;
+/// Cosine of the tilt at which the envelope stops the motors, 1 rad.
+const UPRIGHT: f64 = 0.54;
+/// Height from which on a touch counts, m.
+const LIFTED: f64 = 0.02;
+
+/// The facts about a flight.
+#[derive(Clone, Copy, Debug)]
+struct Flown {
+    /// Time of the last touch, ms.
+    touched_at: Option<u64>,
+    /// Speed of the fastest touch, m/s.
+    touch: f64,
+    /// Smallest cosine of the tilt.
+    upright: f64,
+    is_killed: bool,
+    /// `true` if the vehicle has been disarmed after it had flown.
+    is_over: bool,
+    phase: FlightPhase,
+    has_lifted: bool,
+    sinking: f64,
+}
+
+impl Flown {
+    fn has_fallen(&self) -> bool {
+        self.is_killed || self.touch > FALL || self.upright < UPRIGHT || self.touched_at.is_none()
+    }
+}
+
+impl TickSink for Flown {
+    type Error = Infallible;
+
+    fn wants(&self, topic: Topic) -> bool {
+        matches!(topic, Topic::VehicleTruth | Topic::PathReference | Topic::RcFrame)
+    }
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        match topic {
+            Topic::VehicleTruth => {
+                let truth = VehicleTruth::read_from_bytes(bytes).unwrap();
+                let (r, [x, y, z]) = (truth.world_from_body, truth.velocity_body);
+                let height = -truth.position_world[2];
+                self.upright = self.upright.min(r[8]);
+                self.has_lifted |= height > LIFTED;
+                if self.has_lifted && height <= 1e-6 {
+                    self.has_lifted = false;
+                    self.touched_at = Some(truth.header.tick);
+                    self.touch = self.touch.max(self.sinking);
+                }
+                self.sinking = r[6] * x + r[7] * y + r[8] * z;
+            }
+            Topic::PathReference => {
+                let reference = PathReference::read_from_bytes(bytes).unwrap();
+                self.phase = FlightPhase::from_code(reference.phase);
+                self.is_over |=
+                    self.touched_at.is_some() && !self.has_lifted && self.phase == FlightPhase::Disarmed;
+            }
+            Topic::RcFrame => {
+                let frame = RcFrame::read_from_bytes(bytes).unwrap();
+                self.is_killed |= frame.action == RcFrame::ACTION_KILL;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        Ok(if self.is_over || self.is_killed || self.upright < UPRIGHT {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        })
+    }
+}
+
+/// Overwrites values of one table by another's, and adds new ones.
+fn change(table: &mut Table, changes: Table) {
+    for (key, value) in changes {
+        match (table.get_mut(&key), value) {
+            (Some(Value::Table(old)), Value::Table(new)) => change(old, new),
+            (_, new) => drop(table.insert(key, new)),
+        }
+    }
+}
+
+/// Flies `takeoff_and_land.toml` with changes, until it is over.
+fn fly(changes: &[&str]) -> Flown {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/takeoff_and_land.toml");
+    let mut table: Table = std::fs::read_to_string(file).unwrap().parse().unwrap();
+    for changes in changes {
+        change(&mut table, changes.parse().unwrap());
+    }
+    let scenario: Scenario = table.try_into().unwrap();
+    assert_eq!(scenario.problems(), []);
+    let mut flown = Flown {
+        touched_at: None,
+        touch: 0.0,
+        upright: 1.0,
+        is_killed: false,
+        is_over: false,
+        phase: FlightPhase::Disarmed,
+        has_lifted: false,
+        sinking: 0.0,
+    };
+    let mut host = InProcess::new(scenario.schedule().unwrap(), build_all(&scenario).unwrap());
+    host.fly(&mut flown).unwrap();
+    flown
+}
+
+/// A fault of the captures.
+fn captures(at: f64, lasts: f64, kind: &str) -> String {
+    format!("fault=[{{at={at:?}, edge=\"mocap/pose -> estimator\", for={lasts:?}, {kind}}}]")
+}
+
+/// Every law stands behind the same estimator and supervisor.
+const LAWS: [&str; 4] = [
+    "seed=1",
+    "controller.law=\"indi\"",
+    "controller.law=\"nmpc\"",
+    "controller.law=\"px4\"",
+];
+
+/// The vehicle touches the ground at 31.96 s.
+#[test]
+fn captures_that_come_late_during_the_touch_down_do_not_tip_the_vehicle() {
+    for by in ["0.1", "0.15", "0.2"] {
+        for at in [31.4, 31.6, 31.8, 32.0, 32.2] {
+            let fault = captures(at, 1.0, &format!("kind=\"delay\", by={by}"));
+            let flown = fly(&[&fault]);
+            assert!(!flown.has_fallen() && flown.is_over, "{fault}: {flown:?}");
+        }
+    }
+}
+
+#[test]
+fn no_law_tips_the_vehicle_by_late_captures_during_the_touch_down() {
+    for law in LAWS {
+        let fault = captures(31.8, 1.0, "kind=\"delay\", by=0.2");
+        let flown = fly(&[law, &fault]);
+        assert!(!flown.has_fallen() && flown.is_over, "{law}: {flown:?}");
+    }
+}
+
+#[test]
+fn few_captures_during_the_landing_do_not_tip_the_vehicle() {
+    for fraction in ["0.9", "0.95", "0.98"] {
+        for at in [28.0, 31.0] {
+            let fault = captures(at, 6.0, &format!("kind=\"intermittent\", fraction={fraction}"));
+            let flown = fly(&[&fault]);
+            assert!(!flown.has_fallen() && flown.is_over, "{fault}: {flown:?}");
+        }
+    }
+}
+
+/// Outages of the cameras, from the take-off to the ground.
+fn assert_none_falls(durations: &[f64], places: std::ops::Range<u32>, apart: f64) {
+    let (mut slow, mut fast) = (0, 0);
+    for &lasts in durations {
+        for place in places.clone() {
+            let at = ((3.2 + apart * f64::from(place)) * 1e3).round() / 1e3;
+            let flown = fly(&[&captures(at, lasts, "kind=\"intermittent\", fraction=1.0")]);
+            assert!(
+                !flown.has_fallen() && flown.is_over,
+                "{lasts} s from {at} s: {flown:?}"
+            );
+            if flown.touch > 0.6 {
+                fast += 1;
+            } else {
+                slow += 1;
+            }
+        }
+    }
+    println!("touch-downs up to 0.6 m/s: {slow}, faster: {fast}");
+}
+
+#[test]
+fn no_outage_of_the_cameras_makes_the_vehicle_fall() {
+    assert_none_falls(&[0.6, 2.0, 5.0], 0..5, 5.9);
+}
+
+#[test]
+#[ignore = "300 flights take minutes"]
+fn none_of_three_hundred_outages_of_the_cameras_makes_the_vehicle_fall() {
+    let durations = [0.3, 0.6, 0.9, 1.2, 2.0, 3.0, 4.0, 4.5, 5.0, 6.0];
+    assert_none_falls(&durations, 0..30, 0.97);
+}
+
+/// A law that estimates nothing and believes in a mass that is too large, so in a thrust that is too large.
+#[test]
+fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
+    for mass in ["0.18", "0.185", "0.195"] {
+        let outage = captures(20.0, 20.0, "kind=\"intermittent\", fraction=1.0");
+        let mass = format!("vehicle.mass={mass}");
+        let flown = fly(&["controller.law=\"px4\"", &mass, &outage]);
+        assert!(!flown.has_fallen(), "{mass}: {flown:?}");
+    }
+}
