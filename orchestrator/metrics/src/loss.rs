@@ -80,6 +80,8 @@ pub struct LossWatch {
     has_settled: bool,
     /// `true` if the vehicle is airborne by the newest reference.
     is_airborne: bool,
+    /// `true` if the place of the vehicle is known by the newest reference.
+    is_known: bool,
     /// Time of the first of the newest frames that all stop the motors, ns.
     stopped_since_ns: Option<u64>,
     loss: Option<Loss>,
@@ -118,6 +120,7 @@ impl LossWatch {
             has_arrived: false,
             has_settled: false,
             is_airborne: false,
+            is_known: true,
             stopped_since_ns: None,
             loss: None,
         }
@@ -153,7 +156,9 @@ impl LossWatch {
     /// Takes a reference into account: it states whether the vehicle is airborne, and why it was disarmed.
     #[inline]
     pub fn observe_reference(&mut self, reference: &PathReference) {
-        let was_airborne = std::mem::replace(&mut self.is_airborne, reference.airborne.is_set());
+        let was_airborne = self.is_in_the_air();
+        self.is_airborne = reference.airborne.is_set();
+        self.is_known = reference.vehicle_known.is_set();
         let stops = match reference.cause {
             PathReference::CAUSE_OPERATOR_KILLS | PathReference::CAUSE_OPERATOR_DISARMS => true,
             cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
@@ -167,7 +172,7 @@ impl LossWatch {
     /// have fallen to the ground.
     #[inline]
     pub fn observe_frame(&mut self, frame: &RcFrame) {
-        if !frame.failsafe.is_set() || !self.is_airborne {
+        if !frame.failsafe.is_set() || !self.is_in_the_air() {
             self.stopped_since_ns = None;
             return;
         }
@@ -182,6 +187,12 @@ impl LossWatch {
         } else if now_ns.saturating_sub(since_ns) >= nanoseconds(GROUNDED_AFTER) {
             self.motors_stopped(since_ns, PathReference::CAUSE_NONE);
         }
+    }
+
+    /// Whether the vehicle is in the air: as its reference says, and not standing on a ground of known height. A path
+    /// generator that does not see the vehicle cannot know that it has come down.
+    fn is_in_the_air(&self) -> bool {
+        self.is_airborne && self.ground.as_ref().is_none_or(|ground| ground.has_lifted)
     }
 
     fn motors_stopped(&mut self, stamp_ns: u64, stopped_by: u8) {
@@ -241,7 +252,8 @@ impl LossWatch {
         if height > TOUCHES || !std::mem::replace(&mut ground.has_lifted, false) {
             return None;
         }
-        if moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
+        // One that is not seen is brought down by the failsafe stages, in whatever phase.
+        if self.is_known && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
             return Some((Reason::HitGround, Some(sinking), None));
         }
         let limit = ground.speed_max;

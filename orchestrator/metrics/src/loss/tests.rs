@@ -139,6 +139,27 @@ fn the_ground_is_touched_softly_in_a_landing_and_not_at_all_in_flight() {
     );
 }
 
+/// A path generator that does not see the vehicle leaves it in the air, in the phase before.
+#[test]
+fn a_vehicle_that_comes_down_unseen_is_judged_by_its_speed_and_its_motors_may_stop_then() {
+    for (speed, lost) in [(0.9, None), (1.4, Some(Reason::HitGround))] {
+        let mut flown = scenario(0.01, 10.0);
+        flown.flight = Some(Flight::default());
+        let mut watch = LossWatch::new(&flown, StateSource::Truth);
+        for (step, height) in [0.0, 1.0, 0.01, 0.0].into_iter().enumerate() {
+            let mut here = moment(step as u64, None, FlightPhase::Fly);
+            here.vehicle.position_world[2] = -height;
+            here.vehicle.velocity_body[2] = if height > 0.0 { speed } else { 0.0 };
+            let mut unseen = reference(PathReference::PHASE_FLY, PathReference::CAUSE_NONE, true);
+            unseen.vehicle_known = (step < 2).into();
+            watch.observe_reference(&unseen);
+            watch.observe(&here);
+        }
+        (0..3000).for_each(|at| watch.observe_frame(&failsafe_frame(at, RcFrame::ACTION_NONE, 0)));
+        assert_eq!(watch.loss().map(|loss| loss.reason), lost, "{speed} m/s");
+    }
+}
+
 #[test]
 fn a_vehicle_that_stands_on_the_ground_does_not_touch_it() {
     let mut flown = scenario(0.01, 10.0);
