@@ -10,13 +10,19 @@ const PREDICTED: f64 = 0.2;
 /// Excess of a state's age above which the controller levels the vehicle, s.
 const LEVELLED: f64 = 0.3;
 
+/// Excess of a state's age above which the controller lets the vehicle descend, s.
+const DESCENDED: f64 = 1.0;
+
 /// Excess of a reference's age up to which it is continued along the path, s.
 const CONTINUED: f64 = 0.5;
 
 /// Returns the scenario for a flight in real time: the controller has a policy for its inputs also where none is
 /// stated, because the system's clock does not wait for a service that hangs or starts again.
 ///
-/// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle.
+/// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle. A
+/// level vehicle that is not seen drifts by the wind and by the errors of its attitude until it meets a wall, so it
+/// descends. The motors are stopped by a statement only: nothing here knows from what height.
+///
 /// While nothing is late, a policy changes no byte of a flight.
 #[must_use]
 pub fn with_policies(mut scenario: Scenario) -> Scenario {
@@ -26,6 +32,7 @@ pub fn with_policies(mut scenario: Scenario) -> Scenario {
     };
     let state = InputSafety {
         level: Some(above_ordinary(&scenario, Topic::VehicleState, LEVELLED)),
+        descend: Some(above_ordinary(&scenario, Topic::VehicleState, DESCENDED)),
         ..InputSafety::new(above_ordinary(&scenario, Topic::VehicleState, PREDICTED))
     };
     let reference = InputSafety::new(above_ordinary(&scenario, Topic::PathReference, CONTINUED));
@@ -63,7 +70,7 @@ mod tests {
             let state = flown
                 .safety_of(Topic::VehicleState, ServiceId::Controller)
                 .unwrap();
-            assert!(state.level.is_some_and(|level| level > state.max_age));
+            assert!(state.max_age < state.level.unwrap() && state.level < state.descend);
             // The motors of a vehicle in the air are stopped by a statement only.
             assert_eq!((state.failsafe, state.jump), (None, None));
         }
