@@ -10,7 +10,8 @@
 //! * one still too far, as after a jump, is refused and counted; when all have been refused for
 //!   [`restart_after`](Kalman::restart_after), the newest one is accepted instead and the filter restarts;
 //! * one whose attitude no vehicle can have reached is refused and counted, however long that lasts, because the
-//!   capture system has confused the markers: [`attitude_trust`](super::attitude_trust);
+//!   capture system has confused the markers: [`attitude_trust`](super::attitude_trust); while frames do not say how the
+//!   vehicle turns, and for two seconds afterwards, attitudes are not tested, because the last one may be a false one;
 //! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
 //! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
 //!   capture starts the filter from nothing;
@@ -49,8 +50,9 @@ const ROUNDING: f64 = 1e-9;
 const LANDED_AFTER_NS: u64 = 300_000_000;
 /// Time for which the vehicle turns as the last frame states, ns: a receiver that hears nothing then acts by itself.
 const TURN_KNOWN_NS: u64 = 250_000_000;
-/// Time after the first start in which the rate bias, and with it the predicted attitude, is not known well, ns. A
-/// restart keeps the bias.
+/// Time in which attitudes are not tested, ns: after the first start, because the rate bias is not known well and with
+/// it the predicted attitude (a restart keeps the bias); and after an attitude that was used although nothing said how
+/// the vehicle turned, because it may have been a false one.
 const SETTLED_NS: u64 = 2_000_000_000;
 /// Lateness of captures above which the state coasts, ns: so far predicted, the law of a landing acts on a ground that the
 /// vehicle has met long ago.
@@ -109,6 +111,9 @@ pub(super) struct Memory {
     pub rests_since_ns: Option<u64>,
     /// Time from which the newest frame with body rates acts, ns since the start of the flight.
     pub rates_stated_ns: Option<u64>,
+    /// Time from which on frames have stated the body rates without a gap of [`TURN_KNOWN_NS`], ns since the start of the
+    /// flight.
+    pub turn_known_from_ns: u64,
     /// The estimate with its times; `None` before the first capture.
     pub track: Option<Track>,
     /// Captures refused since the start of the flight.
@@ -126,8 +131,9 @@ pub(super) struct Track {
     pub used_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
     pub refused_since_ns: Option<u64>,
-    /// Time at which the filter started first, ns since the start of the flight.
-    pub started_ns: u64,
+    /// Exposure from which on attitudes settle, ns since the start of the flight: that of the first start, or of the last
+    /// attitude that was not tested because the turn of the vehicle was not known.
+    pub settling_since_ns: u64,
     /// The last attitude that the vehicle can have reached.
     pub trust: AttitudeTrust,
     /// The ground, as far as the captures show it.
@@ -179,6 +185,7 @@ impl KalmanFilter {
                 },
                 rests_since_ns: None,
                 rates_stated_ns: None,
+                turn_known_from_ns: 0,
                 track: None,
                 captures_refused: 0,
                 scatter: Scatter::new(PoseNoise::new(kalman)),
@@ -205,6 +212,9 @@ impl KalmanFilter {
         let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
         history.push(history.meaning(acts_from_ns, frame));
         if frame.mode == RcFrame::MODE_RATES && !frame.failsafe.is_set() {
+            if !self.is_turn_stated(acts_from_ns) {
+                self.memory.turn_known_from_ns = acts_from_ns;
+            }
             self.memory.rates_stated_ns = Some(acts_from_ns);
         }
         let rests_since_ns = &mut self.memory.rests_since_ns;
@@ -250,24 +260,24 @@ impl KalmanFilter {
         history.forget_before(exposure_ns);
         let predicted = track.state.nominal.world_from_body;
         let flies = !track.state.stands && !self.has_come_to_rest(exposure_ns);
-        let has_settled = exposure_ns >= track.started_ns.saturating_add(SETTLED_NS);
-        if flies
-            && has_settled
-            && self.is_turn_known(exposure_ns)
-            && !track.trust.test(exposure_ns, &predicted, &pose.world_from_body)
-        {
+        let is_turn_known = self.is_turn_known(track.trust.trusted_ns, exposure_ns);
+        if flies && !is_turn_known {
+            track.settling_since_ns = exposure_ns;
+        }
+        let has_settled = exposure_ns >= track.settling_since_ns.saturating_add(SETTLED_NS);
+        if flies && has_settled && !track.trust.test(exposure_ns, &predicted, &pose.world_from_body) {
             self.memory.track = Some(track);
             return self.refuse();
         }
         if self.is_lost(now_ns) {
-            return self.restart(now_ns, exposure_ns, &pose, &track.state);
+            return self.restart(now_ns, exposure_ns, &pose, &track);
         }
         if self.has_ground && track.ground.has_flown && !self.has_come_to_rest(exposure_ns) {
             if self.touches_down(&pose, &mut track) {
                 return self.land(now_ns, exposure_ns, &pose, &track);
             }
             if track.state.stands {
-                return self.restart(now_ns, exposure_ns, &pose, &track.state);
+                return self.restart(now_ns, exposure_ns, &pose, &track);
             }
         }
         track.ground.observe_rise(&pose.position_world);
@@ -275,7 +285,7 @@ impl KalmanFilter {
         let scatter = &mut self.memory.scatter;
         scatter.observe(&residual, &track.state.pose_covariance(), stated);
         if track.state.stands {
-            return self.stand(now_ns, exposure_ns, &pose, &track.state);
+            return self.stand(now_ns, exposure_ns, &pose, &track);
         }
         let doubtful = track.state.less_sure_of_attitude(turn_if_missed);
         let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
@@ -294,7 +304,7 @@ impl KalmanFilter {
                 return self.start_from(now_ns, exposure_ns, &pose);
             }
             if self.has_landed(&track.state) {
-                return self.stand(now_ns, exposure_ns, &pose, &track.state);
+                return self.stand(now_ns, exposure_ns, &pose, &track);
             }
             track.used_at_ns = now_ns;
             track.refused_since_ns = None;
@@ -306,7 +316,7 @@ impl KalmanFilter {
         }
         let refused_since_ns = *track.refused_since_ns.get_or_insert(exposure_ns);
         if exposure_ns - refused_since_ns >= self.restart_after_ns {
-            return self.restart(now_ns, exposure_ns, &pose, &track.state);
+            return self.restart(now_ns, exposure_ns, &pose, &track);
         }
         track.trust = AttitudeTrust::new(exposure_ns, &predicted, &pose.world_from_body);
         track.compare_rest(exposure_ns, &pose);
@@ -328,7 +338,7 @@ impl KalmanFilter {
     fn land(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, track: &Track) -> Outcome {
         let flight = &track.ground.rest.free;
         let state = track.state.landed(exposure_ns, pose, self.noise(), flight);
-        self.start(now_ns, state);
+        self.start(now_ns, state, track.settling_since_ns);
         if let Some(landed) = &mut self.memory.track {
             landed.ground = track.ground;
         }
@@ -408,14 +418,15 @@ impl KalmanFilter {
         } else {
             FilterState::from_pose(exposure_ns, pose, self.noise(), offset, actuation)
         };
-        self.start(now_ns, state)
+        let settling_since_ns = self.memory.track.map(|track| track.settling_since_ns);
+        self.start(now_ns, state, settling_since_ns.unwrap_or(exposure_ns))
     }
 
     /// Starts from a capture of a vehicle that stands on the ground.
-    fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
-        let offset = self.process.marker_offset;
-        let state = FilterState::standing(exposure_ns, pose, self.noise(), offset, last.nominal.actuation);
-        self.start(now_ns, state)
+    fn stand(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Track) -> Outcome {
+        let (offset, actuation) = (self.process.marker_offset, last.state.nominal.actuation);
+        let state = FilterState::standing(exposure_ns, pose, self.noise(), offset, actuation);
+        self.start(now_ns, state, last.settling_since_ns)
     }
 
     /// Returns whether a vehicle that flew stands on the ground again.
@@ -425,8 +436,13 @@ impl KalmanFilter {
             && state.nominal.velocity_world.norm() < HARDLY
     }
 
-    /// Returns whether recent frames state the rates at which the vehicle turns.
-    fn is_turn_known(&self, time_ns: u64) -> bool {
+    /// Returns whether frames state the rates at which the vehicle turned from one time to another.
+    fn is_turn_known(&self, from_ns: u64, to_ns: u64) -> bool {
+        self.memory.turn_known_from_ns <= from_ns && self.is_turn_stated(to_ns)
+    }
+
+    /// Returns whether a recent frame states the rates at which the vehicle turns.
+    fn is_turn_stated(&self, time_ns: u64) -> bool {
         let rates_stated_ns = self.memory.rates_stated_ns;
         rates_stated_ns.is_some_and(|at| time_ns <= at.saturating_add(TURN_KNOWN_NS))
     }
@@ -437,23 +453,24 @@ impl KalmanFilter {
         rests_since_ns.is_some_and(|since| time_ns >= since.saturating_add(LANDED_AFTER_NS))
     }
 
-    fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &FilterState) -> Outcome {
-        let history = &self.memory.history;
-        let state = last.restarted(exposure_ns, pose, self.noise(), &self.process, history);
-        self.start(now_ns, state)
+    fn restart(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, last: &Track) -> Outcome {
+        let (noise, history) = (self.noise(), &self.memory.history);
+        let state = last
+            .state
+            .restarted(exposure_ns, pose, noise, &self.process, history);
+        self.start(now_ns, state, last.settling_since_ns)
     }
 
-    fn start(&mut self, now_ns: u64, state: FilterState) -> Outcome {
+    fn start(&mut self, now_ns: u64, state: FilterState, settling_since_ns: u64) -> Outcome {
         self.memory.history.forget_before(state.time_ns);
         self.memory.scatter.innovation = SVector::zeros();
         let attitude = &state.nominal.world_from_body;
-        let first = self.memory.track.map(|track| track.started_ns);
         let mut ground = Ground::new(state.time_ns, &state.nominal, state.stands);
         if let (false, Some(before)) = (state.stands, &self.memory.track) {
             (ground.stood_z, ground.has_flown) = (before.ground.stood_z, before.ground.has_flown);
         }
         self.memory.track = Some(Track {
-            started_ns: first.unwrap_or(state.time_ns),
+            settling_since_ns,
             trust: AttitudeTrust::new(state.time_ns, attitude, attitude),
             ground,
             state,

@@ -49,8 +49,10 @@ shared_types::sample! {
         pub scatter: [f64; 2],
         /// Innovation of the capture before: position, m, and attitude, rad.
         pub innovation: [f64; 6],
-        /// Time at which the filter started first, ns since the start of the flight.
-        pub started_ns: u64,
+        /// Exposure from which on attitudes settle before they are tested, ns since the start of the flight.
+        pub settling_since_ns: u64,
+        /// Time from which on frames have stated the body rates without a gap, ns since the start of the flight.
+        pub turn_known_from_ns: u64,
         /// R_captured R_estimatedᵀ of the last trusted capture, row-major.
         pub captured_from_estimated: [f64; 9],
         /// Time of the last trusted capture, ns since the start of the flight.
@@ -124,6 +126,7 @@ impl KalmanFilter {
         state.rests = self.memory.rests_since_ns.is_some().into();
         state.rests_since_ns = self.memory.rests_since_ns.unwrap_or(0);
         state.rates_stated_ns = self.memory.rates_stated_ns.unwrap_or(u64::MAX);
+        state.turn_known_from_ns = self.memory.turn_known_from_ns;
         if let Some(track) = &self.memory.track {
             save_track(track, &mut state);
         }
@@ -138,6 +141,7 @@ impl KalmanFilter {
             track: state.started.is_set().then(|| restored_track(state)),
             rests_since_ns: state.rests.is_set().then_some(state.rests_since_ns),
             rates_stated_ns: Some(state.rates_stated_ns).filter(|&at| at != u64::MAX),
+            turn_known_from_ns: state.turn_known_from_ns,
             captures_refused: state.captures_refused,
             scatter: Scatter {
                 seen: PoseNoise {
@@ -170,7 +174,7 @@ fn save_track(track: &Track, state: &mut KalmanState) {
         .covariance
         .copy_from_slice(track.state.covariance.as_slice());
     state.captured_from_estimated = to_row_major(&track.trust.captured_from_estimated);
-    state.started_ns = track.started_ns;
+    state.settling_since_ns = track.settling_since_ns;
     state.trusted_ns = track.trust.trusted_ns;
     state.unseen_ns = track.trust.unseen_ns;
     save_ground(&track.ground, state);
@@ -242,7 +246,7 @@ fn restored_track(state: &KalmanState) -> Track {
         },
         used_at_ns: state.used_at_ns,
         refused_since_ns: state.refusing.is_set().then_some(state.refused_since_ns),
-        started_ns: state.started_ns,
+        settling_since_ns: state.settling_since_ns,
         trust: AttitudeTrust {
             captured_from_estimated: from_row_major(&state.captured_from_estimated),
             trusted_ns: state.trusted_ns,

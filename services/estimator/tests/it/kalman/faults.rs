@@ -143,6 +143,53 @@ fn a_lasting_turn_soon_after_a_restart_is_never_accepted() {
     assert_no_turn_is_accepted_after("a loss of sight", loss, 3205);
 }
 
+/// Nothing says how a vehicle turned that was neither seen nor commanded, so the attitude at which it comes back may be a
+/// false one.
+#[test]
+fn a_false_attitude_at_a_restart_without_a_known_turn_does_not_lock_the_truth_out() {
+    for degrees in [40.0, 90.0, 180.0] {
+        for axis in [nalgebra::Vector3::x(), nalgebra::Vector3::z()] {
+            let mut rig = laboratory(|world| {
+                world.hidden = 2500..3200;
+                world.silence = 2600..3300;
+                world.swapped = 3200..3700;
+                world.swapped_position = nalgebra::Vector3::zeros();
+                world.swapped_rotation = axis * f64::to_radians(degrees);
+            });
+            let seen = outcomes(&mut rig, 5700);
+            let restarts = seen
+                .iter()
+                .filter(|(tick, outcome)| matches!(outcome, Outcome::Started) && (3200..3710).contains(tick));
+            assert_eq!(restarts.count(), 1, "the false attitude is used");
+            assert!(rig.filter.is_tracking(rig.now_ns()), "{degrees}° about {axis}");
+            let state = rig.filter.state().unwrap();
+            let truth = rig.truth_at(state.time_ns);
+            let error = truth.error_of(state).fixed_rows::<3>(6).norm();
+            assert!(error < 0.02, "{error} rad after {degrees}° about {axis}");
+        }
+    }
+}
+
+/// As after a death of the estimator that lasted too long.
+#[test]
+fn true_attitudes_after_a_gap_in_the_frames_are_used() {
+    for seed in 0..10 {
+        let mut rig = laboratory(|world| {
+            world.seed = seed;
+            world.hidden = 2500..2900;
+            world.silence = 2500..2900;
+        });
+        let restless = restless_pilot(seed);
+        let mut refused = 0;
+        while rig.tick < 3400 {
+            let outcome = rig.step(&restless).outcome;
+            refused += u32::from(matches!(outcome, Some(Outcome::Refused)) && rig.tick > 3300);
+        }
+        assert_eq!(refused, 0, "seed {seed}");
+        assert!(rig.filter.is_tracking(rig.now_ns()));
+    }
+}
+
 #[test]
 fn a_restart_keeps_disturbance_and_rate_bias() {
     let mut rig = laboratory(|world| {

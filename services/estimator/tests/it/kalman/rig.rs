@@ -91,6 +91,8 @@ pub struct World {
     pub capture_noise: bool,
     /// Lost captures, by the tick of exposure.
     pub hidden: std::ops::Range<u64>,
+    /// Ticks at which a frame does not come to the filter; the vehicle receives it.
+    pub silence: std::ops::Range<u64>,
     /// Wrong captures, by the tick of exposure.
     pub swapped: std::ops::Range<u64>,
     /// Way by which the position is wrong then, m.
@@ -116,6 +118,7 @@ impl World {
             process_noise: false,
             capture_noise: false,
             hidden: 0..0,
+            silence: 0..0,
             swapped: 0..0,
             swapped_position: Vector3::new(0.0, 0.1, 0.05),
             swapped_rotation: Vector3::new(0.0, 0.0, 1.5),
@@ -241,7 +244,8 @@ impl Rig {
             let capture = self.capture();
             self.captures.push_back(capture);
         }
-        let heard = self.pending.take();
+        let pending = self.pending.take();
+        let heard = pending.filter(|_| !self.world.silence.contains(&self.tick));
         if let Some(frame) = &heard {
             self.filter.hear(now_ns, frame);
         }
