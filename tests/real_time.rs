@@ -19,7 +19,7 @@ use run_log::{HostEvent, LogReader, ServiceStep};
 use rustix::process::Signal;
 use shared_types::samples::{RcFrame, RunEvent, VehicleTruth};
 use shared_types::service::seconds;
-use shared_types::{Schedule, ServiceId};
+use shared_types::{Schedule, ServiceId, Topic};
 
 /// Flights in real time share the machine with nobody else of these tests.
 static MACHINE: Mutex<()> = Mutex::new(());
@@ -231,6 +231,47 @@ fn nobody_waits_for_the_dead() {
         "{prompt} of {all} steps did not wait for the dead"
     );
     place.assert_nothing_is_left_of(orchestrator);
+}
+
+#[test]
+fn a_restarted_estimator_takes_in_the_frames_of_its_gap() {
+    let _machine = the_machine();
+    let place = Place::new();
+    // Its successors die before they fly, each after a longer pause: it is dead for some 0.1 s.
+    let deaths = [
+        vec!["estimator@1500:before-step"],
+        vec!["estimator@0:before-ports"; 6],
+    ]
+    .concat();
+    let crashes = deaths.into_iter().flat_map(|death| ["--crash", death]);
+    let settings: Vec<_> = ["--host", "realtime", "--quiet"]
+        .into_iter()
+        .chain(crashes)
+        .collect();
+    assert_flown_to_the_end(&output(&mut place.rig_flight("out", 3.0, &settings)));
+
+    let steps: Vec<ServiceStep> = host_samples(&place, "out", "host/steps");
+    let steps: Vec<_> = of_service(&steps, ServiceId::Estimator).collect();
+    let flown = scenario_file::load(&scenario("fig3_6"), &[], None).unwrap();
+    let tick_ns = flown.schedule().unwrap().tick_ns();
+    let lateness_ns = steps
+        .iter()
+        .map(|step| step.began_ns.saturating_sub(step.tick * tick_ns));
+    assert!(
+        lateness_ns.max() > Some(22_000_000),
+        "no frame was published in the gap"
+    );
+    let mut inputs = ServiceId::Estimator.inputs().iter();
+    let input = inputs.position(|input| input.topic == Topic::RcFrame).unwrap();
+    let taken_in: BTreeSet<u64> = steps.iter().map(|step| step.consumed[input]).collect();
+    let log = LogReader::open(&place.log("out")).unwrap();
+    let frames = log.samples::<RcFrame>().map(|frame| frame.unwrap().header);
+    let around = frames.filter(|header| (1400..2500).contains(&header.tick));
+    let missed: Vec<u64> = around
+        .filter(|header| !taken_in.contains(&(header.seq + 1)))
+        .map(|header| header.tick)
+        .collect();
+    assert_eq!(missed, Vec::<u64>::new());
 }
 
 #[test]

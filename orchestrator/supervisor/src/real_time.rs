@@ -119,7 +119,7 @@ where
     supervisor.go()?;
     let recorder = recorder
         .distrust(context.scenario.external_services(), &context.schedule, clock)
-        .remember_for_late_steps(&context.schedule);
+        .remember_for_restarts(&context.schedule);
     if scenario
         .flight
         .as_ref()
@@ -166,7 +166,7 @@ where
     observer.note("another orchestrator has taken over");
     let recorder = recorder
         .distrust(context.scenario.external_services(), &context.schedule, clock)
-        .remember_for_late_steps(&context.schedule);
+        .remember_for_restarts(&context.schedule);
     let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
     flight.motors = Motors::unknown();
     flight.monitor.begin_now(flight.supervisor.step_log());

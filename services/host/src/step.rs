@@ -67,6 +67,17 @@ impl Timetable {
         }
     }
 
+    /// Returns the oldest sample of an input that a process needs whose first step is at `next_tick` or after it, and
+    /// whose state includes the steps before, if it is to see more than the newest sample.
+    #[must_use]
+    pub fn first_needed(&self, edge: &Edge, next_tick: u64) -> Option<u64> {
+        if self.makes_up {
+            return edge.due_sample(next_tick);
+        }
+        let seen = next_tick.checked_sub(1).and_then(|last| edge.due_sample(last));
+        self.takes_in_all.then(|| seen.map_or(0, |seen| seen + 1))
+    }
+
     /// Returns the time of the step at `tick`, with the time since the previous step.
     #[must_use]
     #[inline]

@@ -47,7 +47,8 @@ struct Feed {
     received: u64,
     /// Tick of the newest sample.
     newest: Option<u64>,
-    /// The last samples, if a service that makes up for late steps consumes them: it is to see them when it starts again.
+    /// The last samples, if a service consumes them that makes up for late steps or takes in every sample: it is to see
+    /// them when it starts again.
     last: Option<VecDeque<OwnedSample>>,
 }
 
@@ -81,11 +82,14 @@ impl Recorder {
         }
     }
 
-    /// Remembers the last samples that a service consumes which makes up for late steps.
+    /// Remembers the last samples that a service consumes which makes up for late steps or takes in every sample.
     #[must_use]
-    pub fn remember_for_late_steps(mut self, schedule: &Schedule) -> Self {
-        let all = ServiceId::ALL.into_iter();
-        for service in all.filter(|&service| Timetable::new(schedule, service).makes_up) {
+    pub fn remember_for_restarts(mut self, schedule: &Schedule) -> Self {
+        let needs_more_than_the_newest = |&service: &ServiceId| {
+            let timetable = Timetable::new(schedule, service);
+            timetable.makes_up || timetable.takes_in_all
+        };
+        for service in ServiceId::ALL.into_iter().filter(needs_more_than_the_newest) {
             for (_, input) in schedule.inputs_read(service) {
                 let mut feeds = self.feeds.iter_mut();
                 if let Some(feed) = feeds.find(|feed| feed.subscription.topic == input.topic) {

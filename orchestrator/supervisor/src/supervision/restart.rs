@@ -106,8 +106,8 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Died)
     }
 
-    /// Lets services that restarted in real time go on at once, with the newest samples. One that makes up for late steps
-    /// is given the samples that are `remembered` of a topic from a tick on.
+    /// Lets services that restarted in real time go on at once, with the newest samples. One that makes up for late steps,
+    /// or takes in every sample, is given the samples that are `remembered` of a topic from a tick on.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
@@ -129,22 +129,21 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    /// Gives a service the remembered samples that its late steps have due, the newest [`MOST_MISSED`] of each input.
+    /// Gives a service the remembered samples that it needs, the newest [`MOST_MISSED`] of each input.
     fn tell_of_missed<'r, I: Iterator<Item = &'r [u8]>>(
         &self,
         service: ServiceId,
         remembered: impl Fn(Topic, u64) -> I,
     ) {
-        if !Timetable::new(self.schedule, service).makes_up {
-            return;
-        }
+        let timetable = Timetable::new(self.schedule, service);
         let next_tick = self.next_tick(service);
         let channel = &self.members[service.index()].process.channel;
         for (input, spec) in self.schedule.inputs_read(service) {
-            let Some(due) = self.schedule.edge(service, input).due_sample(next_tick) else {
+            let edge = self.schedule.edge(service, input);
+            let Some(first) = timetable.first_needed(&edge, next_tick) else {
                 continue;
             };
-            let missed: Vec<&[u8]> = remembered(spec.topic, due).collect();
+            let missed: Vec<&[u8]> = remembered(spec.topic, first).collect();
             let newest = &missed[missed.len().saturating_sub(MOST_MISSED)..];
             for samples in newest.chunks(MISSED_AT_ONCE) {
                 let bytes = samples.concat();
