@@ -2,6 +2,9 @@
 
 use std::borrow::Cow;
 
+use nalgebra::Vector3;
+
+use crate::rotation::from_row_major;
 use crate::sample::{Field, Flag, Header};
 
 crate::sample! {
@@ -291,6 +294,15 @@ impl RunEvent {
     pub fn words(&self) -> Cow<'_, str> {
         let length = (self.text_length as usize).min(self.text.len());
         String::from_utf8_lossy(&self.text[..length])
+    }
+}
+
+impl VehicleState {
+    /// Returns ṗ = R v, the velocity in {I}, m/s (1).
+    #[must_use]
+    #[inline]
+    pub fn velocity_world(&self) -> Vector3<f64> {
+        from_row_major(&self.world_from_body) * Vector3::from(self.velocity_body)
     }
 }
 

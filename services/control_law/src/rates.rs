@@ -186,7 +186,7 @@ impl Flight {
         let acceleration = law.acceleration(&self.vehicle, &self.reference, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
-        let velocity = r * vehicle.velocity_body;
+        let velocity = vehicle.velocity_world();
         let (position, velocity_after) = travelled(&vehicle.position_world, &velocity, &acceleration, h);
         vehicle.position_world = position;
         vehicle.world_from_body = r * rotation::exp(&(vehicle.angular_velocity_body * h));

@@ -198,6 +198,15 @@ impl EstimateRates {
     };
 }
 
+impl Measured {
+    /// Returns ṗ = R v, the velocity in {I}, m/s (1).
+    #[must_use]
+    #[inline]
+    pub fn velocity_world(&self) -> Vector3<f64> {
+        self.world_from_body * self.velocity_body
+    }
+}
+
 impl From<&VehicleState> for Measured {
     #[inline]
     fn from(state: &VehicleState) -> Self {

@@ -297,7 +297,7 @@ impl ControlSupervisor {
         if let Some(thrust) = thrust.filter(|_| elapsed > 0.0) {
             let world_from_body = rotation::from_row_major(&state.world_from_body);
             let now = ObserverSample {
-                velocity_world: world_from_body * Vector3::from(state.velocity_body),
+                velocity_world: state.velocity_world(),
                 thrust_axis_world: world_from_body.column(2).into(),
                 thrust,
             };

@@ -152,7 +152,7 @@ impl DeadReckoning {
         Reckoned {
             position_world: state.position_world,
             world_from_body: state.world_from_body,
-            velocity_world: (r * Vector3::from(state.velocity_body)).into(),
+            velocity_world: state.velocity_world().into(),
             angular_velocity_body: bounded(state.angular_velocity_body.into()).into(),
             thrust,
             push_world: push.into(),

@@ -39,7 +39,7 @@ impl Errors {
         } = parameters;
         let r = &measured.world_from_body;
         let z1 = measured.position_world - reference.position_world; // (7)
-        let z1_dot = r * measured.velocity_body - reference.velocity_world();
+        let z1_dot = measured.velocity_world() - reference.velocity_world();
         let sigma_z1 = sigma.at(&z1);
         let z2 = z1_dot + sigma_z1.value() * *k1 - r.column(2) * *delta; // (9)
         Self {

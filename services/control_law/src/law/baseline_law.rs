@@ -124,7 +124,7 @@ impl BaselineLaw {
         let modelled = Vector3::z() * GRAVITY - axis * (acting.thrust / self.prior_mass);
         Motion {
             tracking: self.nominal.tracking(measured, reference),
-            velocity_world: measured.world_from_body * measured.velocity_body,
+            velocity_world: measured.velocity_world(),
             modelled_acceleration: modelled,
             residual: acting.acceleration_world - modelled,
             thrust_axis_world: axis.into(),

@@ -245,7 +245,7 @@ impl Nmpc {
         let yaw_rate = rate_controller.yaw_rate(&measured.world_from_body, moment.yaw);
         let start = Predicted {
             position: measured.position_world,
-            velocity: measured.world_from_body * measured.velocity_body,
+            velocity: measured.velocity_world(),
             world_from_body: measured.world_from_body,
             omega: measured.angular_velocity_body.xy(),
             thrust: acting.thrust,
@@ -344,7 +344,7 @@ impl Nmpc {
     }
 
     fn telemetry(&self, measured: &Measured, reference: &Reference) -> Telemetry {
-        let velocity = measured.world_from_body * measured.velocity_body;
+        let velocity = measured.velocity_world();
         Telemetry {
             z2: velocity - reference.velocity_world(),
             z3: Vector3::zeros(),

@@ -70,7 +70,7 @@ impl Nominal {
             } else {
                 error
             },
-            velocity_error: vehicle.world_from_body * vehicle.velocity_body - reference.velocity_world(),
+            velocity_error: vehicle.velocity_world() - reference.velocity_world(),
             is_limited,
         }
     }
