@@ -236,6 +236,19 @@ fn the_rig_takes_off_flies_the_eight_and_lands() {
     assert_whole_flight(RIG, &[], 0.05);
 }
 
+#[test]
+fn a_vehicle_that_lies_on_its_side_does_not_arm() {
+    // 62° about x.
+    let lying = "vehicle.initial.roll_pitch_yaw=[1.0821, 0.0, 0.0]";
+    let flight = fly(RIG, &[lying]);
+    assert_eq!(flight.order(), [FlightPhase::Disarmed]);
+    assert_eq!(
+        flight.references.last().unwrap().cause,
+        PathReference::CAUSE_NOT_READY_LEVEL
+    );
+    assert!(flight.frames.iter().all(|frame| frame.failsafe.is_set()));
+}
+
 /// A marker is hidden while the motors idle, and found again 15 s later.
 #[test]
 fn a_vehicle_that_was_not_ready_does_not_take_off_by_itself_later() {
@@ -248,7 +261,7 @@ fn a_vehicle_that_was_not_ready_does_not_take_off_by_itself_later() {
     assert!((2500..2600).contains(&disarmed_at), "{disarmed_at} ms");
     assert_eq!(
         flight.references.last().unwrap().cause,
-        PathReference::CAUSE_NOT_READY
+        PathReference::CAUSE_NOT_READY_SIGHT
     );
     assert_eq!(flight.highest(), 0.0);
     let after = flight

@@ -154,8 +154,9 @@ pub enum Command {
     /// Arm a flight in real time: the motors idle, and then the vehicle takes off.
     ///
     /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
-    /// tracked, its state is old, or the estimator has not converged, and unless the vehicle is disarmed. A vehicle
-    /// that is not ready within 0.5 s, or no longer before take-off, is disarmed and must be armed again.
+    /// tracked, its state is old, the estimator has not converged, the vehicle does not stand level or the transmitter
+    /// lacks an input, and unless the vehicle is disarmed. A vehicle that is not ready within 0.5 s, or no longer
+    /// before take-off, is disarmed and must be armed again; the run says what was not ready.
     Arm(Operate),
     /// Stop the motors immediately, even in the air. `gerono arm` re-enables them.
     Disarm(Operate),

@@ -11,7 +11,10 @@
 //! Each row states its [`Cause`], which the path generator publishes with the phase. No reader derives the cause of a
 //! transition from what else holds at that time.
 
+mod readiness;
+
 use crate::samples::PathReference;
+pub use readiness::{NotReady, ReadyLimits};
 
 /// Time for which the motors must stop without a break until the vehicle is on the ground, wherever it was, s.
 ///
@@ -47,7 +50,7 @@ pub struct Conditions {
     pub arming_is_new: bool,
     /// The operator or the envelope demands a landing.
     pub land: bool,
-    /// Every input is fresh, the vehicle is tracked and does not coast, and the estimate is good.
+    /// No condition of readiness is missing ([`NotReady`]).
     pub ready: bool,
     /// The motors have idled long enough.
     pub spooled_up: bool,

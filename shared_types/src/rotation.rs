@@ -70,6 +70,12 @@ pub fn angle_between(from: &Matrix3<f64>, to: &Matrix3<f64>) -> f64 {
     2.0 * libm::asin(sine.min(1.0))
 }
 
+/// Returns the angle between the body's z axis and that of {I}, rad, of a row-major rotation: 0 of a level vehicle.
+#[must_use]
+pub fn tilt(world_from_body: &[f64; 9]) -> f64 {
+    libm::acos(world_from_body[8].clamp(-1.0, 1.0))
+}
+
 /// Returns roll, pitch and yaw (rad) with R = Rz(yaw) Ry(pitch) Rx(roll), right-handed about z down.
 #[must_use]
 pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {

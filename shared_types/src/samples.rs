@@ -133,6 +133,8 @@ crate::sample! {
             CAUSE_NONE = 0, CAUSE_OPERATOR_KILLS = 1, CAUSE_OPERATOR_DISARMS = 2, CAUSE_OPERATOR_LANDS = 3,
             CAUSE_NOT_READY = 4, CAUSE_OVERDUE = 5, CAUSE_TOUCHED_DOWN = 6, CAUSE_FOUND_FLYING = 7,
             CAUSE_STRAYED = 8,
+            CAUSE_NOT_READY_STATE = 9, CAUSE_NOT_READY_SIGHT = 10, CAUSE_NOT_READY_ESTIMATE = 11,
+            CAUSE_NOT_READY_LEVEL = 12, CAUSE_NOT_READY_TRANSMITTER = 13, CAUSE_NOT_READY_DEMAND = 14,
             CAUSE_ENVELOPE_LANDS = 16, CAUSE_ENVELOPE_KILLS = 32
         )]
         /// Cause of the phase. To the two of the envelope the limit is added that was exceeded (`limit` of the frame).

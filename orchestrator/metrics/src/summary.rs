@@ -28,7 +28,7 @@ use crate::{read, view};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use flight::FlightWatch;
-pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words};
+pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words};
 use laboratory::LaboratoryReport;
 use phase::PhaseRecords;
 use timing::TimingReport;
@@ -247,7 +247,7 @@ impl FlightSummary {
             is_on_path: false,
             phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
-            flight: FlightWatch::default(),
+            flight: FlightWatch::new(scenario),
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -301,6 +301,7 @@ impl FlightSummary {
 
     #[inline]
     fn observe_state(&mut self, state: &VehicleState) {
+        self.flight.observe_state(state);
         let tick = state.header.tick;
         if self.tracker.source() == StateSource::Estimate {
             if let Some(vehicle) = Vehicle::tracked(state) {

@@ -2,8 +2,9 @@
 //!
 //! The phases and their transitions are those of [`shared_types::flight_phase`]. This module computes their conditions
 //! from the inputs of the path generator, the estimated state and the sent frames:
-//! * *ready*: the newest good state is recent, tracked, does not coast and its `position_sigma` is within the
-//!   scenario's limit; the newest frame is recent, its transmitter's inputs are too, and it demands nothing;
+//! * *ready*: the newest good state is recent, tracked, does not coast, its `position_sigma` is within the scenario's
+//!   limit, and the vehicle stands level; the newest frame is recent, its transmitter's inputs are too, and it demands
+//!   nothing ([`NotReady`]);
 //! * *airborne*: the vehicle has risen by [`LIFTED`] above the place where it was armed;
 //! * *touched down*: on its way down the vehicle did not sink for [`STANDING`] seconds while the reference went on
 //!   sinking, and the frames commanded less than [`UNLOADED`] of the thrust that carried it. As long as that lasts the
@@ -26,12 +27,11 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
-use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, Row};
-use shared_types::rotation::from_row_major;
+use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row};
 use shared_types::sample::Flag;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds};
-use shared_types::{Now, ServiceId, Topic};
+use shared_types::{Now, ServiceId};
 use zerocopy::FromZeros;
 
 use crate::curve::CurvePoint;
@@ -128,6 +128,8 @@ shared_types::sample! {
 pub struct PhaseInput<'a> {
     /// The last good state, if the place of the vehicle is known.
     pub vehicle: Option<&'a VehicleState>,
+    /// The last good state, also of a vehicle whose place is not known.
+    pub state: Option<&'a VehicleState>,
     /// Its age, ns.
     pub vehicle_age_ns: u64,
     /// The last good frame.
@@ -162,8 +164,8 @@ pub enum PathRateCommand {
 #[derive(Clone, Debug)]
 pub struct Phases {
     stated: scenario::Flight,
-    /// Ages up to which states and frames are recent, ns.
-    fresh_ns: [u64; 2],
+    /// Limits of readiness.
+    limits: ReadyLimits,
     /// Thrust below which even the lightest vehicle cannot fly, N.
     airborne_thrust: f64,
     /// Tick of the first step of a flight. A first step after it is a cold start.
@@ -191,14 +193,17 @@ impl Phases {
     /// Makes the phases of a checked scenario, at its start; `None` if it has none.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Option<Self> {
-        let topics = [Topic::VehicleState, Topic::RcFrame];
-        scenario.flight.as_ref().map(|stated| Self {
-            stated: stated.clone(),
-            fresh_ns: topics.map(|topic| scenario.fresh_age_ns(topic, ServiceId::PathGenerator)),
-            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
-            first_tick: first_tick(scenario),
-            memory: PhasesMemory::new_zeroed(),
-        })
+        scenario
+            .flight
+            .as_ref()
+            .zip(scenario.ready_limits())
+            .map(|(stated, limits)| Self {
+                stated: stated.clone(),
+                limits,
+                airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+                first_tick: first_tick(scenario),
+                memory: PhasesMemory::new_zeroed(),
+            })
     }
 
     /// Returns the phase.
@@ -241,16 +246,17 @@ impl Phases {
             }
         }
         let before = self.phase();
-        let conditions = self.conditions(now, sight);
+        let not_ready = self.not_ready(sight);
+        let conditions = self.conditions(now, sight, not_ready);
         self.watch_sight(now, sight);
         let row = before.transition(&conditions);
         let has_seen = sight.frame.is_some_and(|frame| frame.failsafe.is_set()) || self.memory.begun.is_set();
         self.memory.begun = (has_seen || conditions.found_flying).into();
         if let Some(row) = row {
             self.enter(now, row, sight);
-            self.memory.cause = published_cause(row, now, sight);
+            self.memory.cause = published_cause(row, now, sight, not_ready);
         }
-        self.spend_arming(now, before, &conditions);
+        self.spend_arming(now, before, &conditions, not_ready);
     }
 
     /// Measures the dead reckoning, and begins to bring the path to rest when it has lasted. That stop is flown to its end,
@@ -277,7 +283,13 @@ impl Phases {
 
     /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for
     /// [`ARM_WITHIN`].
-    fn spend_arming(&mut self, now: &Now, before: FlightPhase, conditions: &Conditions) {
+    fn spend_arming(
+        &mut self,
+        now: &Now,
+        before: FlightPhase,
+        conditions: &Conditions,
+        not_ready: Option<NotReady>,
+    ) {
         let count = now.operator.arm_count;
         let is_on_the_ground = before == FlightPhase::Disarmed && self.phase() == FlightPhase::Disarmed;
         if !is_on_the_ground || conditions.killed || conditions.land || !conditions.armed {
@@ -292,7 +304,7 @@ impl Phases {
         }
         if now.time_ns - self.memory.waiting_since_ns >= nanoseconds(ARM_WITHIN) {
             self.memory.spent = count;
-            self.memory.cause = PathReference::CAUSE_NOT_READY;
+            self.memory.cause = cause_of(not_ready);
         }
     }
 
@@ -342,7 +354,7 @@ impl Phases {
         if !memory.airborne.is_set() {
             return;
         }
-        let velocity = velocity_world(vehicle);
+        let velocity = vehicle.velocity_world();
         let slow_down = SlowDown {
             velocity: memory.met_velocity.into(),
         };
@@ -380,7 +392,7 @@ impl Phases {
         }
     }
 
-    fn conditions(&self, now: &Now, sight: &PhaseInput<'_>) -> Conditions {
+    fn conditions(&self, now: &Now, sight: &PhaseInput<'_>, not_ready: Option<NotReady>) -> Conditions {
         let Operator {
             armed,
             arm_count,
@@ -401,7 +413,7 @@ impl Phases {
             killed: killed || action == RcFrame::ACTION_KILL,
             arming_is_new: armed && arm_count != memory.spent,
             land: land || action == RcFrame::ACTION_LAND,
-            ready: self.is_ready(sight),
+            ready: not_ready.is_none(),
             spooled_up: in_phase >= nanoseconds(self.stated.spool_up),
             airborne: memory.airborne.is_set(),
             arrived: memory.way == PhasesMemory::WAY_TRANSIT
@@ -416,27 +428,17 @@ impl Phases {
                     .is_some_and(|vehicle| vehicle.position_world[2] > memory.ground - LIFTED),
             found_flying: !memory.begun.is_set()
                 && sight.vehicle.is_some()
-                && sight.frame_age_ns <= self.fresh_ns[1]
+                && sight.frame_age_ns <= self.limits.frame_age_ns
                 && sight
                     .frame
                     .is_some_and(|frame| !frame.failsafe.is_set() && frame.thrust >= self.airborne_thrust),
         }
     }
 
-    fn is_ready(&self, sight: &PhaseInput<'_>) -> bool {
-        let [oldest_state, oldest_frame] = self.fresh_ns;
-        let sees = sight.vehicle.is_some_and(|vehicle| {
-            vehicle.tracked.is_set()
-                && !vehicle.coasting.is_set()
-                && vehicle.position_sigma <= self.stated.position_sigma_max
-                && sight.vehicle_age_ns <= oldest_state
-        });
-        let is_heard = sight.frame.is_some_and(|frame| {
-            frame.inputs_fresh.is_set()
-                && frame.action <= RcFrame::ACTION_WARN
-                && sight.frame_age_ns <= oldest_frame
-        });
-        sees && is_heard
+    fn not_ready(&self, sight: &PhaseInput<'_>) -> Option<NotReady> {
+        let state = sight.state.map(|state| (state, sight.vehicle_age_ns));
+        let frame = sight.frame.map(|frame| (frame, sight.frame_age_ns));
+        NotReady::find(&self.limits, state, frame)
     }
 
     fn enter(&mut self, now: &Now, row: &Row, sight: &PhaseInput<'_>) {
@@ -505,7 +507,7 @@ impl Phases {
         let Some(vehicle) = sight.vehicle else {
             return self.begin(way, sight.path, sight.path);
         };
-        let velocity = velocity_world(vehicle);
+        let velocity = vehicle.velocity_world();
         let from = Vector3::from(vehicle.position_world) + SlowDown { velocity }.way();
         self.begin(way, from, sight.path);
         self.memory.met_velocity = velocity.into();
@@ -546,10 +548,9 @@ impl Phases {
     }
 }
 
-/// Returns ṗ in {I}, m/s: (1).
-#[must_use]
-pub fn velocity_world(vehicle: &VehicleState) -> Vector3<f64> {
-    from_row_major(&vehicle.world_from_body) * Vector3::from(vehicle.velocity_body)
+/// Returns the cause of a vehicle that was not ready, as references state it.
+fn cause_of(not_ready: Option<NotReady>) -> u8 {
+    not_ready.map_or(PathReference::CAUSE_NOT_READY, NotReady::cause)
 }
 
 /// Returns the tick of the first step of the path generator in a flight without failures.
@@ -562,7 +563,7 @@ fn first_tick(scenario: &Scenario) -> u64 {
 
 /// Returns the cause of a transition as references state it: the row's, with the origin of a demand. A kill or landing
 /// that the newest frame demands for a limit is the envelope's, since the transmitter has acted on it before.
-fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>) -> u8 {
+fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>, not_ready: Option<NotReady>) -> u8 {
     let of_envelope = |action: u8, base: u8| {
         let frame = sight.frame.filter(|frame| frame.action == action)?;
         (frame.limit != RcFrame::LIMIT_NONE).then_some(base | (frame.limit % 16))
@@ -571,7 +572,7 @@ fn published_cause(row: &Row, now: &Now, sight: &PhaseInput<'_>) -> u8 {
         Cause::Progress => PathReference::CAUSE_NONE,
         Cause::FoundFlying => PathReference::CAUSE_FOUND_FLYING,
         Cause::Disarmed => PathReference::CAUSE_OPERATOR_DISARMS,
-        Cause::NotReady => PathReference::CAUSE_NOT_READY,
+        Cause::NotReady => cause_of(not_ready),
         Cause::Overdue => PathReference::CAUSE_OVERDUE,
         Cause::Strayed => PathReference::CAUSE_STRAYED,
         Cause::TouchedDown => PathReference::CAUSE_TOUCHED_DOWN,

@@ -26,7 +26,7 @@ use zerocopy::FromZeros;
 
 use crate::bump::TransitionError;
 use crate::curve::{Curve, CurveError, CurvePoint};
-use crate::phases::{PathRateCommand, PhaseInput, Phases, PhasesMemory, velocity_world};
+use crate::phases::{PathRateCommand, PhaseInput, Phases, PhasesMemory};
 use crate::speed_profile::SpeedProfile;
 use crate::timing_law::{PathRates, TimingLaw};
 
@@ -168,13 +168,14 @@ impl PathLeader {
         }
     }
 
-    /// Returns the source of the reference for a last good state of this age (ns): the path, or the segments of the
-    /// flight's phase.
+    /// Returns the source of the reference, the path or the segments of the flight's phase, for a last good `state` of this
+    /// age (ns), which is that of the `vehicle` if its place is known.
     fn lead(
         &mut self,
         now: &Now,
         frame: &Input<'_, RcFrame>,
         vehicle: Option<&VehicleState>,
+        state: Option<&VehicleState>,
         vehicle_age_ns: Option<u64>,
     ) -> Led {
         let Some(phases) = &mut self.phases else {
@@ -190,6 +191,7 @@ impl PathLeader {
         let path = self.curve.at(self.motion.gamma);
         let sight = PhaseInput {
             vehicle,
+            state,
             vehicle_age_ns: vehicle_age_ns.unwrap_or(u64::MAX),
             frame: self.frames.held(),
             frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
@@ -249,7 +251,7 @@ impl Mover {
         match self {
             Self::TimingLaw(law) => {
                 let p = Vector3::from(vehicle.position_world);
-                let p_dot = velocity_world(vehicle);
+                let p_dot = vehicle.velocity_world();
                 let z1 = p - point.position; // (7)
                 let z1_dot = p_dot - point.derivative1 * gamma_dot;
                 law.paced(profile, &z1, &z1_dot, gamma_dot)
@@ -286,7 +288,7 @@ impl Service for PathGeneratorService {
         let newest = self.states.held();
         let age_ns = self.states.age_ns(now);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
-        let Led { point, gamma, rates } = self.leader.lead(now, &inputs.frame, known, age_ns);
+        let Led { point, gamma, rates } = self.leader.lead(now, &inputs.frame, known, newest, age_ns);
         // The path does not wait for a late state.
         let late_ns = age_ns.unwrap_or(0).saturating_sub(self.ordinary_age_ns);
         if let Some(reference) = outputs.reference.due() {

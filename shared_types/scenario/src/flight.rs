@@ -4,7 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
+use shared_types::flight_phase::ReadyLimits;
 use shared_types::schedule::OperatorPlan;
+use shared_types::{ServiceId, Topic};
 
 /// Flight with phases: disarmed, armed, take-off, fly, land, disarmed.
 ///
@@ -34,6 +36,8 @@ pub struct Flight {
     pub landing_speed: f64,
     /// Largest standard deviation of the estimated position with which the vehicle arms, m.
     pub position_sigma_max: f64,
+    /// Largest angle between the vehicle's thrust axis and the vertical with which the vehicle arms, rad.
+    pub tilt_max: f64,
 }
 
 impl Default for Flight {
@@ -48,6 +52,7 @@ impl Default for Flight {
             transition_time: 2.0,
             landing_speed: 0.3,
             position_sigma_max: 0.02,
+            tilt_max: 0.35,
         }
     }
 }
@@ -65,6 +70,19 @@ impl Flight {
 }
 
 impl Scenario {
+    /// Returns the limits within which the vehicle arms; `None` of a flight without phases.
+    #[must_use]
+    pub fn ready_limits(&self) -> Option<ReadyLimits> {
+        let flight = self.flight.as_ref()?;
+        let age_ns = |topic| self.fresh_age_ns(topic, ServiceId::PathGenerator);
+        Some(ReadyLimits {
+            state_age_ns: age_ns(Topic::VehicleState),
+            frame_age_ns: age_ns(Topic::RcFrame),
+            position_sigma: flight.position_sigma_max,
+            tilt: flight.tilt_max,
+        })
+    }
+
     /// Returns the planned requests of the operator.
     pub(super) fn operator_plan(&self) -> OperatorPlan {
         let Some(flight) = &self.flight else {

@@ -1,8 +1,11 @@
 //! The phases of a flight from take-off to landing, and why it was landed and disarmed.
 
+use scenario::Scenario;
 use serde::Serialize;
 use shared_types::FlightPhase;
-use shared_types::samples::{PathReference, RcFrame, RunEvent};
+use shared_types::flight_phase::NotReady;
+use shared_types::rotation::tilt;
+use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::seconds;
 
 /// Most begins of phases, and most requests of the operator, that are kept: eight flights with all of them.
@@ -15,7 +18,7 @@ pub struct FlightPhaseBegin {
     pub phase: &'static str,
     /// Time at which its first reference was published, s.
     pub begins: f64,
-    /// Reason why the vehicle was landed or disarmed; none of other phases, and of the first.
+    /// Cause of the phase; none of the first, and of the next phase of an ordinary flight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
@@ -25,6 +28,10 @@ pub struct FlightPhaseBegin {
 pub(super) struct FlightWatch {
     /// The phase and its cause.
     newest: Option<(FlightPhase, u8)>,
+    /// The vehicle's attitude by its newest state, row-major.
+    world_from_body: [f64; 9],
+    /// Largest tilt with which the vehicle arms, rad.
+    tilt_max: f64,
     changes: Vec<Change>,
     requests: Vec<Request>,
 }
@@ -35,6 +42,8 @@ struct Change {
     to: FlightPhase,
     cause: u8,
     stamp_ns: u64,
+    /// Angle between the vehicle's thrust axis and the vertical, rad.
+    tilt: f64,
 }
 
 /// A request of the operator.
@@ -47,6 +56,20 @@ struct Request {
 }
 
 impl FlightWatch {
+    /// Makes the watch over a flight of a scenario.
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        Self {
+            tilt_max: scenario.flight.as_ref().map_or(0.0, |flight| flight.tilt_max),
+            ..Self::default()
+        }
+    }
+
+    /// Takes a state of the vehicle into account.
+    #[inline]
+    pub(super) fn observe_state(&mut self, state: &VehicleState) {
+        self.world_from_body = state.world_from_body;
+    }
+
     /// Takes a reference into account.
     pub(super) fn observe(&mut self, reference: &PathReference) {
         let to = FlightPhase::from_code(reference.phase);
@@ -56,6 +79,7 @@ impl FlightWatch {
                 to,
                 cause: reference.cause,
                 stamp_ns: reference.header.stamp_ns,
+                tilt: tilt(&self.world_from_body),
             });
         }
         self.newest = newest;
@@ -89,13 +113,13 @@ impl FlightWatch {
         begins.collect()
     }
 
-    /// Returns why the vehicle was landed or disarmed, as the path generator recorded it. Requests are looked at only now:
-    /// those of a tick come after its samples.
+    /// Returns the cause of a phase, as the path generator recorded it. Requests are looked at only now: those of a tick
+    /// come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
-        let states_reason = matches!(change.to, FlightPhase::Land | FlightPhase::Disarmed);
-        states_reason
-            .then(|| self.cause_in_words(change.cause, change.stamp_ns))
-            .flatten()
+        if NotReady::from_cause(change.cause) == Some(NotReady::Level) {
+            return Some(not_ready(&not_level_in_words(change.tilt, self.tilt_max)));
+        }
+        self.cause_in_words(change.cause, change.stamp_ns)
     }
 
     /// A cause in words, with the origin of the operator's request that led to it at a time.
@@ -107,16 +131,40 @@ impl FlightWatch {
             _ => return cause_in_words(cause),
         };
         // A request may have an effect some ticks before or after that of its event. Its cause is recorded: only its
-        // origin is looked up here.
-        let of_kind = self.requests.iter().filter(|request| request.kind == kind);
+        // origin is looked up here. What a log begins with, that of a flight that was taken over, has its origin before it.
+        let began_before = self
+            .changes
+            .first()
+            .is_some_and(|first| stamp_ns <= first.stamp_ns);
+        let of_kind = self
+            .requests
+            .iter()
+            .filter(|request| request.kind == kind && (!began_before || request.stamp_ns <= stamp_ns));
         let nearest = of_kind.min_by_key(|request| request.stamp_ns.abs_diff(stamp_ns));
         nearest.map_or_else(|| cause_in_words(cause), |request| Some(request.by.clone()))
     }
 }
 
+/// States that a vehicle does not stand level: its tilt and the largest one with which it arms, rad.
+#[must_use]
+pub fn not_level_in_words(tilt: f64, tilt_max: f64) -> String {
+    format!(
+        "the vehicle is tilted by {:.1}°, `flight.tilt_max` permits {:.1}°",
+        tilt.to_degrees(),
+        tilt_max.to_degrees()
+    )
+}
+
+fn not_ready(why: &str) -> String {
+    format!("was not ready, {why}: arm again")
+}
+
 /// A cause of [`PathReference`] in words; none for the next phase of an ordinary flight.
 #[must_use]
 pub fn cause_in_words(cause: u8) -> Option<String> {
+    if let Some(found) = NotReady::from_cause(cause) {
+        return Some(not_ready(found.words()));
+    }
     let words = match cause {
         PathReference::CAUSE_NONE => return None,
         PathReference::CAUSE_OPERATOR_KILLS => "the operator killed",
@@ -239,9 +287,33 @@ mod tests {
     }
 
     #[test]
-    fn only_landing_and_disarming_have_reasons() {
+    fn the_phases_of_an_ordinary_flight_have_no_reasons() {
         let begins = flying().watch.finish();
         assert!(begins.iter().all(|begin| begin.reason.is_none()), "{begins:?}");
+    }
+
+    #[test]
+    fn a_take_off_that_begins_again_has_a_reason() {
+        assert_reason(
+            &flying().caused(FlightPhase::TakeOff, PathReference::CAUSE_STRAYED),
+            "seen again, and not where it was led",
+        );
+    }
+
+    #[test]
+    fn what_was_not_ready_is_stated_and_the_tilt_with_its_limit() {
+        let unseen = PathReference::CAUSE_NOT_READY_SIGHT;
+        assert_reason(
+            &Watched::default().phase(DISARMED).caused(DISARMED, unseen),
+            "was not ready, the cameras did not see the vehicle: arm again",
+        );
+        let mut lying = Watched::default().phase(DISARMED);
+        lying.watch.tilt_max = 0.35;
+        lying.watch.world_from_body[8] = libm::cos(62.0_f64.to_radians());
+        assert_reason(
+            &lying.caused(DISARMED, PathReference::CAUSE_NOT_READY_LEVEL),
+            "was not ready, the vehicle is tilted by 62.0°, `flight.tilt_max` permits 20.1°: arm again",
+        );
     }
 
     #[test]
@@ -282,6 +354,21 @@ mod tests {
         recorded.tick += 22;
         let recorded = recorded.request(RunEvent::KIND_OPERATOR_KILLS, "gerono kill");
         assert_reason(&recorded, "gerono kill");
+    }
+
+    #[test]
+    fn a_landing_with_which_a_log_begins_has_its_origin_before_it() {
+        let taken_over = || Watched {
+            tick: 1000,
+            ..Watched::default()
+        };
+        let landing = PathReference::CAUSE_OPERATOR_LANDS;
+        let mut alone = taken_over().caused(LAND, landing);
+        alone.tick += 1;
+        let alone = alone.request(RunEvent::KIND_OPERATOR_LANDS, "gerono stop");
+        assert_reason(&alone, "no orchestrator was there");
+        let inherited = taken_over().request(RunEvent::KIND_OPERATOR_LANDS, "asked before");
+        assert_reason(&inherited.caused(LAND, landing), "asked before");
     }
 
     #[test]

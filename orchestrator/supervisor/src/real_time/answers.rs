@@ -2,11 +2,13 @@
 
 use std::borrow::Cow;
 
+use metrics::summary::not_level_in_words;
 use runtime::shared_page::Request;
 use shared_types::ServiceId;
-use shared_types::flight_phase::FlightPhase;
-use shared_types::samples::{RunEvent, VehicleState};
-use shared_types::service::{Operator, seconds};
+use shared_types::flight_phase::{FlightPhase, NotReady, ReadyLimits};
+use shared_types::rotation::tilt;
+use shared_types::samples::{RcFrame, RunEvent, VehicleState};
+use shared_types::service::{Operator, nanoseconds, seconds};
 
 use super::Flight;
 use super::kill_switch::KillSwitch;
@@ -149,17 +151,29 @@ impl Flight<'_> {
         let Some(state) = self.recorder.newest::<VehicleState>() else {
             return Some("nothing is known of the vehicle yet".to_owned());
         };
-        let age = seconds(elapsed_ns.saturating_sub(state.header.stamp_ns));
-        if age > STALE {
-            return Some(format!("the vehicle's state is {age:.1} s old"));
-        }
-        if !state.tracked.is_set() || state.coasting.is_set() {
-            return Some("the cameras do not see the vehicle".to_owned());
-        }
+        let age_ns = |stamp_ns| elapsed_ns.saturating_sub(stamp_ns);
+        let state_age_ns = age_ns(state.header.stamp_ns);
+        let frame = self.recorder.newest::<RcFrame>();
+        let frame = frame.as_ref().map(|frame| (frame, age_ns(frame.header.stamp_ns)));
+        let limits = ReadyLimits {
+            state_age_ns: nanoseconds(STALE),
+            // The path generator, which is nearer, waits for a newer one.
+            frame_age_ns: u64::MAX,
+            ..self.scenario.ready_limits()?
+        };
         let (sigma, largest) = (state.position_sigma, settings.position_sigma_max);
-        (sigma > largest).then(|| {
-            format!("the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed")
-        })
+        Some(
+            match NotReady::find(&limits, Some((&state, state_age_ns)), frame)? {
+                NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
+                NotReady::Sight => "the cameras do not see the vehicle".to_owned(),
+                NotReady::Estimate => format!(
+                    "the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed"
+                ),
+                NotReady::Level => not_level_in_words(tilt(&state.world_from_body), limits.tilt),
+                NotReady::Transmitter => "the transmitter lacks an input".to_owned(),
+                NotReady::Demand => "the transmitter demands a landing or a kill".to_owned(),
+            },
+        )
     }
 
     fn break_service(&mut self, name: &str, how: Break) -> Answer {

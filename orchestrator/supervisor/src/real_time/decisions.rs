@@ -1,8 +1,9 @@
 //! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and what people read.
 
-use metrics::summary::{cause_in_words, limit_in_words};
-use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER};
-use shared_types::samples::{PathReference, RcFrame};
+use metrics::summary::{cause_in_words, limit_in_words, not_level_in_words};
+use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady};
+use shared_types::rotation::tilt;
+use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::Operator;
 
 use super::Flight;
@@ -52,6 +53,10 @@ impl Flight<'_> {
             .operator(Operator::default());
         if asked.land {
             self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
+            // The log of this flight has not the event of that request.
+            let by = "requested before another orchestrator took over".into();
+            self.happened
+                .push((self.recorder.ticks(), RunEvent::KIND_OPERATOR_LANDS, by));
         }
     }
 
@@ -87,14 +92,25 @@ impl Flight<'_> {
         {
             return;
         }
+        if let Some(found) = NotReady::from_cause(reference.cause) {
+            let why = match (
+                found,
+                self.recorder.newest::<VehicleState>(),
+                &self.scenario.flight,
+            ) {
+                (NotReady::Level, Some(state), Some(flight)) => {
+                    not_level_in_words(tilt(&state.world_from_body), flight.tilt_max)
+                }
+                _ => found.words().to_owned(),
+            };
+            self.tell(&format!("disarmed: the vehicle was not ready, {why}"));
+            let run = &self.run;
+            let text = format!(
+                "The vehicle was not ready and is disarmed: {why}. Arm again: gerono arm --run {run}"
+            );
+            self.people.messages.say(text);
+        }
         match reference.cause {
-            PathReference::CAUSE_NOT_READY => {
-                self.tell("disarmed: the vehicle was not ready");
-                let run = &self.run;
-                let text =
-                    format!("The vehicle was not ready and is disarmed. Arm again: gerono arm --run {run}");
-                self.people.messages.say(text);
-            }
             PathReference::CAUSE_OVERDUE | PathReference::CAUSE_TOUCHED_DOWN => {
                 let phase = FlightPhase::from_code(reference.phase).name();
                 if let Some(cause) = cause_in_words(reference.cause) {

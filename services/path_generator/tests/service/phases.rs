@@ -3,6 +3,7 @@
 use path_generator::PathGeneratorService;
 use path_generator::phases::{LIFTED, PATIENCE, STANDING};
 use scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
+use shared_types::flight_phase::NotReady;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Now, Operator, Service};
 use zerocopy::FromZeros;
@@ -20,6 +21,18 @@ const DISARMED: Operator = Operator {
     ..ARMED
 };
 const TO_LAND: Operator = Operator { land: true, ..ARMED };
+/// Attitude of a vehicle that lies tilted by 62° about x, row-major.
+const TILTED: [f64; 9] = [
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+    0.469_471_562_785_890_8,
+    -0.882_947_592_858_927,
+    0.0,
+    0.882_947_592_858_927,
+    0.469_471_562_785_890_8,
+];
 /// A second request to arm.
 const ARMED_AGAIN: Operator = Operator {
     arm_count: 2,
@@ -260,25 +273,61 @@ fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
 #[test]
 fn nothing_arms_while_anything_is_not_ready() {
     type Spoil = fn(&mut FlownPath);
-    let spoilers: [(&str, Spoil); 8] = [
-        ("not tracked", |flown| flown.vehicle.tracked = false.into()),
-        ("coasting", |flown| flown.vehicle.coasting = true.into()),
-        ("not converged", |flown| flown.vehicle.position_sigma = 0.021),
-        ("the transmitter lacks an input", |flown| {
-            flown.frame.inputs_fresh = false.into();
-        }),
-        ("it demands to land", |flown| {
-            flown.frame.action = RcFrame::ACTION_LAND;
-        }),
-        ("it has killed", |flown| flown.frame.action = RcFrame::ACTION_KILL),
-        ("frames are none of a link", |flown| flown.frame.mode = 9),
-        ("frames hold no numbers", |flown| flown.frame.thrust = f64::NAN),
+    let spoilers: [(&str, Spoil, NotReady); 9] = [
+        (
+            "not tracked",
+            |flown| flown.vehicle.tracked = false.into(),
+            NotReady::Sight,
+        ),
+        (
+            "coasting",
+            |flown| flown.vehicle.coasting = true.into(),
+            NotReady::Sight,
+        ),
+        (
+            "not converged",
+            |flown| flown.vehicle.position_sigma = 0.021,
+            NotReady::Estimate,
+        ),
+        (
+            "it lies on its side",
+            |flown| flown.vehicle.world_from_body = TILTED,
+            NotReady::Level,
+        ),
+        (
+            "the transmitter lacks an input",
+            |flown| flown.frame.inputs_fresh = false.into(),
+            NotReady::Transmitter,
+        ),
+        (
+            "it demands to land",
+            |flown| flown.frame.action = RcFrame::ACTION_LAND,
+            NotReady::Demand,
+        ),
+        (
+            "it has killed",
+            |flown| flown.frame.action = RcFrame::ACTION_KILL,
+            NotReady::Demand,
+        ),
+        (
+            "frames are none of a link",
+            |flown| flown.frame.mode = 9,
+            NotReady::Transmitter,
+        ),
+        (
+            "frames hold no numbers",
+            |flown| flown.frame.thrust = f64::NAN,
+            NotReady::Transmitter,
+        ),
     ];
-    for (words, spoil) in spoilers {
+    for (words, spoil, not_ready) in spoilers {
         let mut flown = FlownPath::eight();
         for _ in 0..3000 {
             spoil(&mut flown);
             assert_eq!(flown.step(ARMED).phase, PathReference::PHASE_DISARMED, "{words}");
+        }
+        if !matches!(flown.frame.action, RcFrame::ACTION_LAND | RcFrame::ACTION_KILL) {
+            assert_eq!(flown.reference.cause, not_ready.cause(), "{words}");
         }
         let mut flown = FlownPath::eight();
         flown.until(ARMED, PathReference::PHASE_ARMED);
@@ -349,7 +398,10 @@ fn once_armed_has_been_left_nothing_arms_without_a_new_request() {
     flown.for_seconds(ARMED, 0.3);
     assert_eq!(
         (flown.reference.phase, flown.reference.cause),
-        (PathReference::PHASE_DISARMED, PathReference::CAUSE_NOT_READY)
+        (
+            PathReference::PHASE_DISARMED,
+            PathReference::CAUSE_NOT_READY_SIGHT
+        )
     );
     flown.vehicle.tracked = true.into();
     flown.for_seconds(ARMED, 20.0);
@@ -374,7 +426,10 @@ fn a_request_to_arm_waits_half_a_second_for_readiness_and_lapses_then() {
         flown.step(ARMED);
         assert_eq!(flown.reference.phase, expected, "{blind_ticks}");
         let lapsed = expected == PathReference::PHASE_DISARMED;
-        assert_eq!(flown.reference.cause == PathReference::CAUSE_NOT_READY, lapsed);
+        assert_eq!(
+            flown.reference.cause == PathReference::CAUSE_NOT_READY_SIGHT,
+            lapsed
+        );
         if lapsed {
             flown.for_seconds(ARMED, 5.0);
             assert_eq!(flown.phases, [PathReference::PHASE_DISARMED]);

@@ -1,5 +1,7 @@
 //! a flight from take-off to landing: requests in an order that can be meant, and a vehicle that stands at its start.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::{Findings, six_digits};
 use crate::{Flight, Key, Problem, Scenario};
 
@@ -107,5 +109,16 @@ impl Flight {
             "the deviation",
             self.position_sigma_max,
         );
+        let tilt = at.then("tilt_max");
+        if found.positive(&tilt, "the angle", self.tilt_max) && self.tilt_max > FRAC_PI_2 {
+            found.add(
+                tilt,
+                format!(
+                    "a vehicle that lies tilted by {:?} rad cannot take off",
+                    self.tilt_max
+                ),
+                "give an angle up to π/2; 0.35, which is 20°, is much for a vehicle that stands on its legs",
+            );
+        }
     }
 }
