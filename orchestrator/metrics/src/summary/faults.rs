@@ -44,8 +44,8 @@ pub struct FaultReport {
     pub ends: Option<f64>,
     /// Its length, s; to the end of what was flown, if it had not ended by then.
     pub outage: f64,
-    /// Until when it was watched: to the begin of the next fault, the next change of the vehicle or the end of what was
-    /// flown, s.
+    /// Until when the vehicle could come back: to the begin of the next fault, the next change of the vehicle, the begin of
+    /// a landing or the end of what was flown, s.
     pub watched_until: f64,
     /// The first sign that a service had noticed; none if there was none.
     pub detection: Option<Detection>,
@@ -171,9 +171,9 @@ impl FaultWatch {
     /// the faults, if that is known.
     #[inline]
     pub fn observe_moment(&mut self, moment: &Moment, undisturbed: Option<f64>) {
-        if let Some(distance) = moment.distance {
+        if let Some((distance, path)) = moment.distance.zip(moment.path) {
             for record in &mut self.records {
-                record.observe_error(moment.vehicle.tick, distance, undisturbed);
+                record.observe_error(moment.vehicle.tick, path.phase, distance, undisturbed);
             }
         }
     }

@@ -1,7 +1,7 @@
 //! A planned fault while it is flown.
 
-use shared_types::Schedule;
 use shared_types::service::{nanoseconds, seconds};
+use shared_types::{FlightPhase, Schedule};
 
 use super::signs::{Look, Tally};
 use super::{BEFORE, Detection, FaultReport, PlannedFault};
@@ -21,8 +21,10 @@ pub(super) struct FaultRecord {
     peak: Option<f64>,
     /// Largest distance as a share of what it must come back to.
     largest_share: f64,
-    /// Tick from which the error has been within the bound, the fault being over.
+    /// Tick from which the error has been within the bound, the fault being over; as it was when a landing began.
     inside_since: Option<u64>,
+    /// First tick of a landing after the fault's begin.
+    landing_from: Option<u64>,
     tally: Tally,
 }
 
@@ -38,6 +40,7 @@ impl FaultRecord {
             peak: None,
             largest_share: 0.0,
             inside_since: None,
+            landing_from: None,
             tally: Tally::default(),
             fault,
         }
@@ -48,9 +51,16 @@ impl FaultRecord {
     }
 
     /// Takes the distance from the path (m) at a tick into account, and what it comes to there without the fault, if that
-    /// is known.
+    /// is known. Only on the path the vehicle can be back: a landing leaves it by intent, and on the ground the reference
+    /// sinks below the vehicle.
     #[inline]
-    pub(super) fn observe_error(&mut self, tick: u64, error: f64, undisturbed: Option<f64>) {
+    pub(super) fn observe_error(
+        &mut self,
+        tick: u64,
+        phase: FlightPhase,
+        error: f64,
+        undisturbed: Option<f64>,
+    ) {
         if tick < self.fault.from {
             if tick >= self.before_tick {
                 self.largest_before = self.largest_before.max(error);
@@ -60,7 +70,11 @@ impl FaultRecord {
             let is_over = self.fault.until.is_some_and(|until| tick >= until);
             let bound = self.bound().max(undisturbed.unwrap_or(0.0));
             self.largest_share = self.largest_share.max(error / bound);
-            let is_inside = is_over && error <= bound;
+            if phase == FlightPhase::Land {
+                self.landing_from.get_or_insert(tick);
+                return;
+            }
+            let is_inside = is_over && error <= bound && phase == FlightPhase::Fly;
             self.inside_since = is_inside.then(|| self.inside_since.unwrap_or(tick));
         }
     }
@@ -86,7 +100,11 @@ impl FaultRecord {
             begins: time(*from),
             ends: until.map(time),
             outage: self.time_since_begin(until.unwrap_or(last_tick).min(last_tick)),
-            watched_until: time(self.watched_until.min(last_tick)),
+            watched_until: time(
+                self.watched_until
+                    .min(last_tick)
+                    .min(self.landing_from.unwrap_or(u64::MAX)),
+            ),
             detection: self.detection,
             bound: self.bound(),
             peak_error: self.peak,

@@ -6,6 +6,7 @@ use zerocopy::{FromZeros, IntoBytes};
 use super::*;
 use crate::tracker::Tracker;
 use run_log::test_flight::scenario;
+use shared_types::FlightPhase;
 
 /// 20 s at 10 ms.
 fn schedule() -> Schedule {
@@ -409,4 +410,33 @@ fn a_vehicle_that_was_lost_is_not_back() {
         let are_back: Vec<_> = reports.iter().map(|report| report.back_after.is_some()).collect();
         assert_eq!(are_back, back, "lost at {lost_at:?}");
     }
+}
+
+/// A record of a fault in ticks 100 to 200, of a vehicle that is 0.5 m off in it and is then led in these phases with these
+/// distances (m), 100 ticks each.
+fn recovery(led: &[(FlightPhase, f64)]) -> FaultReport {
+    let schedule = schedule();
+    let mut record = FaultRecord::new(fault(100, Some(200)), u64::MAX, &schedule);
+    let before = [(FlightPhase::Fly, 0.01), (FlightPhase::Fly, 0.5)];
+    for (tick, &(phase, error)) in (0..).zip(before.iter().chain(led).flat_map(|one| [one; 100])) {
+        record.observe_error(tick, phase, error, None);
+    }
+    record.finish(199 + 100 * led.len() as u64, &schedule)
+}
+
+#[test]
+fn a_landing_does_not_undo_that_the_vehicle_came_back() {
+    use FlightPhase::{Fly, Land, TakeOff};
+    let landed = recovery(&[(Fly, 0.01), (Land, 0.3)]);
+    assert_eq!((landed.back_after, landed.watched_until), (Some(0.0), 3.0));
+    // It lands before the fault is over: nothing says whether it would have come back.
+    let early = FaultReport {
+        ends: Some(2.5),
+        ..recovery(&[(Land, 0.3)])
+    };
+    assert!(early.back_after.is_none() && !early.is_over());
+    let astray = recovery(&[(Fly, 0.4), (Land, 0.01)]);
+    assert!(astray.back_after.is_none() && astray.is_over());
+    let led_back = recovery(&[(Fly, 0.01), (TakeOff, 0.01), (Fly, 0.01)]);
+    assert_eq!(led_back.back_after, Some(2.0));
 }
