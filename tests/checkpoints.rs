@@ -273,6 +273,14 @@ fn where_the_recorder_in_real_time_has_dropped_samples_services_go_on_with_what_
     assert!(middle.starts.iter().all(|start| start.time > 0.0));
     assert!(middle.steps < whole.steps / 2 && middle.compared() > 0);
 
+    let late = place.path("late");
+    fs::create_dir(&late).unwrap();
+    fs::copy(&log, late.join("run.mcap")).unwrap();
+    write_checkpoints_last(&log, &late.join("host.mcap"));
+    let late = replayed(&late.join("run.mcap"));
+    assert!(late.is_identical(), "{:?}", late.first_checkpoint);
+    assert_eq!(late.checkpoints, whole.checkpoints, "none is left out");
+
     let folder = place.path("holed");
     fs::create_dir(&folder).unwrap();
     fs::copy(log.with_file_name("host.mcap"), folder.join("host.mcap")).unwrap();
@@ -312,6 +320,21 @@ fn without(from: &Path, to: &Path, topic: Topic, seq: u64) {
     while let Some(sample) = reader.next_sample().unwrap() {
         if (sample.topic, sample.header.seq) != (topic, seq) {
             writer.write(sample.topic, sample.bytes).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+/// Writes the record of the machine beside a log again, with all checkpoints behind all steps.
+fn write_checkpoints_last(log: &Path, to: &Path) {
+    let mut writer = HostLogWriter::create(to, Compression::None).unwrap();
+    let host = || HostReader::open(&log.with_file_name("host.mcap")).unwrap();
+    for (_, step) in host().steps().map(Result::unwrap) {
+        writer.write(&step).unwrap();
+    }
+    for entry in host().map(Result::unwrap) {
+        if let HostEntry::Checkpoint(found) = entry {
+            found.pieces(0).for_each(|piece| writer.write(&piece).unwrap());
         }
     }
     writer.finish().unwrap();

@@ -15,10 +15,6 @@ use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
 use run_log::{HostEntry, HostReader, LoggedCheckpoint, ServiceStep, host_log_beside};
 
-/// Ticks beyond a tick up to which the steps of a service are read before it is replayed: its checkpoints are copied beside it
-/// and may be recorded that much late.
-const READ_AHEAD_TICKS: u64 = 512;
-
 /// A step's view of an input: the sequence number of the sample, and whether the step before saw another one.
 pub(super) type InputSequences = [Option<(u64, bool)>; MAX_PORTS];
 
@@ -44,6 +40,9 @@ pub(super) struct RecordedSteps {
     source: Option<HostReader>,
     services: [OfService; ServiceId::ALL.len()],
     has_steps: bool,
+    /// Ticks beyond a tick up to which the steps of a service are read before it is replayed: its checkpoints are copied
+    /// beside it, and stand at most that far behind its steps.
+    read_ahead: u64,
     /// The tick by which the replay is to have begun: what led to the newest checkpoint before it is not needed.
     begins_by: u64,
 }
@@ -63,9 +62,12 @@ struct OfService {
 impl RecordedSteps {
     /// Reads the record beside the flight's log `log`.
     pub(super) fn beside(log: &Path, scenario: &Scenario, begins_by: u64) -> Result<Self, ReplayError> {
-        let source = host_log_beside(log).map(|path| HostReader::open(&path));
+        let path = host_log_beside(log);
+        let read_ahead = path.as_deref().map(largest_lateness).transpose()?;
+        let source = path.map(|path| HostReader::open(&path));
         let mut recorded_steps = Self {
             source: source.transpose()?,
+            read_ahead: read_ahead.unwrap_or_default(),
             services: ServiceId::ALL.map(|service| OfService {
                 layout: registry::state_layout(service, scenario),
                 state_size: registry::state_size(service, scenario),
@@ -122,7 +124,7 @@ impl RecordedSteps {
     /// Reads on until the steps of a service up to a tick have been read, which each tells of in their order, and its
     /// checkpoints, which may come later: they are copied beside the service.
     fn read_to(&mut self, service: ServiceId, tick: u64) -> Result<(), ReplayError> {
-        let until = Some(tick.saturating_add(READ_AHEAD_TICKS));
+        let until = Some(tick.saturating_add(self.read_ahead));
         while self.services[service.index()].read_to <= until && self.read_one()? {}
         Ok(())
     }
@@ -163,6 +165,25 @@ impl RecordedSteps {
             while own.waiting.pop_front_if(|step| step.tick < next_tick).is_some() {}
         }
     }
+}
+
+/// Returns the most ticks by which a checkpoint in a record of the machine stands behind the steps of its service.
+fn largest_lateness(path: &Path) -> Result<u64, ReplayError> {
+    let mut newest = [0_u64; ServiceId::ALL.len()];
+    let mut largest = 0;
+    for entry in HostReader::open(path)? {
+        match entry? {
+            HostEntry::Step(service, step) => {
+                let newest = &mut newest[service.index()];
+                *newest = step.tick.max(*newest);
+            }
+            HostEntry::Checkpoint(found) => {
+                let steps_until = newest[found.service.index()] + 1;
+                largest = largest.max(steps_until.saturating_sub(found.checkpoint.next_tick));
+            }
+        }
+    }
+    Ok(largest)
 }
 
 impl From<&ServiceStep> for RecordedStep {
