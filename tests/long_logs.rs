@@ -125,7 +125,7 @@ fn a_killed_orchestrator_leaves_whole_files_and_a_newest_one_that_is_recovered()
     let refused = output(&mut place.gerono(&["digest", "out"]));
     let reason = complaint(&refused);
     assert!(
-        refused.status.code() == Some(1) && reason.contains(".mcap.partial was never completed"),
+        refused.status.code() == Some(10) && reason.contains(".mcap.partial was never completed"),
         "{reason}"
     );
     answer(&place, &["recover", "out"]);
@@ -171,14 +171,16 @@ fn a_missing_file_is_named_and_the_replay_says_what_it_could_not_do() {
         &["export", "out"],
     ] {
         let refused = output(&mut place.gerono(command));
-        assert_eq!(refused.status.code(), Some(1), "{command:?}");
+        assert_eq!(refused.status.code(), Some(10), "{command:?}");
         let reason = complaint(&refused);
         assert!(
             reason.contains("run.1.mcap") && reason.contains("missing"),
             "{reason}"
         );
     }
-    let shown = answer(&place, &["info", "out"]);
+    let shown = output(&mut place.gerono(&["info", "out"]));
+    assert_eq!(shown.status.code(), Some(10));
+    let shown = said(&shown);
     assert!(
         shown.contains("run.1.mcap") && shown.contains("missing"),
         "{shown}"

@@ -18,10 +18,16 @@ const LARGEST_PAGE: usize = 5_000_000;
 
 /// Writes the report of these logs and reads the page.
 fn report(place: &Place, logs: &[&str]) -> String {
+    report_with_code(place, logs, 0)
+}
+
+/// As [`report`], of logs with which the command ends with this exit code.
+fn report_with_code(place: &Place, logs: &[&str], code: i32) -> String {
     let mut arguments = vec!["report"];
     arguments.extend(logs);
     arguments.extend(["-o", "report"]);
-    succeed(&mut place.gerono(&arguments));
+    let written = output(&mut place.gerono(&arguments));
+    assert_eq!(written.status.code(), Some(code), "{written:?}");
     std::fs::read_to_string(place.path("report/report.html")).unwrap()
 }
 
@@ -180,7 +186,7 @@ fn of_a_log_that_was_never_completed_what_is_whole_is_shown() {
     std::fs::remove_file(&whole).unwrap();
     std::fs::write(place.path("flight/run.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
 
-    let data = data_of(&report(&place, &["flight"]));
+    let data = data_of(&report_with_code(&place, &["flight"], 10));
     let flight = &data["flights"][0];
     let reason = flight["broken"].as_str().unwrap();
     assert!(reason.contains("never completed"), "{reason}");

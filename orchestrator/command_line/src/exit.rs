@@ -7,7 +7,7 @@ use std::process::ExitCode;
 pub enum Exit {
     /// It did what it was asked to.
     Success,
-    /// It could not, for a reason that has nothing to do with the flight; or a log is not whole.
+    /// It could not, for a reason that has nothing to do with the flight.
     Trouble,
     /// The command line or the scenario is wrong; nothing was started.
     BadInput,
@@ -25,6 +25,8 @@ pub enum Exit {
     Diverged,
     /// The flight was flown to its end, and the vehicle was lost.
     Lost,
+    /// A log is incomplete or damaged: the result is of the part that could be read, or there is none.
+    Incomplete,
     /// A signal ended the run in good order.
     Signal(i32),
 }
@@ -37,11 +39,11 @@ impl Exit {
     }
 
     /// Each code with its meaning, for help and manual.
-    pub const MEANINGS: [(&str, &str); 11] = [
+    pub const MEANINGS: [(&str, &str); 12] = [
         ("0", "done"),
         (
             "1",
-            "trouble with the machine, or a log that is incomplete or damaged (`gerono recover`)",
+            "trouble with the machine, or a file that is missing or no log",
         ),
         ("2", "wrong command line or scenario; nothing was started"),
         (
@@ -64,6 +66,10 @@ impl Exit {
             "the vehicle was lost: too far from its path, tipped over, or on the ground; the flight was flown to its end",
         ),
         (
+            "10",
+            "a log is incomplete or damaged: the result is of the part that could be read, or there is none (`gerono recover`)",
+        ),
+        (
             "129, 130, 143",
             "ended by the end of the terminal, Ctrl-C or SIGTERM; the log is complete up to there",
         ),
@@ -78,6 +84,16 @@ impl Exit {
 }
 
 impl Exit {
+    /// Returns the end of a command that read logs, and did with them what it was asked to as far as they go.
+    #[must_use]
+    pub fn of_logs(are_complete: bool) -> Self {
+        if are_complete {
+            Self::Success
+        } else {
+            Self::Incomplete
+        }
+    }
+
     /// Returns the code that the system is told.
     #[must_use]
     pub fn code(self) -> u8 {
@@ -92,6 +108,7 @@ impl Exit {
             Self::Refused => 7,
             Self::Diverged => 8,
             Self::Lost => 9,
+            Self::Incomplete => 10,
             // As shells report it.
             Self::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         }

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::iter::successors;
 
 use miette::Report;
+use run_log::LogReadError;
 
 use crate::exit::Exit;
 use crate::terminal::printable_lines;
@@ -27,10 +28,21 @@ impl Failure {
         }
     }
 
-    /// Trouble with the machine, or a log that is not whole.
+    /// Trouble with the machine, or a log that is incomplete or damaged ([`Exit::Incomplete`]).
     #[must_use]
     pub fn trouble(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Trouble, error)
+        let error = error.into();
+        let mut causes = successors(Some(&*error as &(dyn Error + 'static)), |&error| error.source());
+        let is_incomplete = causes.any(|cause| {
+            let of_log = cause.downcast_ref::<LogReadError>();
+            of_log.is_some_and(LogReadError::is_incomplete)
+        });
+        let exit = if is_incomplete {
+            Exit::of_logs(false)
+        } else {
+            Exit::Trouble
+        };
+        Self::new(exit, error)
     }
 
     /// A wrong command line or scenario.

@@ -128,6 +128,12 @@ pub struct HostInfo {
 }
 
 impl Info {
+    /// Returns whether all of the log could be read, or is what was left of another one.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        matches!(self.state, State::Complete | State::Recovered)
+    }
+
     /// Reads a log from begin to end, and what lies beside it.
     ///
     /// # Errors

@@ -35,7 +35,7 @@ pub(crate) const CHANGE_COLOR: &str = "#666666";
 #[derive(Debug, thiserror::Error)]
 pub enum PlotError {
     /// A log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Read(#[from] LogReadError),
     /// A log holds nothing to draw.
     #[error(

@@ -38,7 +38,7 @@ pub const PAGE: &str = "report.html";
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Read(#[from] LogReadError),
     /// A log cannot be understood.
     #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]

@@ -23,7 +23,7 @@ use run_log::{LogReadError, LogReader, flight_start, host_log_beside};
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
     /// A log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Log(#[from] LogReadError),
     /// Nothing says when a clock began.
     #[error(

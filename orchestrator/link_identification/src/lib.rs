@@ -37,7 +37,7 @@ pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Log(#[from] LogReadError),
     /// The link had no channels.
     #[error("the flight had no radio link with channels; add `[rc_output]` to its scenario")]

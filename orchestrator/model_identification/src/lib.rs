@@ -28,7 +28,7 @@ use report::{Identification, MARKER_OFFSET_DEVIATION, OFFSET_SYSTEMATIC, Quantit
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Log(#[from] LogReadError),
     /// The flight had no filter.
     #[error(

@@ -47,7 +47,7 @@ use run_log::{HostReadError, LogReadError, LogReader};
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Read(#[from] LogReadError),
     /// The records of a flight's steps cannot be read: a log of real time cannot be replayed without them.
     #[error(transparent)]

@@ -6,20 +6,12 @@
 
 use std::path::Path;
 
-use run_log::{LogReadError, LogReader};
+use run_log::LogReader;
 use shared_types::Topic;
 
 use super::ReplayError;
 use super::history::History;
 use super::tuning::RecordedTuning;
-
-/// Returns whether an error only ends a log: what was read before it is whole.
-fn breaks_off(error: &LogReadError) -> bool {
-    matches!(
-        error,
-        LogReadError::Unclosed { .. } | LogReadError::MissingPart { .. } | LogReadError::Damaged { .. }
-    )
-}
 
 /// Returns the most ticks by which a sample of a log is older than one before it.
 pub(super) fn largest_lateness(log: &Path) -> Result<u64, ReplayError> {
@@ -32,7 +24,7 @@ pub(super) fn largest_lateness(log: &Path) -> Result<u64, ReplayError> {
                 largest = largest.max(newest - sample.header.tick);
             }
             Ok(None) => return Ok(largest),
-            Err(error) if breaks_off(&error) => return Ok(largest),
+            Err(error) if error.is_incomplete() => return Ok(largest),
             Err(error) => return Err(error.into()),
         }
     }
@@ -84,7 +76,7 @@ impl LogSource {
                     self.read_until = u64::MAX;
                 }
                 // What was read before it is whole.
-                Err(error) if breaks_off(&error) => {
+                Err(error) if error.is_incomplete() => {
                     self.ends = Some(error.to_string());
                     self.breaks_off = true;
                     self.read_until = u64::MAX;

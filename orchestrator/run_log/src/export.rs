@@ -13,7 +13,7 @@ use super::schema::Schema;
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Read(#[from] LogReadError),
     /// The lines cannot be written.
     #[error("cannot write the exported lines: {0}; make room, or write elsewhere")]

@@ -101,6 +101,15 @@ fn last_tick_in_words(last_tick: &Option<u64>) -> String {
 }
 
 impl LogReadError {
+    /// Returns whether the log is there and only incomplete or damaged: what was read before is whole.
+    #[must_use]
+    pub fn is_incomplete(&self) -> bool {
+        matches!(
+            self,
+            Self::Unclosed { .. } | Self::MissingPart { .. } | Self::Damaged { .. }
+        )
+    }
+
     /// Returns the file that cannot be read further.
     #[must_use]
     pub fn path(&self) -> &Path {

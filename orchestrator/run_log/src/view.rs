@@ -40,7 +40,7 @@ const CHUNK_BYTES: u64 = 1 << 20;
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// The log cannot be read.
-    #[error(transparent)]
+    #[error("{0}")]
     Read(#[from] LogReadError),
     /// Nothing can be shown.
     #[error("the log {} does not say where the vehicle is: nothing to show in space", .0.display())]

@@ -90,12 +90,9 @@ fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
         let reason = "a copy for viewers is a file, not lines; name one with `--out`";
         return Err(Failure::bad_input(reason));
     }
-    run_log::export_view(log, &target).map_err(|error| {
-        let exit = match error {
-            ViewError::Itself(_) | ViewError::Write(_) => Exit::NotWritten,
-            ViewError::Read(_) | ViewError::Nowhere(_) => Exit::Trouble,
-        };
-        Failure::new(exit, error)
+    run_log::export_view(log, &target).map_err(|error| match error {
+        ViewError::Itself(_) | ViewError::Write(_) => Failure::not_written(error),
+        ViewError::Read(_) | ViewError::Nowhere(_) => Failure::trouble(error),
     })?;
     print(format!("{}\n", target.display()));
     Ok(())
@@ -105,16 +102,17 @@ fn export_view(log: &Path, output: Option<&Path>) -> Result<(), Failure> {
 ///
 /// # Errors
 /// [`Failure`].
-pub fn info(arguments: &Info) -> Result<(), Failure> {
+pub fn info(arguments: &Info) -> Result<Exit, Failure> {
     let log = log_meant_by(&arguments.log);
     let info = info::Info::read(&log).map_err(Failure::trouble)?;
+    let exit = Exit::of_logs(info.is_complete());
     if arguments.json {
         let text = serde_json::to_string_pretty(&info).map_err(Failure::trouble)?;
         print(text + "\n");
     } else {
         print(info);
     }
-    Ok(())
+    Ok(exit)
 }
 
 /// `gerono recover`.

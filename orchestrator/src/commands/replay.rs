@@ -41,10 +41,10 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     let mut progress = Progress::new(&schedule, "replay", arguments.quiet);
     let replayed = replay::replay(&log, &options, Some(&mut progress));
     progress.clear();
-    let replayed = replayed.map_err(|error| Failure::new(exit_of(&error), error))?;
+    let replayed = replayed.map_err(failure)?;
     print(report(&replayed, &options));
     Ok(if replayed.is_identical() || options.changed.is_some() {
-        Exit::Success
+        Exit::of_logs(replayed.log_ends.is_none())
     } else {
         Exit::Diverged
     })
@@ -85,16 +85,18 @@ pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
     Ok(Exit::Diverged)
 }
 
-fn exit_of(error: &ReplayError) -> Exit {
+fn failure(error: ReplayError) -> Failure {
     match error {
-        ReplayError::NothingBetween { .. } | ReplayError::BeyondTheEnd { .. } => Exit::BadInput,
-        ReplayError::Process(ProcessFailure::Interrupted { signal }) => Exit::Signal(*signal),
+        ReplayError::NothingBetween { .. } | ReplayError::BeyondTheEnd { .. } => Failure::bad_input(error),
+        ReplayError::Process(ProcessFailure::Interrupted { signal }) => {
+            Failure::new(Exit::Signal(signal), error)
+        }
         ReplayError::Process(_)
         | ReplayError::Read(_)
         | ReplayError::Machine(_)
         | ReplayError::Scenario(_)
         | ReplayError::Tuning(_)
-        | ReplayError::OtherSchedule => Exit::Trouble,
+        | ReplayError::OtherSchedule => Failure::trouble(error),
     }
 }
 

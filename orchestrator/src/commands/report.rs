@@ -9,14 +9,11 @@ use evaluation::report::{self, ReportError};
 ///
 /// # Errors
 /// [`Failure`]; a log that breaks off is none, as long as it holds a sample.
-pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
+pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
-    let written = report::write(&logs, &arguments.output).map_err(|error| {
-        let exit = match error {
-            ReportError::Write { .. } => Exit::NotWritten,
-            _ => Exit::Trouble,
-        };
-        Failure::new(exit, error)
+    let written = report::write(&logs, &arguments.output).map_err(|error| match error {
+        ReportError::Write { .. } => Failure::not_written(error),
+        _ => Failure::trouble(error),
     })?;
     for reason in &written.broken {
         note(format_args!("{reason}; the report shows that part"));
@@ -25,5 +22,5 @@ pub fn report(arguments: &ReportArguments) -> Result<(), Failure> {
     for figure in &written.figures {
         print(format!("{}\n", figure.display()));
     }
-    Ok(())
+    Ok(Exit::of_logs(written.broken.is_empty()))
 }

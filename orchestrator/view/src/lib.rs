@@ -75,7 +75,7 @@ pub fn view(arguments: &View) -> Result<Exit, Failure> {
 /// Serves the page of a finished flight.
 fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let (html, broken) = report::page(&log_path(log)).map_err(Failure::trouble)?;
-    if let Some(reason) = broken {
+    if let Some(reason) = &broken {
         note(format_args!("{reason}; the page shows that part"));
     }
     let (server, site) = listen(arguments, false)?;
@@ -87,7 +87,10 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
     };
     // Nothing is ever sent: it becomes readable never.
     let (never, _held) = std::io::pipe().map_err(Failure::trouble)?;
-    end(server.serve(&Arc::new(content), interrupt, &never))
+    match end(server.serve(&Arc::new(content), interrupt, &never))? {
+        Exit::Success => Ok(Exit::of_logs(broken.is_none())),
+        exit => Ok(exit),
+    }
 }
 
 /// Serves the page of a flight that goes on.
