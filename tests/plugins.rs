@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{Place, begin, complaint, finish, output, succeed};
+use crate::common::{Place, assert_flown_to_the_end, begin, complaint, finish, output, succeed};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
@@ -266,6 +266,7 @@ fn a_library_that_hangs_is_ended() {
 fn a_library_that_ends_the_process_is_an_error_with_its_name() {
     for (misconduct, claim, function) in [
         ("exit(0)", "", "step"),
+        ("quick_exit(0)", "", "step"),
         ("", "it.destroy = leave_at_the_end", "`destroy`"),
     ] {
         let place = example(misconduct, claim, &[]);
@@ -286,11 +287,23 @@ fn a_library_that_ends_the_process_is_an_error_with_its_name() {
 #[test]
 fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
     let place = example("", "it.destroy = never", &[]);
-    let alone = begin(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    let scenario = place.path("eight.toml");
+    let told = |out: &str, host: &str| {
+        place.gerono(&["run", scenario.to_str().unwrap(), "--out", out, "--host", host])
+    };
+    let alone = begin(&mut told("alone", "inprocess"));
     // The processes have flown their last ticks, and are ended.
     succeed(&mut fly(&place, "processes", &[]));
+    let in_real_time = output(&mut told("real", "realtime"));
+    assert_flown_to_the_end(&in_real_time);
+    let said = "`controller` has done its last step and not ended for 2 s";
+    assert!(
+        complaint(&in_real_time).contains(said),
+        "{}",
+        complaint(&in_real_time)
+    );
     let alone = finish(alone);
-    assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
+    assert_eq!(alone.status.code(), Some(0), "{}", complaint(&alone));
     let said = "`destroy` of the plug-in `libpid.so` in place of `controller` has not returned for 20 s";
     assert!(complaint(&alone).contains(said), "{}", complaint(&alone));
     assert!(log(&place, "alone") == log(&place, "processes"));
@@ -302,6 +315,7 @@ fn a_library_whose_state_is_not_what_it_says_is_found_out() {
     for (claim, said) in [
         ("it.save = save_too_much", "wrote beyond its state"),
         ("it.save = save_nothing", "published another sample of tick"),
+        ("it.state_size = varying", "`state_size` must return the same"),
     ] {
         let place = example("", claim, &[]);
         let flown = output(fly(&place, "processes", &["--restarts", "controller=1"]).args(death));
@@ -309,6 +323,13 @@ fn a_library_whose_state_is_not_what_it_says_is_found_out() {
         assert_eq!(flown.status.code(), Some(3), "{claim}: {told}");
         assert!(told.contains(said), "{claim}: {told}");
     }
+    // A replay begins with the state of another process.
+    let place = example("", "it.state_size = varying", &[]);
+    succeed(&mut fly(&place, "out", &["--set", "duration=2.5"]));
+    let replayed = output(&mut place.gerono(&["replay", "out", "--quiet", "--from", "2.0"]));
+    let told = complaint(&replayed);
+    assert_eq!(replayed.status.code(), Some(1), "{told}");
+    assert!(told.contains("`state_size` must return the same"), "{told}");
 }
 
 #[test]

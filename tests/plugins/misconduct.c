@@ -33,6 +33,7 @@ static int misbehave(void *self, const gerono_now *now, const gerono_input *in, 
 static void save_too_much(const void *self, void *to) { save(self, to); memset((char *)to + state_size(self), 1, 8); }
 static void save_nothing(const void *self, void *to) { (void)self; memset(to, 0, sizeof(double[3])); }
 static size_t enormous(const void *self) { (void)self; return 1 << 20; }
+static size_t varying(const void *self) { return state_size(self) + 8 * (getpid() % 1024); }
 static size_t negative(const void *self) { (void)self; return -1; }
 static void *leave(const gerono_setup *setup, char *why_not, size_t size) { exit(0); }
 static void leave_at_the_end(void *self) { exit(0); }
@@ -46,7 +47,7 @@ static void *refuse(const gerono_setup *setup, char *why_not, size_t size) {
 const gerono_plugin *gerono_plugin_v1(void) {
     static gerono_plugin it;
     static const char *const others[] = {GERONO_VEHICLE_STATE_LAYOUT, "0", "0", "0", "0", "0"};
-    (void)save_too_much, (void)save_nothing, (void)enormous, (void)negative, (void)leave, (void)leave_at_the_end, (void)never, (void)refuse, (void)others;
+    (void)save_too_much, (void)save_nothing, (void)enormous, (void)negative, (void)varying, (void)leave, (void)leave_at_the_end, (void)never, (void)refuse, (void)others;
     it = PLUGIN;
     it.step = misbehave;
     CLAIM;

@@ -42,6 +42,7 @@ use tuning::RecordedTuning;
 use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
 use run_log::{HostReadError, LogReadError, LogReader};
+use supervisor::in_process::with_plugins;
 
 /// Reason why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +85,9 @@ pub enum ReplayError {
     /// A service process did not do its steps to the end.
     #[error(transparent)]
     Process(#[from] ProcessFailure),
+    /// A plug-in did what it may not.
+    #[error("{0}")]
+    Plugin(String),
 }
 
 /// The extent of a replay.
@@ -277,9 +281,19 @@ pub fn replay(
         scope,
         schedule: &schedule,
     };
-    flight.begin()?;
-    flight.run(progress)?;
-    flight.check_end(options)?;
+    let fly = || {
+        flight.begin()?;
+        flight.run(progress)?;
+        flight.check_end(options)
+    };
+    let has_plugins = ServiceId::ALL
+        .into_iter()
+        .any(|service| scenario.has_plugin(service));
+    if has_plugins {
+        with_plugins(fly).map_err(ReplayError::Plugin)??;
+    } else {
+        fly()?;
+    }
     Ok(flight.finish())
 }
 

@@ -92,6 +92,7 @@ fn failure(error: ReplayError) -> Failure {
             Failure::new(Exit::Signal(signal), error)
         }
         ReplayError::Process(_)
+        | ReplayError::Plugin(_)
         | ReplayError::Read(_)
         | ReplayError::Machine(_)
         | ReplayError::Scenario(_)

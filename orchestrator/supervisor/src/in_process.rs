@@ -73,25 +73,18 @@ where
             _ => Outcome::Completed,
         },
     };
-    let outcome = free(host, outcome);
+    // The thread of a `destroy` that does not return is left to itself: the flight was flown, and its log is whole.
+    drop(host);
+    let warnings = plugin::loader::take_hung_destroy();
     Ok(Ending {
         outcome,
         ticks: sink.ticks,
         wall_time: started.elapsed(),
-        warnings: Vec::new(),
+        warnings: warnings.into_iter().collect(),
         restarts: Vec::new(),
         timing: None,
         laboratory: None,
     })
-}
-
-/// Frees the services of a flight. One that does not return from its freeing fails a flight that was whole; the log is.
-fn free(host: InProcess, outcome: Outcome) -> Outcome {
-    drop(host);
-    match (plugin::loader::take_hung_destroy(), outcome) {
-        (Some(words), Outcome::Completed) => Outcome::Failed(FlightFailure::Plugin(words)),
-        (_, outcome) => outcome,
-    }
 }
 
 /// Returns the host of a flight of `scenario`, before its first tick.
@@ -115,14 +108,21 @@ fn fly_plugins<S: TickSink>(
     WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|_| give_up()));
     watched.map_err(|error| Stop::Failed(FlightFailure::setup(error)))?;
     watchdog::work(Work::Step);
-    let flown = catch_unwind(AssertUnwindSafe(|| host.fly(sink)));
+    let flown = with_plugins(|| host.fly(sink));
     watchdog::rest();
-    let flown = flown.map_err(|panic| {
-        let words = panic.downcast::<String>();
-        let words = words.map_or_else(|_| "a service panicked".to_owned(), |words| *words);
-        Stop::Failed(FlightFailure::Plugin(words))
-    })?;
+    let flown = flown.map_err(|words| Stop::Failed(FlightFailure::Plugin(words)))?;
     flown.map_err(Stop::Host)
+}
+
+/// Runs services of which some are plug-ins.
+///
+/// # Errors
+/// The words of a panic: what a plug-in did wrong.
+pub fn with_plugins<R>(act: impl FnOnce() -> R) -> Result<R, String> {
+    catch_unwind(AssertUnwindSafe(act)).map_err(|panic| {
+        let words = panic.downcast::<String>();
+        words.map_or_else(|_| "a service panicked".to_owned(), |words| *words)
+    })
 }
 
 /// Reason why a flight stopped before its end.

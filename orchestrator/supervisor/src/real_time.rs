@@ -259,14 +259,14 @@ impl<'a> Flight<'a> {
         mut self,
         sink: &mut S,
         server: &mut ControlServer,
-        warnings: Vec<String>,
+        mut warnings: Vec<String>,
     ) -> Ending
     where
         FlightFailure: From<S::Error>,
     {
         let from = self.recorder.ticks();
         self.supervise(sink, server);
-        self.note_unfinished();
+        warnings.append(&mut self.note_unfinished());
         let begun = self.clock.begins_at(from);
         let wall_time = Duration::from_nanos(monotonic_ns().saturating_sub(begun));
         self.wind_up(sink);
@@ -332,17 +332,33 @@ impl<'a> Flight<'a> {
     }
 
     /// Takes note of a service that has not flown its last step although its time is past: its flight is not complete.
-    fn note_unfinished(&mut self) {
-        let unfinished = self.supervisor.unfinished();
-        if let Some(service) =
-            unfinished.filter(|_| self.shutdown == Shutdown::None && self.failure.is_none())
-        {
-            let limit = STOP_LIMIT.as_secs();
-            self.failure = Some(FlightFailure::GaveUp {
-                service: self.supervisor.name_of(service).to_owned(),
-                reason: format!("it had not done its last step {limit} s after the end of the flight"),
-            });
+    /// One that has, and only does not end, leaves the flight complete: returns a warning.
+    fn note_unfinished(&mut self) -> Vec<String> {
+        if self.shutdown != Shutdown::None || self.failure.is_some() {
+            return Vec::new();
         }
+        let limit = STOP_LIMIT.as_secs();
+        let mut warnings = Vec::new();
+        for service in self.supervisor.unfinished() {
+            let name = self.supervisor.name_of(service).to_owned();
+            if self.supervisor.has_flown_all(service) {
+                warnings.push(format!(
+                    "`{name}` has done its last step and not ended for {limit} s, and was killed: a device, or `destroy` of a \
+                     plug-in, does not return"
+                ));
+            } else {
+                let reason = format!("it had not done its last step {limit} s after the end of the flight");
+                self.failure = Some(FlightFailure::GaveUp {
+                    service: name,
+                    reason,
+                });
+                break;
+            }
+        }
+        for warning in &warnings {
+            self.observer.note(warning);
+        }
+        warnings
     }
 
     /// Takes note of a failure, the first of which ends the flight on the ground.

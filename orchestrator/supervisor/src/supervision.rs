@@ -367,14 +367,28 @@ impl<'a> Supervisor<'a> {
     /// Returns whether every service has flown its last tick.
     #[must_use]
     pub fn has_finished(&self) -> bool {
-        self.unfinished().is_none()
+        self.unfinished().next().is_none()
     }
 
-    /// Returns a service that has not flown its last tick, if there is one.
-    #[must_use]
-    pub fn unfinished(&self) -> Option<ServiceId> {
-        let unfinished = self.members.iter().find(|member| member.phase != Phase::Finished);
+    /// Returns the services that have not reported their end after their last tick.
+    pub fn unfinished(&self) -> impl Iterator<Item = ServiceId> {
+        let unfinished = self
+            .members
+            .iter()
+            .filter(|member| member.phase != Phase::Finished);
         unfinished.map(|member| member.service)
+    }
+
+    /// Returns whether a service has stepped at its last tick.
+    #[must_use]
+    pub fn has_flown_all(&self, service: ServiceId) -> bool {
+        let steps_until = &self.page.control_block().cells[service.index()].steps_until;
+        // Relaxed: a count and nothing else.
+        let next = self
+            .schedule
+            .steps(service)
+            .first_at_or_after(steps_until.load(Ordering::Relaxed));
+        next.is_none_or(|next| next > self.schedule.last_tick())
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
@@ -430,7 +444,12 @@ impl<'a> Supervisor<'a> {
                         events.extend(self.blame_external_service(at, what));
                         break;
                     }
-                    events.extend(self.members[at].understand(message, self.start.host));
+                    let service = self.members[at].service;
+                    let steps_until = self.page.control_block().cells[service.index()]
+                        .steps_until
+                        .load(Ordering::Relaxed);
+                    let event = self.members[at].understand(message, self.start.host, steps_until);
+                    events.extend(event);
                 }
                 // A program may have handed its end of the line on to one that outlives it.
                 Ok(None) if !has_ended => break,

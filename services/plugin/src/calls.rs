@@ -36,6 +36,7 @@ thread_local! {
 #[expect(unsafe_code, reason = "two functions of the C library")]
 unsafe extern "C" {
     fn atexit(callback: extern "C" fn()) -> c_int;
+    fn at_quick_exit(callback: extern "C" fn()) -> c_int;
     safe fn _exit(code: c_int) -> !;
 }
 
@@ -65,13 +66,15 @@ impl Call {
     }
 }
 
-/// Makes `exit` an error while a thread is in a library: the exit code 0 would claim a flight that has not ended.
+/// Makes `exit` and `quick_exit` an error while a thread is in a library: the exit code 0 would claim a flight that has not
+/// ended. `_exit` and the system call `exit_group` run no code of the process, so nothing can be said there.
 pub(crate) fn guard_exit() {
     static GUARD: Once = Once::new();
-    #[expect(unsafe_code, reason = "a function of the C library")]
+    #[expect(unsafe_code, reason = "functions of the C library")]
     // SAFETY: the callback is a plain function, and never unwinds. Without room for it the guard is missing.
     GUARD.call_once(|| unsafe {
         let _ = atexit(at_exit);
+        let _ = at_quick_exit(at_exit);
     });
 }
 

@@ -429,6 +429,14 @@ impl ErasedService for PluginService {
 
     #[expect(unsafe_code, reason = "the library reads its state")]
     fn restore(&mut self, bytes: &[u8]) {
+        if bytes.len() != self.state_size {
+            self.fail(&format!(
+                "gave a state of {} bytes, and now states a size of {}: `state_size` must return the same for each \
+                 service of a scenario",
+                bytes.len(),
+                self.state_size
+            ));
+        }
         let mut state = self.state.borrow_mut();
         state.bytes_mut().copy_from_slice(bytes);
         // SAFETY: these are a state's bytes, aligned to 8.

@@ -39,11 +39,24 @@ pub(super) struct ManagedService {
     /// The fault of its process, for which it is killed, to be replaced.
     pub(super) blamed: Option<String>,
     /// The fault of its code by which its process ends, as it reported.
-    pub(super) last_words: Option<String>,
+    pub(super) last_words: LastWords,
     /// The parts of its deployment that it could not have, told before it was ready: as external_services do.
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
+}
+
+/// Report of a process on the fault by which it is about to end, and 1 + the last tick that it had stepped by then.
+#[derive(Debug, Default)]
+pub(super) struct LastWords(Option<(String, u64)>);
+
+impl LastWords {
+    /// Takes the report, if the process ended that has stepped up to `steps_until`. One that stepped on after its report
+    /// has survived that fault, as a library that catches its own panic does, and ended by another.
+    pub(super) fn take(&mut self, steps_until: u64) -> Option<String> {
+        let (words, reported_at) = self.0.take()?;
+        (reported_at == steps_until).then_some(words)
+    }
 }
 
 /// Stage of a service in its life.
@@ -82,7 +95,7 @@ impl ManagedService {
             slow_since: None,
             not_finite: None,
             blamed: None,
-            last_words: None,
+            last_words: LastWords::default(),
             warnings: Vec::new(),
             remembered: Vec::new(),
         }
@@ -95,7 +108,13 @@ impl ManagedService {
 
     /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
     /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
-    pub(super) fn understand(&mut self, message: ToOrchestrator, host: Host) -> Option<ServiceEvent> {
+    /// `steps_until` is 1 + the last tick that the process has stepped by now.
+    pub(super) fn understand(
+        &mut self,
+        message: ToOrchestrator,
+        host: Host,
+        steps_until: u64,
+    ) -> Option<ServiceEvent> {
         Some(match message {
             ToOrchestrator::Deployed { warnings } => {
                 self.warnings = warnings;
@@ -132,7 +151,7 @@ impl ManagedService {
                 ServiceEvent::Lost(FlightFailure::NonFinite(found))
             }
             ToOrchestrator::Dying { reason } => {
-                self.last_words = Some(presentable(&reason));
+                self.last_words = LastWords(Some((presentable(&reason), steps_until)));
                 return None;
             }
             // Of a later process it is a failure in flight: the first one was made of the same scenario.
@@ -148,5 +167,18 @@ impl ManagedService {
                 })
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_that_was_survived_is_not_the_cause_of_a_later_death() {
+        let reported = || LastWords(Some(("a panic".to_owned(), 7)));
+        assert_eq!(reported().take(7).as_deref(), Some("a panic"));
+        let mut survived = reported();
+        assert_eq!((survived.take(8), survived.take(7)), (None, None));
     }
 }

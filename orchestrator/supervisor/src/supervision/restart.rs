@@ -32,7 +32,11 @@ impl Supervisor<'_> {
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
-        if let Some(words) = member.last_words.take() {
+        // Relaxed: the writer is dead, and the end of its process was awaited, which orders all that it wrote.
+        let flown_until = self.page.control_block().cells[service.index()]
+            .steps_until
+            .load(Ordering::Relaxed);
+        if let Some(words) = member.last_words.take(flown_until) {
             exit.description = words;
         }
         if let Some(what) = member.blamed.take() {
@@ -53,8 +57,6 @@ impl Supervisor<'_> {
             return Some(ServiceEvent::Lost(failure));
         }
         let member = &mut self.members[at];
-        // Relaxed: the writer is dead, and the end of its process was awaited, which orders all that it wrote.
-        let flown_until = cell.steps_until.load(Ordering::Relaxed);
         member.fruitless = if flown_until > member.flown_until {
             0
         } else {
