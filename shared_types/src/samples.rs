@@ -133,8 +133,6 @@ crate::sample! {
             CAUSE_NONE = 0, CAUSE_OPERATOR_KILLS = 1, CAUSE_OPERATOR_DISARMS = 2, CAUSE_OPERATOR_LANDS = 3,
             CAUSE_NOT_READY = 4, CAUSE_OVERDUE = 5, CAUSE_TOUCHED_DOWN = 6, CAUSE_FOUND_FLYING = 7,
             CAUSE_STRAYED = 8,
-            CAUSE_NOT_READY_STATE = 9, CAUSE_NOT_READY_SIGHT = 10, CAUSE_NOT_READY_ESTIMATE = 11,
-            CAUSE_NOT_READY_LEVEL = 12, CAUSE_NOT_READY_TRANSMITTER = 13, CAUSE_NOT_READY_DEMAND = 14,
             CAUSE_ENVELOPE_LANDS = 16, CAUSE_ENVELOPE_KILLS = 32
         )]
         /// Cause of the phase. To the two of the envelope the limit is added that was exceeded (`limit` of the frame).
@@ -297,6 +295,23 @@ impl RunEvent {
         let length = (self.text_length as usize).min(self.text.len());
         String::from_utf8_lossy(&self.text[..length])
     }
+}
+
+impl PathReference {
+    /// Values of [`cause`](Self::cause): the condition of readiness that was missing
+    /// ([`NotReady`](crate::flight_phase::NotReady)). They are not in the message definition, which would change the layout
+    /// of every log.
+    pub const CAUSE_NOT_READY_STATE: u8 = 9;
+    /// The vehicle was not seen.
+    pub const CAUSE_NOT_READY_SIGHT: u8 = 10;
+    /// The estimator had not converged.
+    pub const CAUSE_NOT_READY_ESTIMATE: u8 = 11;
+    /// The vehicle did not stand level.
+    pub const CAUSE_NOT_READY_LEVEL: u8 = 12;
+    /// The transmitter lacked an input, or its frames were old.
+    pub const CAUSE_NOT_READY_TRANSMITTER: u8 = 13;
+    /// The transmitter demanded a landing or a kill.
+    pub const CAUSE_NOT_READY_DEMAND: u8 = 14;
 }
 
 impl VehicleState {
