@@ -216,23 +216,16 @@ impl LiveRun {
 
     /// Returns what it means that the connection is closed: the end of the run only if nothing of it is left.
     fn closed(&self) -> LiveError {
+        let name = self.name.clone();
         let deadline = Instant::now() + search::PERSISTENCE;
         // A run that ends closes its connections a moment before its last process and its lock are gone.
-        while self.lives() {
-            if Instant::now() < deadline {
-                std::thread::sleep(search::RETRY);
-                continue;
-            }
-            let is_abandoned = matches!(
-                connect_in(&self.folder, deadline),
-                Err(Errno::CONNREFUSED | Errno::NOENT)
-            );
-            return match is_abandoned {
-                true => LiveError::Abandoned(self.name.clone()),
-                false => LiveError::Disconnected(self.name.clone()),
-            };
+        if !retried(deadline, search::RETRY, || self.lives(), |lives| *lives) {
+            return LiveError::Ended(name);
         }
-        LiveError::Ended(self.name.clone())
+        match connect_in(&self.folder, deadline) {
+            Err(Errno::CONNREFUSED | Errno::NOENT) => LiveError::Abandoned(name),
+            _ => LiveError::Disconnected(name),
+        }
     }
 
     /// Returns whether a process or the lock of the run lives.
@@ -283,13 +276,25 @@ pub fn connect(path: &Path, deadline: Instant) -> rustix::io::Result<Channel> {
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
     let address = SocketAddrUnix::new(path)?;
+    let attempt = || rustix::net::connect(&socket, &address);
+    // More clients wait than the system keeps; an orchestrator that is stopped takes none of them.
+    retried(deadline, RETRY, attempt, |result| *result == Err(Errno::AGAIN))?;
+    Ok(Channel::inherited(socket))
+}
+
+/// Attempts something, with pauses, as long as `is_retried` says so and until `deadline`. Returns the last outcome.
+fn retried<T>(
+    deadline: Instant,
+    pause: Duration,
+    mut attempt: impl FnMut() -> T,
+    is_retried: impl Fn(&T) -> bool,
+) -> T {
     loop {
-        match rustix::net::connect(&socket, &address) {
-            Ok(()) => return Ok(Channel::inherited(socket)),
-            // More clients wait than the system keeps; an orchestrator that is stopped takes none of them.
-            Err(Errno::AGAIN) if Instant::now() < deadline => std::thread::sleep(RETRY),
-            Err(error) => return Err(error),
+        let outcome = attempt();
+        if !is_retried(&outcome) || Instant::now() >= deadline {
+            return outcome;
         }
+        std::thread::sleep(pause);
     }
 }
 

@@ -11,6 +11,7 @@ use runtime::control::Host;
 
 use crate::LiveRun;
 use crate::error::{LiveError, Names, Searched};
+use crate::retried;
 use crate::run_root;
 use crate::runs::{self, MachineRun, User};
 
@@ -132,9 +133,8 @@ fn select(
 
 /// Looks until one run is found, several are found again, or none has been found for long enough.
 fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, LiveError> {
-    let deadline = Instant::now() + PERSISTENCE;
     let mut looks_at_several = 0;
-    loop {
+    let look = || {
         let found = look()?;
         looks_at_several += u32::from(matches!(found, Found::Several(_)));
         let is_settled = match found {
@@ -142,11 +142,11 @@ fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, 
             Found::Several(_) => looks_at_several >= LOOKS_AT_SEVERAL,
             Found::Forbidden(_) | Found::Nothing => false,
         };
-        if is_settled || Instant::now() >= deadline {
-            return Ok(found);
-        }
-        std::thread::sleep(RETRY);
-    }
+        Ok((found, is_settled))
+    };
+    let is_unsettled = |looked: &Result<_, _>| matches!(looked, Ok((_, false)));
+    let looked = retried(Instant::now() + PERSISTENCE, RETRY, look, is_unsettled);
+    looked.map(|(found, _)| found)
 }
 
 /// What is said of a search that has found no run: an error if a run is there that cannot be seen.

@@ -13,6 +13,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::retried;
 use runtime::shared_memory;
 use rustix::fs::{
     Access, AtFlags, Dir, FlockOperation, Mode, OFlags, Stat, access, fchmod, flock, fstat, lstat, mkdirat,
@@ -131,22 +132,17 @@ impl Base {
     pub(super) fn close_door(&self, limit: Duration) -> io::Result<File> {
         const RETRY: Duration = Duration::from_millis(5);
         let door = self.door()?;
-        let deadline = Instant::now() + limit;
-        loop {
-            match flock(&door, FlockOperation::NonBlockingLockExclusive) {
-                Ok(()) => return Ok(door),
-                Err(Errno::WOULDBLOCK) if Instant::now() < deadline => std::thread::sleep(RETRY),
-                Err(Errno::WOULDBLOCK) => {
-                    let door = self.path.join(DOOR);
-                    return Err(io::Error::other(format!(
-                        "another process of yours has held the lock {door} for {} s, which takes milliseconds: \
-                         see which (`fuser {door}`), end it, and try again",
-                        limit.as_secs_f64(),
-                        door = door.display(),
-                    )));
-                }
-                Err(error) => return Err(error.into()),
-            }
+        let attempt = || flock(&door, FlockOperation::NonBlockingLockExclusive);
+        let is_held = |result: &rustix::io::Result<()>| *result == Err(Errno::WOULDBLOCK);
+        match retried(Instant::now() + limit, RETRY, attempt, is_held) {
+            Ok(()) => Ok(door),
+            Err(Errno::WOULDBLOCK) => Err(io::Error::other(format!(
+                "another process of yours has held the lock {door} for {} s, which takes milliseconds: \
+                 see which (`fuser {door}`), end it, and try again",
+                limit.as_secs_f64(),
+                door = self.path.join(DOOR).display(),
+            ))),
+            Err(error) => Err(error.into()),
         }
     }
 
