@@ -228,9 +228,13 @@ impl<'a> Flight<'a> {
         observer: &'a mut dyn StepObserver,
     ) -> Self {
         let schedule = &context.schedule;
-        let settings = context.scenario.real_time.unwrap_or_default();
+        let hang_limit = context
+            .scenario
+            .real_time
+            .unwrap_or_default()
+            .hang_limit(schedule);
         Self {
-            heartbeats: Heartbeats::new(schedule, nanoseconds(settings.hang_limit) / schedule.tick_ns()),
+            heartbeats: Heartbeats::new(schedule, nanoseconds(hang_limit) / schedule.tick_ns()),
             monitor: Monitor::new(schedule, |service| context.scenario.process_name(service)),
             schedule,
             clock,

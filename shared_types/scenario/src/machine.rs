@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::kind::MOTION_CAPTURE;
 use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario};
+use shared_types::schedule::Schedule;
+use shared_types::service::seconds;
 use shared_types::wiring::ServiceId;
 
 macro_rules! deployment {
@@ -121,8 +123,10 @@ impl Deployment {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealTime {
-    /// Time after a due step that a service has not made until the service counts as hanging and is replaced, s.
-    pub hang_limit: f64,
+    /// Time after a due step that a service has not made until the service counts as hanging and is replaced, s; 0.1, or
+    /// twice the longest time that a step waits for its inputs if that is longer, unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hang_limit: Option<f64>,
     /// Time beyond the due time that a step waits for due inputs, s; half its service's period if that is longer.
     pub grace: f64,
     /// Reaction of the services to the loss of the orchestrator.
@@ -132,10 +136,28 @@ pub struct RealTime {
 impl Default for RealTime {
     fn default() -> Self {
         Self {
-            hang_limit: 0.1,
+            hang_limit: None,
             grace: 0.002,
             orchestrator_loss: OrchestratorLoss::default(),
         }
+    }
+}
+
+impl RealTime {
+    /// Returns the time after a due step at which a service of a flight hangs, s: as stated, or far from what any step waits.
+    #[must_use]
+    pub fn hang_limit(&self, schedule: &Schedule) -> f64 {
+        let default = || (2.0 * self.longest_wait(schedule).1).max(0.1);
+        self.hang_limit.unwrap_or_else(default)
+    }
+
+    /// Returns the service whose steps wait longest for their inputs, and for how long, s: the grace, or half a period.
+    pub(crate) fn longest_wait(&self, schedule: &Schedule) -> (ServiceId, f64) {
+        let period = |service: &ServiceId| schedule.service_rate(*service).period;
+        let slowest = ServiceId::ALL.into_iter().max_by_key(period);
+        let slowest = slowest.expect("there are services");
+        let half_a_period = seconds(schedule.time_ns(period(&slowest))) / 2.0;
+        (slowest, self.grace.max(half_a_period))
     }
 }
 

@@ -31,7 +31,7 @@ fn what_is_said_for_all_and_for_one_is_read() {
     assert_eq!((rc_output.core, rc_output.priority), (Some(1), Some(30)));
     assert!(!scenario.deployment.unwrap().strict);
     let real_time = scenario.real_time.unwrap();
-    assert_eq!((real_time.hang_limit, real_time.grace), (0.1, 0.002));
+    assert_eq!((real_time.hang_limit, real_time.grace), (Some(0.1), 0.002));
     assert_eq!(real_time.orchestrator_loss, OrchestratorLoss::Continue);
 }
 

@@ -4,7 +4,6 @@
 use super::Findings;
 use crate::{Key, RealTime, Scenario, ServiceDeployment};
 use shared_types::schedule::Schedule;
-use shared_types::service::seconds;
 use shared_types::wiring::ServiceId;
 
 /// Cores that the system can distinguish.
@@ -38,11 +37,8 @@ impl Scenario {
             }
         }
         if let Some(real_time) = &self.real_time {
-            real_time.check(
-                self.schedule().ok().as_ref(),
-                &Key::root().then("real_time"),
-                found,
-            );
+            let at = Key::root().then("real_time");
+            real_time.check(self.schedule().ok().as_ref(), &at, found);
         }
     }
 }
@@ -75,27 +71,20 @@ impl ServiceDeployment {
 
 impl RealTime {
     fn check(&self, schedule: Option<&Schedule>, at: &Key, found: &mut Findings) {
-        let (hang, grace) = (at.then("hang_limit"), at.then("grace"));
-        let is_time = found.positive(&hang, "hang_limit", self.hang_limit)
-            & found.not_negative(&grace, "grace", self.grace);
-        let Some(schedule) = schedule.filter(|_| is_time) else {
+        let hang = at.then("hang_limit");
+        let is_grace = found.not_negative(&at.then("grace"), "grace", self.grace);
+        // One that is not stated follows from the schedule.
+        let is_good = |limit: &f64| found.positive(&hang, "hang_limit", *limit) && is_grace;
+        let (Some(limit), Some(schedule)) = (self.hang_limit.filter(is_good), schedule) else {
             return;
         };
-        // A step waits for its inputs up to the grace, or half a period if that is longer.
-        let waits = ServiceId::ALL.into_iter().map(|service| {
-            let half_a_period = seconds(schedule.time_ns(schedule.service_rate(service).period)) / 2.0;
-            (service, self.grace.max(half_a_period))
-        });
-        let Some((service, longest)) = waits.max_by(|(_, one), (_, other)| one.total_cmp(other)) else {
-            return;
-        };
-        if self.hang_limit <= longest {
+        let (service, longest) = self.longest_wait(schedule);
+        if limit <= longest {
             found.add(
                 hang,
                 format!(
                     "`{service}` waits up to {longest:?} s for its inputs, so that a healthy one would be replaced after \
-                     {:?} s",
-                    self.hang_limit
+                     {limit:?} s"
                 ),
                 format!("give a time above {longest:?} s, better several times as long"),
             );

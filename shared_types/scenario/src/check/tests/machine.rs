@@ -87,12 +87,11 @@ fn values_for_no_machine_are_refused() {
 
 #[test]
 fn a_healthy_service_does_not_hang() {
-    let default = RealTime::default();
     let refused = |hang_limit, grace| {
         let real_time = RealTime {
-            hang_limit,
+            hang_limit: Some(hang_limit),
             grace,
-            ..default
+            ..RealTime::default()
         };
         in_real_time(rig(), real_time)
     };
@@ -121,6 +120,16 @@ fn a_healthy_service_does_not_hang() {
         "inf is not a finite number",
         "give a finite number",
     );
+}
+
+#[test]
+fn a_hang_limit_that_is_not_stated_suits_every_schedule() {
+    let mut slow = rig();
+    for (period, limit) in [(0.01, 0.1), (0.15, 0.15), (0.5, 0.5)] {
+        slow.schedule.period.insert("rc_output".to_owned(), period);
+        assert_eq!(RealTime::default().hang_limit(&slow.schedule().unwrap()), limit);
+        assert_eq!(in_real_time(slow.clone(), RealTime::default()), []);
+    }
 }
 
 #[test]
