@@ -132,6 +132,12 @@ fn layout_attribute<T: Published>(topic: Topic) -> Result<Attribute, PortError> 
     ))
 }
 
+/// Makes or connects one port as a piece of work of its own: the watchdog limits the time without progress, and not that
+/// of all ports of a service on a busy machine.
+pub(super) fn one_port<R>(act: impl FnOnce() -> R) -> R {
+    watchdog::during(Work::Ports, act)
+}
+
 impl<T: Published> Ports<T> {
     fn not_created(&self, error: impl Error + Send + Sync + 'static) -> PortError {
         PortError::Create {
@@ -141,12 +147,8 @@ impl<T: Published> Ports<T> {
     }
 
     fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
-        let subscriber = self
-            .service
-            .subscriber_builder()
-            .buffer_size(buffer_size)
-            .create()
-            .map_err(|error| self.not_created(error))?;
+        let builder = self.service.subscriber_builder().buffer_size(buffer_size);
+        let subscriber = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedReceiver::new(subscriber, self.topic)))
     }
 }
@@ -157,7 +159,7 @@ impl<T: Published> TopicPorts for Ports<T> {
         page: Arc<SharedPage>,
         doorbells: Arc<[Doorbell]>,
     ) -> Result<Box<dyn Sender>, PortError> {
-        let publisher = self
+        let builder = self
             .service
             .publisher_builder()
             .max_loaned_samples(MAX_LOANED)
@@ -178,20 +180,18 @@ impl<T: Published> TopicPorts for Ports<T> {
                     doorbells[service.index()].ring();
                 }
                 BackpressureAction::Retry
-            })
-            .create()
-            .map_err(|error| self.not_created(error))?;
+            });
+        let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedSender::new(publisher, self.topic)))
     }
 
     fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError> {
-        let publisher = self
+        let builder = self
             .service
             .publisher_builder()
             .max_loaned_samples(MAX_LOANED)
-            .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-            .map_err(|error| self.not_created(error))?;
+            .backpressure_strategy(BackpressureStrategy::DiscardData);
+        let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
         Ok(Box::new(TypedSender::new(publisher, self.topic)))
     }
 

@@ -12,6 +12,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::sample_mut::SampleMut as Loaned;
 use shared_types::{Sample, Topic};
 
+use super::topic::one_port;
 use super::{PortError, Receiver, Sender};
 
 /// Sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
@@ -88,12 +89,10 @@ impl<T: Sample> Sender for TypedSender<T> {
     }
 
     fn connect(&mut self) -> Result<(), PortError> {
-        self.publisher
-            .update_connections()
-            .map_err(|error| PortError::Transport {
-                topic: self.topic,
-                source: error.into(),
-            })
+        one_port(|| self.publisher.update_connections()).map_err(|error| PortError::Transport {
+            topic: self.topic,
+            source: error.into(),
+        })
     }
 }
 
@@ -140,11 +139,9 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
     }
 
     fn connect(&mut self) -> Result<(), PortError> {
-        self.subscriber
-            .update_connections()
-            .map_err(|error| PortError::Transport {
-                topic: self.topic,
-                source: error.into(),
-            })
+        one_port(|| self.subscriber.update_connections()).map_err(|error| PortError::Transport {
+            topic: self.topic,
+            source: error.into(),
+        })
     }
 }
