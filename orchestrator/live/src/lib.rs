@@ -5,6 +5,8 @@
 //! [`runs`] says.
 
 mod error;
+pub mod live_events;
+pub mod newest;
 mod run_process;
 pub mod run_root;
 pub mod runs;

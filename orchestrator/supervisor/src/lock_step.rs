@@ -174,7 +174,9 @@ impl Flight<'_> {
             ServiceEvent::Died => {
                 self.observer.changed(&self.supervisor);
                 let time = self.watchers.time(&self.recorder);
-                self.watchers.events.keep_death(time, &self.supervisor);
+                if let Some(text) = self.supervisor.last_death() {
+                    self.watchers.events.keep(time, &text);
+                }
             }
             ServiceEvent::Ready(service, _) => {
                 let time = self.watchers.time(&self.recorder);

@@ -47,13 +47,13 @@ use self::shutdown::{Motors, Shutdown};
 pub use self::take_over::TakeOver;
 use super::control_server::ControlServer;
 use super::deployment::Deployment;
-use super::live_events::LiveEvents;
-use super::newest::Newest;
 use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, SupervisionObserver, Supervisor};
 use super::{Ending, FlightFailure, Outcome};
 use command_line::interrupt::Interrupt;
 use command_line::progress::Messages;
+use live::live_events::LiveEvents;
+use live::newest::Newest;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_log::{CaptureFigures, LinkFigures, LogError};
 
@@ -407,8 +407,9 @@ impl<'a> Flight<'a> {
             ServiceEvent::Lost(failure) => self.fail(failure),
             ServiceEvent::Died => {
                 self.observer.changed(&self.supervisor);
-                self.events
-                    .keep_death(seconds(self.clock.elapsed_ns()), &self.supervisor);
+                if let Some(text) = self.supervisor.last_death() {
+                    self.remember(&text);
+                }
             }
             ServiceEvent::Ready(service, _) => {
                 let name = self.supervisor.name_of(service);

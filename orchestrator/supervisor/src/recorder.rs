@@ -12,8 +12,8 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::FlightFailure;
 use super::archive::Archive;
-use super::newest::Newest;
 use super::subscription::Subscription;
+use live::newest::Newest;
 
 /// Ticks that are handed over in a row: one that is always behind on a busy machine must not keep the orchestrator from
 /// everything else. The fastest flight has a third of them ready at a look.

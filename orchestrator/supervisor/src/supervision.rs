@@ -278,6 +278,14 @@ impl<'a> Supervisor<'a> {
         &self.exits
     }
 
+    /// Returns the end of the last process that has ended, in words, if it was that of a service.
+    #[must_use]
+    pub fn last_death(&self) -> Option<String> {
+        let (service, pid, exit) = self.exits.last()?;
+        let name = self.name_of((*service)?);
+        Some(format!("`{name}` (process {pid}) died: {}", exit.description))
+    }
+
     /// Restarts, in their order.
     #[must_use]
     pub fn restarts(&self) -> &[Restart] {
@@ -393,10 +401,7 @@ impl<'a> Supervisor<'a> {
 
     /// Waits up to `limit` for something to happen and tells what did.
     pub fn watch(&mut self, limit: Duration) -> Vec<ServiceEvent> {
-        let timeout = Timespec {
-            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: i64::from(limit.subsec_nanos()),
-        };
+        let timeout = Timespec::try_from(limit).unwrap_or_default();
         let mut events = std::mem::take(&mut self.pending);
         let living: Vec<usize> = (0..self.members.len())
             .filter(|&at| !self.members[at].process.is_gone)

@@ -9,10 +9,10 @@ use shared_types::service::{Operator, seconds};
 use shared_types::{Schedule, ServiceId};
 
 use crate::control_server::ControlServer;
-use crate::live_events::LiveEvents;
-use crate::newest::Newest;
 use crate::recorder::Recorder;
 use crate::supervision::Supervisor;
+use live::live_events::LiveEvents;
+use live::newest::Newest;
 use live::run_root::RunRoot;
 use live::snapshot::ServiceSnapshot;
 use live::{Answer, Description, Question, Snapshot};

@@ -12,7 +12,7 @@ use shared_types::service::{Operator, nanoseconds, seconds};
 
 use super::Flight;
 use super::kill_switch::KillSwitch;
-use crate::newest::Newest;
+use live::newest::Newest;
 use live::snapshot::ServiceSnapshot;
 use live::{Answer, Description, Question, Snapshot};
 use runtime::control::Host;

@@ -18,8 +18,8 @@ use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::FlightFailure;
-use crate::newest::Newest;
 use crate::subscription::Subscription;
+use live::newest::Newest;
 
 /// Time for which samples of a tick are waited for before the tick is written, ns.
 pub const SETTLING_NS: u64 = 50_000_000;

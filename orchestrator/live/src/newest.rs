@@ -5,7 +5,7 @@ use shared_types::flight_phase::FlightPhase;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{Published, Schedule, Topic};
 
-use live::{NewestSamples, Snapshot};
+use crate::{NewestSamples, Snapshot};
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 
 /// A recorder that knows the newest sample of each topic.

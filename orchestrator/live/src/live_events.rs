@@ -2,9 +2,7 @@
 
 use std::collections::VecDeque;
 
-use live::snapshot::LiveEvent;
-
-use crate::supervision::Supervisor;
+use crate::snapshot::LiveEvent;
 
 /// Events that are kept.
 const EVENTS: usize = 50;
@@ -21,17 +19,6 @@ impl LiveEvents {
         }
         let text = text.lines().collect::<Vec<_>>().join("; ");
         self.0.push_back(LiveEvent { time, text });
-    }
-
-    /// Keeps the last death of a service.
-    pub fn keep_death(&mut self, time: f64, supervisor: &Supervisor<'_>) {
-        if let Some((Some(service), pid, exit)) = supervisor.exits().last() {
-            let name = supervisor.name_of(*service);
-            self.keep(
-                time,
-                &format!("`{name}` (process {pid}) died: {}", exit.description),
-            );
-        }
     }
 
     /// Returns all of them.
