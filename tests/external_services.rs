@@ -24,6 +24,9 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::{Header, ServiceId, Topic};
 
+/// Longer than a process of the run may take in flight to become ready, and than a step may.
+const SLOW_START: Duration = Duration::from_millis(1_200);
+
 /// Flights in real time have the machine for themselves.
 static MACHINE: RwLock<()> = RwLock::new(());
 
@@ -68,6 +71,17 @@ fn an_external_service() {
     match conduct.as_str() {
         "lock_step" => external_service.fly_in_lock_step(u64::MAX),
         "real_time" => external_service.fly_in_real_time(u64::MAX),
+        "starts_slowly" => {
+            // An interpreter that loads what it needs, and compiles the first step as it comes to it.
+            std::thread::sleep(SLOW_START);
+            let mut is_first = true;
+            external_service.mischief = Box::new(move |_, _| {
+                if std::mem::take(&mut is_first) {
+                    std::thread::sleep(SLOW_START);
+                }
+            });
+            external_service.fly_in_real_time(u64::MAX);
+        }
         "tells_nothing" => {
             erase(
                 &mut external_service,
@@ -459,6 +473,33 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     let restarts = &place.summary("out")["rebirths"];
     assert_eq!(restarts[0]["service"], "controller", "{restarts}");
     assert_eq!(place.leftovers(), Vec::<String>::new());
+}
+
+/// It is given twice the time that it has taken before, to become ready and for its first step.
+#[test]
+fn an_external_service_that_starts_slowly_is_waited_for_in_flight() {
+    let _machine = alone();
+    let place = Place::new();
+    let setting = external_service(ServiceId::PathGenerator, "starts_slowly");
+    let settings = ["--host", "realtime", "--set", &setting];
+    let run = begin(&mut place.rig_flight("out", 100.0, &settings));
+    place.await_log("out", 20_000);
+    let first = until("the external service", || external_service_of(run.id()));
+    signal(first, Signal::KILL);
+    until("another external service in flight", || {
+        let services = place.look()?.services;
+        services
+            .iter()
+            .any(|service| service.restarts > 0 && service.flies)
+            .then_some(())
+    });
+    let second = external_service_of(run.id()).unwrap();
+    place.await_log("out", place.log_bytes("out") + 500_000);
+    assert_eq!(external_service_of(run.id()), Some(second));
+    let output = end(run);
+    assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
+    let restarts = &place.summary("out")["rebirths"];
+    assert_eq!(restarts.as_array().unwrap().len(), 1, "{restarts}");
 }
 
 #[test]

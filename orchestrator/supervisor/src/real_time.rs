@@ -515,6 +515,7 @@ impl<'a> Flight<'a> {
             supervisor.page().control_block(),
             |service| supervisor.flies(service),
             |service| supervisor.activity(service),
+            |service| supervisor.first_step_limit(service).as_nanos() as u64 / self.clock.tick_ns,
         );
         for service in hanging {
             self.observer.hung(service);

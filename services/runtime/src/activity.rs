@@ -1,10 +1,17 @@
-//! The activity of a process at a moment: whether it could run, and how long it has.
+//! The activity of a process at a moment: whether it could run, and how long it has; and its end.
+
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// The activity of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Activity {
     /// `true` if it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
     pub is_runnable: bool,
+    /// `true` if it runs or waits for a processor.
+    pub is_ready: bool,
     /// Time for which it has been on a processor, ns.
     pub cpu_time_ns: u64,
     /// Time for which it could have run and waited for a processor, ns, up to the last time that it got one.
@@ -20,6 +27,7 @@ impl Activity {
         let mut times = schedstat.split_whitespace().map(str::parse);
         Some(Self {
             is_runnable: matches!(state, 'R' | 'D'),
+            is_ready: state == 'R',
             cpu_time_ns: times.next()?.ok()?,
             run_delay_ns: times.next()?.ok()?,
         })
@@ -32,6 +40,13 @@ fn state_of(pid: u32) -> Option<char> {
     // The name before the state may contain anything, also parentheses.
     let (_, fields) = stat.rsplit_once(") ")?;
     fields.chars().next()
+}
+
+/// Waits for the end of a process, by its pidfd, for no longer than `limit`. Returns whether it has ended.
+pub fn ends_within(process: &impl AsFd, limit: Duration) -> bool {
+    let limit = Timespec::try_from(limit).unwrap_or_default();
+    let mut end = [PollFd::new(process, PollFlags::IN)];
+    rustix::io::retry_on_intr(|| poll(&mut end, Some(&limit))).is_ok_and(|ended| ended > 0)
 }
 
 /// Reason why a process cannot run at all.

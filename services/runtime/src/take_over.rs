@@ -118,10 +118,7 @@ impl TakeOverListener {
     /// # Errors
     /// If the system refuses, or if the peer is not a service of this build.
     pub fn accept(&self, limit: Duration) -> std::io::Result<Option<InheritedDescriptors>> {
-        let timeout = Timespec {
-            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: i64::from(limit.subsec_nanos()),
-        };
+        let timeout = Timespec::try_from(limit).unwrap_or_default();
         let mut listener = [PollFd::new(&self.listener, PollFlags::IN)];
         if rustix::io::retry_on_intr(|| poll(&mut listener, Some(&timeout)))? == 0 {
             return Ok(None);

@@ -41,6 +41,8 @@ struct Pulse {
     steps_until: u64,
     /// The tick at which that was new, or since which the service flies.
     since: u64,
+    /// `true` if it has stepped since it flies.
+    has_stepped: bool,
     /// The number of ticks since then that the machine owes to the service.
     owed: Owed,
     /// Its activity at the last look, while it is late.
@@ -85,18 +87,20 @@ impl Heartbeats {
     }
 
     /// Looks at the services at the beginning of tick `now`. `flies` says which are in flight, `activity` what the
-    /// process of one does. Which ones hang.
+    /// process of one does, `first_step` how many ticks its first step may take, if that is more than others may. Which
+    /// ones hang.
     pub fn hanging(
         &mut self,
         now: u64,
         block: &ControlBlock,
         flies: impl Fn(ServiceId) -> bool,
         activity: impl Fn(ServiceId) -> Option<Activity>,
+        first_step: impl Fn(ServiceId) -> u64,
     ) -> Vec<ServiceId> {
         // Relaxed: only progress counts here, and a value that is a little old makes the service no later than it was.
         let steps_until =
             |service: ServiceId| block.cells[service.index()].steps_until.load(Ordering::Relaxed);
-        self.hanging_of(now, steps_until, flies, activity)
+        self.hanging_of(now, steps_until, flies, activity, first_step)
     }
 
     fn hanging_of(
@@ -105,13 +109,19 @@ impl Heartbeats {
         steps_until: impl Fn(ServiceId) -> u64,
         flies: impl Fn(ServiceId) -> bool,
         activity: impl Fn(ServiceId) -> Option<Activity>,
+        first_step: impl Fn(ServiceId) -> u64,
     ) -> Vec<ServiceId> {
         let passed = now.saturating_sub(self.looked_at);
         self.looked_at = now;
-        let (limit, tick_ns) = (self.limit_ticks, self.tick_ns);
+        let (limit_ticks, tick_ns) = (self.limit_ticks, self.tick_ns);
+        let limit_of = |pulse: &Pulse, service| match pulse.has_stepped {
+            true => limit_ticks,
+            false => limit_ticks.max(first_step(service)),
+        };
         let punctuality = ServiceId::ALL.map(|service| {
             let pulse = &mut self.pulses[service.index()];
             pulse.observe(now, steps_until(service), flies(service));
+            let limit = limit_of(pulse, service);
             pulse.overlook(now, passed, limit);
             pulse.punctuality(now, limit / 2, flies(service))
         });
@@ -121,6 +131,7 @@ impl Heartbeats {
                 return false;
             }
             let pulse = &mut self.pulses[service.index()];
+            let limit = limit_of(pulse, service);
             pulse.excuse(passed, limit, tick_ns, activity(service));
             if is_machine_late {
                 pulse.grant(passed, limit);
@@ -156,6 +167,7 @@ impl Pulse {
             last_tick,
             steps_until: 0,
             since: 0,
+            has_stepped: false,
             owed: Owed::default(),
             activity: None,
         }
@@ -163,7 +175,7 @@ impl Pulse {
 
     fn observe(&mut self, now: u64, steps_until: u64, flies: bool) {
         if steps_until != self.steps_until || !flies {
-            self.steps_until = steps_until;
+            (self.steps_until, self.has_stepped) = (steps_until, flies);
             self.begin_anew(now);
         }
     }
@@ -259,6 +271,7 @@ mod tests {
     fn asleep() -> Activity {
         Activity {
             is_runnable: false,
+            is_ready: false,
             cpu_time_ns: 7,
             run_delay_ns: 3,
         }
@@ -287,12 +300,34 @@ mod tests {
             let is_plant = |service| service == ServiceId::Plant;
             (0..last_tick + 2 * LIMIT).find(|&now| {
                 let until = now.min(steps_until);
-                let hanging = heartbeats.hanging_of(now, |_| until, is_plant, |_| Some(asleep()));
+                let hanging = heartbeats.hanging_of(now, |_| until, is_plant, |_| Some(asleep()), |_| 0);
                 hanging == [ServiceId::Plant]
             })
         };
         assert_eq!(first_hang(tick), Some(tick + LIMIT + 1));
         assert_eq!(first_hang(last_tick + 1), None);
+    }
+
+    #[test]
+    fn the_first_step_of_a_service_has_its_own_limit_and_the_next_ones_that_of_all() {
+        let schedule = Schedule::ideal(TICK_NS, 100_000);
+        let is_controller = |service| service == ServiceId::Controller;
+        let first_hang = |first_step: u64, steps_until: u64| {
+            let mut heartbeats = Heartbeats::new(&schedule, LIMIT);
+            // It flies from tick 10 on.
+            (0..20 * LIMIT).find(|&now| {
+                let flies = |service| is_controller(service) && now >= 10;
+                let until = now.min(steps_until);
+                let activity = |_| Some(asleep());
+                !heartbeats
+                    .hanging_of(now, |_| until, flies, activity, |_| first_step)
+                    .is_empty()
+            })
+        };
+        let last_not_flown = 9;
+        assert_eq!(first_hang(4 * LIMIT, 5), Some(last_not_flown + 4 * LIMIT + 1));
+        assert_eq!(first_hang(0, 5), Some(last_not_flown + LIMIT + 1));
+        assert_eq!(first_hang(4 * LIMIT, 100), Some(100 + LIMIT + 1));
     }
 
     #[test]
@@ -324,6 +359,7 @@ mod tests {
             pulse.overlook(now, period as u64, LIMIT);
             let activity = Activity {
                 is_runnable,
+                is_ready: is_runnable,
                 cpu_time_ns: (cpu_share * (now * TICK_NS) as f64) as u64,
                 run_delay_ns: 0,
             };
@@ -377,7 +413,7 @@ mod tests {
                 }
             };
             let flies = |service| flying.contains(&service);
-            let hanging = heartbeats.hanging_of(now, steps_until, flies, |_| Some(asleep()));
+            let hanging = heartbeats.hanging_of(now, steps_until, flies, |_| Some(asleep()), |_| 0);
             for service in hanging {
                 if !found.iter().any(|(other, _)| *other == service) {
                     found.push((service, now));

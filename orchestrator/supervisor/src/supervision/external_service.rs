@@ -5,7 +5,7 @@
 //! happened, and in real time the next one makes a cold start.
 
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use runtime::control::{ControlError, Host, ToOrchestrator, ToService};
 use runtime::shared_page::Cell;
@@ -13,7 +13,7 @@ use shared_types::ServiceId;
 
 use super::managed_service::Phase;
 use super::presentable::presentable;
-use super::restart_policy::{EXTERNAL_LIMIT, Verdict};
+use super::restart_policy::{EXTERNAL_LIMIT, Verdict, doubled, external_start_limit};
 use super::{Exit, ServiceEvent, Supervisor};
 use crate::FlightFailure;
 
@@ -156,6 +156,16 @@ impl Supervisor<'_> {
                 let what = format!("has not said that it is ready within {limit} s");
                 Err(self.external_service_failure(at, what))
             }
+        }
+    }
+
+    /// Returns the time that the first step of a service may take, if it is an external service; 0 of others.
+    #[must_use]
+    pub fn first_step_limit(&self, service: ServiceId) -> Duration {
+        let member = &self.members[service.index()];
+        match self.is_external_service(service.index()) {
+            true => doubled(external_start_limit(member.longest_start), member.fruitless),
+            false => Duration::ZERO,
         }
     }
 

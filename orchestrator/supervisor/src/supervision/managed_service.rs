@@ -1,6 +1,6 @@
 //! The supervisor's facts about one service: its process, and where it is in its life.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use host::step::NonFinite;
 use runtime::control::{Host, ToOrchestrator};
@@ -10,8 +10,8 @@ use shared_types::schedule::MAX_PORTS;
 use super::ServiceEvent;
 use super::presentable::presentable;
 use super::process::Process;
+use super::starting::SlowStart;
 use crate::FlightFailure;
-use runtime::activity::Activity;
 
 /// A service of the supervisor.
 pub(super) struct ManagedService {
@@ -32,8 +32,10 @@ pub(super) struct ManagedService {
     pub(super) birth: Option<(u32, Instant)>,
     /// `true` if its process was a standby process that was prepared for its role.
     pub(super) was_prepared: bool,
-    /// Activity of its process when it had not become ready for some time, and that time.
-    pub(super) slow_since: Option<(Instant, Activity)>,
+    /// What is seen of its process since it takes longer to become ready than usual.
+    pub(super) slow_start: Option<SlowStart>,
+    /// The longest that one of its processes has taken so far to become ready.
+    pub(super) longest_start: Duration,
     /// The number that is not finite at which its process has stopped, to be replaced.
     pub(super) not_finite: Option<NonFinite>,
     /// The fault of its process, for which it is killed, to be replaced.
@@ -92,7 +94,8 @@ impl ManagedService {
             died_at: None,
             birth: None,
             was_prepared: false,
-            slow_since: None,
+            slow_start: None,
+            longest_start: Duration::ZERO,
             not_finite: None,
             blamed: None,
             last_words: LastWords::default(),
@@ -121,6 +124,7 @@ impl ManagedService {
                 return None;
             }
             ToOrchestrator::Ready { mut warnings, .. } => {
+                self.longest_start = self.longest_start.max(self.process.asked_at.elapsed());
                 self.phase = Phase::Ready;
                 self.birth = None;
                 warnings.append(&mut self.warnings);

@@ -7,12 +7,12 @@ use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use runtime::activity;
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::deployment;
 use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use runtime::shared_memory;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
@@ -30,6 +30,8 @@ pub struct Process {
     pub channel: Channel,
     /// Time at which it was started, or asked for what it does now.
     pub asked_at: Instant,
+    /// Time for which it had waited for a processor before that, ns.
+    pub delayed_before_ns: u64,
     /// `true` if it has ended, and its end was taken note of.
     pub is_gone: bool,
 }
@@ -78,6 +80,7 @@ impl Process {
             death,
             channel,
             asked_at: Instant::now(),
+            delayed_before_ns: 0,
             is_gone: false,
         })
     }
@@ -93,6 +96,7 @@ impl Process {
             death: pidfd_open(pid, PidfdFlags::empty())?,
             channel,
             asked_at: Instant::now(),
+            delayed_before_ns: 0,
             is_gone: false,
         })
     }
@@ -122,14 +126,18 @@ impl Process {
         self.ends_within(Duration::ZERO)
     }
 
+    /// Returns whether it has ended; the system then forgets it if it ended too late for [`Self::end`].
+    pub fn is_over(&mut self) -> bool {
+        let has_ended = self.has_ended();
+        if let Some(child) = self.child.as_mut().filter(|_| has_ended) {
+            let _ = child.try_wait();
+        }
+        has_ended
+    }
+
     /// Waits for its end for no longer than this; whether it has come.
     pub fn ends_within(&self, limit: Duration) -> bool {
-        let limit = Timespec {
-            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: i64::from(limit.subsec_nanos()),
-        };
-        let mut death = [PollFd::new(&self.death, PollFlags::IN)];
-        rustix::io::retry_on_intr(|| poll(&mut death, Some(&limit))).is_ok_and(|ended| ended > 0)
+        activity::ends_within(&self.death, limit)
     }
 
     /// Kills it, and the processes that it has started, if it has not ended yet. Returns how it ended. Nothing else waits for

@@ -226,7 +226,7 @@ impl Supervisor<'_> {
         };
         let member = &mut self.members[at];
         member.process = process;
-        (member.was_prepared, member.slow_since) = (was_prepared, None);
+        (member.was_prepared, member.slow_start) = (was_prepared, None);
         member.lives += 1;
         member.phase = Phase::Starting;
         if is_new {

@@ -5,6 +5,7 @@
 
 use std::time::{Duration, Instant};
 
+use runtime::activity::Activity;
 use runtime::control::{Role, ToOrchestrator, ToService};
 use runtime::process::SPARE;
 
@@ -121,6 +122,7 @@ impl Supervisor<'_> {
             return None;
         }
         process.asked_at = Instant::now();
+        process.delayed_before_ns = Activity::of(process.id()).map_or(0, |activity| activity.run_delay_ns);
         self.standby.fruitless = 0;
         Some((process, was_prepared))
     }

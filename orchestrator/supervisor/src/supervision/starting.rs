@@ -18,6 +18,31 @@ pub(super) const AFTER_CLOSING: Duration = Duration::from_millis(100);
 /// A process that has not run for so long and does not wait for a processor is asleep or stopped.
 const ASLEEP_AFTER: Duration = Duration::from_millis(10);
 
+/// A process that takes long to become ready, as it was seen since then.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SlowStart {
+    seen_at: Instant,
+    activity: Activity,
+    /// Time since which it has neither run nor waited for a processor.
+    idle_since: Instant,
+    /// Time for which it was seen to wait for a processor.
+    waited: Duration,
+}
+
+impl SlowStart {
+    fn observe(&mut self, now: Instant, activity: Activity) {
+        let passed = now.saturating_duration_since(self.seen_at);
+        let ran_ns = activity.cpu_time_ns.saturating_sub(self.activity.cpu_time_ns);
+        if activity.is_ready {
+            self.waited += passed.saturating_sub(Duration::from_nanos(ran_ns));
+        }
+        if activity.is_runnable || ran_ns > 0 {
+            self.idle_since = now;
+        }
+        (self.seen_at, self.activity) = (now, activity);
+    }
+}
+
 impl Supervisor<'_> {
     /// Applies the limits of a process that starts: another one is prepared beside it, and takes its place if it does not
     /// become ready.
@@ -60,27 +85,31 @@ impl Supervisor<'_> {
             elapsed: now.saturating_duration_since(self.members[at].process.asked_at),
             was_prepared: self.members[at].was_prepared,
             is_other_prepared: self.standby.is_prepared() && !is_claimed,
+            waited: Duration::ZERO,
             is_asleep: false,
+            longest: self.members[at].longest_start,
             missed: self.members[at].fruitless,
         };
-        if starting.is_slow() {
-            starting.is_asleep = self.is_asleep(at, now);
+        let member = &mut self.members[at];
+        if starting.is_slow()
+            && let Some(activity) = Activity::of(member.process.id())
+        {
+            let first = SlowStart {
+                seen_at: now,
+                activity,
+                idle_since: now,
+                waited: Duration::ZERO,
+            };
+            let seen = member.slow_start.get_or_insert(first);
+            seen.observe(now, activity);
+            let delayed_ns = activity
+                .run_delay_ns
+                .saturating_sub(member.process.delayed_before_ns);
+            // Both are of the same time: the system counts a delay only once it is over.
+            starting.waited = seen.waited.max(Duration::from_nanos(delayed_ns));
+            starting.is_asleep = now.saturating_duration_since(seen.idle_since) >= ASLEEP_AFTER;
         }
         starting
-    }
-
-    /// Returns whether the process of a service has neither run nor waited for a processor since it was looked at before.
-    fn is_asleep(&mut self, at: usize, now: Instant) -> bool {
-        let member = &mut self.members[at];
-        let Some(activity) = Activity::of(member.process.id()) else {
-            return false;
-        };
-        let (since, before) = *member.slow_since.get_or_insert((now, activity));
-        if activity.is_runnable || activity.cpu_time_ns != before.cpu_time_ns {
-            member.slow_since = Some((now, activity));
-            return false;
-        }
-        now.saturating_duration_since(since) >= ASLEEP_AFTER
     }
 
     /// Kills the process of a service for what it did, and takes its end for a death in flight.
