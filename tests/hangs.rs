@@ -8,12 +8,13 @@ mod common;
 use std::time::Duration;
 
 use common::logs::host_samples;
-use common::processes::{await_end, pid_of, processes_of, services_of, signal};
+use common::processes::{await_end, await_successor, is_alive, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, begin, finish, said, until};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use run_log::{HostEvent, LogReader, ServiceStep};
+use runtime::activity::Pause;
 use runtime::control::CONTROL_FD;
 use runtime::flight_clock::monotonic_ns;
 use runtime::process::SPARE;
@@ -133,9 +134,7 @@ fn strike(blow: Blow, orchestrator: u32, service: ServiceId, random: &mut ChaCha
     };
     let mut struck = vec![first];
     if let Some(signal) = to_newborn {
-        let newborn = until("the next process", || {
-            pid_of(orchestrator, service).filter(|&pid| pid != first)
-        });
+        let newborn = await_successor(orchestrator, service, first);
         std::thread::sleep(Duration::from_micros((random.next_u32() % START_US).into()));
         send(newborn, signal);
         struck.push(newborn);
@@ -353,6 +352,114 @@ fn a_standby_process_that_hangs_leaves_no_trace_in_the_log() {
     assert!(bytes("hung") == bytes("undisturbed"));
 }
 
+/// A fresh process that is stopped before it has made its ports is replaced in simulated time too, and the log does not
+/// show it. One that is ready by the time it is stopped is waited for, as for a debugger: it goes on, and the next one is tried.
+#[test]
+fn a_newborn_that_is_stopped_leaves_no_trace_in_the_log() {
+    let place = Place::new();
+    let child = begin(&mut place.short_flight("stopped", 100.0, &["--restarts", "1000"]));
+    let orchestrator = child.id();
+    place.await_log("stopped", 500_000);
+    let is_ready = || {
+        let events = place.look()?.events.into_iter();
+        let last = events.rev().find(|event| event.text.contains("`controller`"))?;
+        Some(last.text.ends_with("was restarted"))
+    };
+    until("a newborn that is stopped", || {
+        send(standby_of(orchestrator), Signal::KILL);
+        let first = service_of(orchestrator, ServiceId::Controller);
+        send(first, Signal::KILL);
+        let newborn = await_successor(orchestrator, ServiceId::Controller, first);
+        send(newborn, Signal::STOP);
+        let is_replaced = until("its end, or its message", || {
+            let is_ready = is_ready() == Some(true);
+            match is_alive(newborn) {
+                true => is_ready.then_some(false),
+                false => Some(true),
+            }
+        });
+        send(newborn, Signal::CONT);
+        is_replaced.then_some(())
+    });
+    let ended = finish(child);
+    assert!(ended.status.success(), "{}", said(&ended));
+    common::succeed(&mut place.short_flight("undisturbed", 100.0, &["--host", "inprocess"]));
+    let bytes = |out: &str| std::fs::read(place.log(out)).unwrap();
+    assert!(bytes("stopped") == bytes("undisturbed"));
+    let events: Vec<HostEvent> = host_samples(&place, "stopped", "host/events");
+    let reason = b"killed, because it was not ready after";
+    assert!(events.iter().any(|event| event.text.starts_with(reason)));
+}
+
+/// A flight whose orchestrator was killed, with its services; it flies on without one.
+fn orphaned_flight(place: &Place) -> (u32, Vec<(String, u32)>) {
+    let lonely = "real_time.orchestrator_loss=\"continue\"";
+    let settings = ["--host", "realtime", "--quiet", "--set", lonely];
+    let mut first = begin(&mut place.rig_flight("first", 300.0, &settings));
+    place.await_log("first", ARRIVAL);
+    let standby = standby_of(first.id());
+    // What has been stopped must not be left behind either.
+    send(standby, Signal::STOP);
+    let processes = processes_of(first.id());
+    assert_eq!(processes.len(), ServiceId::ALL.len() + 1, "{processes:?}");
+    first.kill().unwrap();
+    first.wait().unwrap();
+    (first.id(), processes)
+}
+
+/// An orchestrator that takes over replaces a service that is stopped, and the vehicle flies on.
+#[test]
+fn a_take_over_replaces_a_stopped_service() {
+    for service in [ServiceId::PathGenerator, ServiceId::Plant] {
+        let place = Place::new();
+        let (first, processes) = orphaned_flight(&place);
+        let is_it = |(name, _): &&(String, u32)| name == service.name();
+        let (_, stopped) = *processes.iter().find(is_it).unwrap();
+        send(stopped, Signal::STOP);
+        let second = begin(&mut place.gerono(&["attach", "--out", "second", "--quiet"]));
+        await_end(stopped);
+        place.await_log("second", ARRIVAL);
+        signal(second.id(), Signal::INT);
+        let ended = finish(second);
+        assert_eq!(ended.status.code(), Some(130), "{service}: {}", said(&ended));
+        let summary = place.summary("second");
+        assert!(summary["lost"].is_null(), "{service}: {}", summary["lost"]);
+        assert!(processes.iter().all(|&(_, pid)| !is_alive(pid)), "{service}");
+        place.assert_nothing_is_left_of(first);
+        let clean = common::succeed(&mut place.gerono(&["clean"]));
+        assert_eq!(said(&clean), "nothing was left by dead runs\n", "{service}");
+    }
+}
+
+/// `gerono clean` ends stopped processes once nothing else of their run lives, and none before.
+#[test]
+fn stopped_processes_of_a_dead_run_are_ended_by_clean() {
+    let place = Place::new();
+    let (first, mut processes) = orphaned_flight(&place);
+    // The standby process is stopped by now.
+    let clean = common::succeed(&mut place.gerono(&["clean"]));
+    assert!(said(&clean).starts_with("in use "), "{}", said(&clean));
+    processes.iter().for_each(|&(_, pid)| send(pid, Signal::STOP));
+    processes.retain(|&(_, pid)| is_alive(pid));
+    assert_eq!(processes.len(), ServiceId::ALL.len() + 1, "{processes:?}");
+    until("all to be stopped", || {
+        let are_stopped = processes
+            .iter()
+            .all(|&(_, pid)| Pause::of(pid) == Some(Pause::Stopped));
+        are_stopped.then_some(())
+    });
+    let clean = common::succeed(&mut place.gerono(&["clean"]));
+    for (_, pid) in processes {
+        assert!(!is_alive(pid));
+        assert!(
+            said(&clean).contains(&format!("killed  process {pid}")),
+            "{}",
+            said(&clean)
+        );
+    }
+    place.assert_nothing_is_left_of(first);
+}
+
 /// A service that stops 0.1 s before the end does not keep the flight from it.
 #[test]
 fn a_flight_ends_although_a_service_hangs_in_its_last_moments() {
@@ -399,6 +506,10 @@ fn the_page_states_the_limits_of_a_start() {
         milliseconds(PREPARED_LIMIT)
     );
     assert_eq!(row("in real time, in any case"), seconds(FRESH_LIMIT));
+    assert_eq!(
+        row("external service, in real time"),
+        format!("{}, or twice its longest start", seconds(FRESH_LIMIT))
+    );
     assert_eq!(
         row("standby process, until it is prepared"),
         seconds(PREPARATION_LIMIT)

@@ -224,7 +224,7 @@ pub enum Command {
     /// Remove leftovers of dead runs in memory and in the folder for temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
-    /// touched.
+    /// touched. Stopped processes (SIGSTOP) of a run of which nothing else lives are killed.
     Clean,
     /// Print the JSON Schema of scenario files, for editors.
     Schema,

@@ -9,13 +9,17 @@ use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use command_line::terminal::printable;
+use runtime::activity;
 use runtime::control::{Host, SHARED_PAGE_FD};
 use runtime::shared_page::{self, Request, SharedPage};
 use rustix::fs::{
     AtFlags, Dir, FileType, MemfdFlags, Mode, OFlags, Stat, fstat, memfd_create, openat, readlinkat, statat,
 };
+use rustix::io::Errno;
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 use crate::runs::User;
 
@@ -39,7 +43,7 @@ pub(crate) struct RunProcess {
     pub(crate) pid: u32,
     /// Its folder in /proc, which stays its own even if another process gets its number.
     proc: OwnedFd,
-    is_orchestrator: bool,
+    pub(crate) is_orchestrator: bool,
 }
 
 /// A process of a run with what its label and the kernel say.
@@ -136,6 +140,22 @@ impl RunProcess {
     pub(crate) fn path_in_its_root(&self, path: &Path) -> PathBuf {
         let root = PathBuf::from(format!("/proc/self/fd/{}/root", self.proc.as_raw_fd()));
         root.join(path.strip_prefix("/").unwrap_or(path))
+    }
+
+    /// Kills it, also if a signal has stopped it, and waits up to `limit` for its end. Returns whether it has ended.
+    pub(crate) fn end(&self, limit: Duration) -> bool {
+        let pid = Pid::from_raw(self.pid.cast_signed()).expect("the number of a process is positive");
+        let process = match pidfd_open(pid, PidfdFlags::empty()) {
+            Ok(process) => process,
+            Err(error) => return error == Errno::SRCH,
+        };
+        // Only now: as long as its folder in /proc can be read, no other process can have its number.
+        if read(&self.proc, "stat").is_none() {
+            return true;
+        }
+        // It fails only for a process that is gone.
+        let _ = pidfd_send_signal(&process, Signal::KILL);
+        activity::ends_within(&process, limit)
     }
 
     /// Writes the operator's request into the page that it shares with the other processes of its run.

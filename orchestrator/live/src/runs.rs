@@ -11,7 +11,9 @@ use std::fs;
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use runtime::activity::Pause;
 use runtime::control::Host;
 use runtime::shared_memory;
 use runtime::shared_page::Request;
@@ -26,6 +28,9 @@ pub const SCOPE: &str = "GERONO_RUNS";
 
 /// Environment variable in which `sudo` leaves the user who called it.
 const SUDO_USER: &str = "SUDO_UID";
+
+/// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
+const END_LIMIT: Duration = Duration::from_secs(1);
 
 /// A live run.
 #[derive(Debug)]
@@ -211,6 +216,42 @@ pub(crate) fn is_open_somewhere(file: &Stat) -> bool {
 pub(crate) fn has_processes(owner: User, folder: &Path) -> bool {
     let is_it = |run: &MachineRun| run.owner == owner && run.folder == folder;
     all().is_ok_and(|runs| runs.iter().any(is_it))
+}
+
+/// Kills the services of this user's run of a folder, and its standby process, except the processes of these numbers, and
+/// waits for their ends: their ports are free then for others. Returns the numbers of those that have ended.
+///
+/// # Errors
+/// If /proc cannot be read.
+pub fn end_services_except(folder: &Path, kept: &[u32]) -> io::Result<Vec<u32>> {
+    let mut runs = all()?;
+    runs.retain(|run| run.owner == User::this() && run.folder == folder && run.shares_memory_with_this());
+    let mut services: Vec<_> = runs.into_iter().flat_map(|run| run.processes).collect();
+    services.retain(|process| !process.is_orchestrator && !kept.contains(&process.pid));
+    Ok(ended(&services))
+}
+
+/// Kills the processes of this user's dead runs and waits for their ends. Returns the numbers of those that have ended.
+///
+/// A run is dead if it has no orchestrator and signals have stopped all its processes: nothing steps, and no orchestrator
+/// can take over. Processes that are not stopped end by themselves, when the vehicle has landed.
+///
+/// # Errors
+/// If /proc cannot be read.
+pub fn end_dead() -> io::Result<Vec<u32>> {
+    let is_stopped = |process: &RunProcess| Pause::of(process.pid) == Some(Pause::Stopped);
+    let mut runs = all()?;
+    // In simulated time the system ends the services with their orchestrator, and no orchestrator of a replay is found.
+    runs.retain(|run| run.owner == User::this() && run.host == Host::RealTime);
+    runs.retain(|run| run.processes.iter().all(is_stopped));
+    runs.retain(|run| run.processes.iter().all(|process| !process.is_orchestrator));
+    Ok(runs.iter().flat_map(|run| ended(&run.processes)).collect())
+}
+
+/// Kills processes. Returns the numbers of those that have ended.
+fn ended(processes: &[RunProcess]) -> Vec<u32> {
+    let ended = processes.iter().filter(|process| process.end(END_LIMIT));
+    ended.map(|process| process.pid).collect()
 }
 
 impl MachineRun {

@@ -153,6 +153,7 @@ where
         context,
         shared,
         survivors,
+        killed,
         clock,
         first_tick,
     } = take_over;
@@ -164,6 +165,9 @@ where
     observer.flight_begins_at(clock.start_ns);
     observer.ready(&supervisor, context.cores.ring);
     observer.note("another orchestrator has taken over");
+    for pid in killed {
+        observer.note(&format!("killed the process {pid}, which did not come to it"));
+    }
     let recorder = recorder
         .distrust(context.scenario.external_services(), &context.schedule, clock)
         .remember_for_restarts(&context.schedule);

@@ -22,13 +22,16 @@ pub struct TakeOver {
     pub(super) context: RunContext,
     pub(super) shared: Shared,
     pub(super) survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
+    /// Processes that had not come and were killed.
+    pub(super) killed: Vec<u32>,
     pub(super) clock: FlightClock,
     /// The first tick that will be recorded.
     pub(super) first_tick: u64,
 }
 
 impl TakeOver {
-    /// Waits at the place of a run for its services; as long, nobody else must.
+    /// Waits at the place of a run for its services; as long, nobody else must. Kills those that do not come: they are
+    /// stopped or hang, and whatever takes their place needs their ports.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
@@ -60,9 +63,13 @@ impl TakeOver {
         let first = first.ok_or_else(|| {
             let limit = PATIENCE.as_secs_f64();
             FlightFailure::setup(format!(
-                "none of the run's services has come within {limit} s: they have ended, or their orchestrator lives"
+                "none of the run's services has come within {limit} s: they have ended, their orchestrator lives, or \
+                 signals have stopped them, which `gerono clean` ends"
             ))
         })?;
+        let came = survivors.iter().flatten();
+        let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
+        let killed = live::runs::end_services_except(place, &came).map_err(FlightFailure::setup)?;
         let [page, checkpoints, step_log, lock] = first.files;
         let context = RunContext::take_over(&first.hello.start, lock)?;
         let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
@@ -75,6 +82,7 @@ impl TakeOver {
             context,
             shared,
             survivors,
+            killed,
             clock,
         })
     }

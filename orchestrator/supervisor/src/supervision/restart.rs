@@ -170,8 +170,11 @@ impl Supervisor<'_> {
     }
 
     fn restart_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
-        match self.members[at].phase {
-            Phase::Dead(again_at) if again_at <= now => self.respawn(at).inspect_err(|_| {
+        let phase = self.members[at].phase;
+        match phase {
+            // A killed process that has not ended yet has its ports, which the next one could not make.
+            Phase::Dead(again_at) if again_at > now || !self.members[at].process.is_over() => Ok(()),
+            Phase::Dead(_) => self.respawn(at).inspect_err(|_| {
                 let pause = self.longest_pause(at);
                 let member = &mut self.members[at];
                 if matches!(member.phase, Phase::Dead(_)) {
