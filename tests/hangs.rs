@@ -357,7 +357,7 @@ fn a_standby_process_that_hangs_leaves_no_trace_in_the_log() {
 #[test]
 fn a_newborn_that_is_stopped_leaves_no_trace_in_the_log() {
     let place = Place::new();
-    let child = begin(&mut place.short_flight("stopped", 100.0, &["--restarts", "1000"]));
+    let child = begin(&mut place.short_flight("stopped", 40.0, &["--restarts", "1000"]));
     let orchestrator = child.id();
     place.await_log("stopped", 500_000);
     let is_ready = || {
@@ -383,7 +383,7 @@ fn a_newborn_that_is_stopped_leaves_no_trace_in_the_log() {
     });
     let ended = finish(child);
     assert!(ended.status.success(), "{}", said(&ended));
-    common::succeed(&mut place.short_flight("undisturbed", 100.0, &["--host", "inprocess"]));
+    common::succeed(&mut place.short_flight("undisturbed", 40.0, &["--host", "inprocess"]));
     let bytes = |out: &str| std::fs::read(place.log(out)).unwrap();
     assert!(bytes("stopped") == bytes("undisturbed"));
     let events: Vec<HostEvent> = host_samples(&place, "stopped", "host/events");
@@ -407,7 +407,7 @@ fn orphaned_flight(place: &Place) -> (u32, Vec<(String, u32)>) {
     (first.id(), processes)
 }
 
-/// An orchestrator that takes over replaces a service that is stopped, and the vehicle flies on.
+/// An orchestrator that takes over replaces a service that is stopped, and the flight goes on.
 #[test]
 fn a_take_over_replaces_a_stopped_service() {
     for service in [ServiceId::PathGenerator, ServiceId::Plant] {
@@ -422,8 +422,9 @@ fn a_take_over_replaces_a_stopped_service() {
         signal(second.id(), Signal::INT);
         let ended = finish(second);
         assert_eq!(ended.status.code(), Some(130), "{service}: {}", said(&ended));
-        let summary = place.summary("second");
-        assert!(summary["lost"].is_null(), "{service}: {}", summary["lost"]);
+        // Frames that came while the simulated plant stood still are gone, and so may be the vehicle.
+        let lost = &place.summary("second")["lost"];
+        assert!(service == ServiceId::Plant || lost.is_null(), "{service}: {lost}");
         assert!(processes.iter().all(|&(_, pid)| !is_alive(pid)), "{service}");
         place.assert_nothing_is_left_of(first);
         let clean = common::succeed(&mut place.gerono(&["clean"]));
