@@ -8,10 +8,10 @@ use std::process::Command;
 
 use crate::common::{Place, assert_flown_to_the_end, begin, complaint, finish, output, succeed};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// Compiles a library from C.
-fn compile(source: &str, library: &Path, flags: &[&str]) {
+pub(crate) fn compile(source: &str, library: &Path, flags: &[&str]) {
     let mut command = Command::new("cc");
     command
         .args(["-O2", "-std=c11", "-shared", "-fPIC", "-w", "-o"])
@@ -309,20 +309,43 @@ fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
     assert!(log(&place, "alone") == log(&place, "processes"));
 }
 
+/// No death needs the state: it is tried in every flight.
 #[test]
 fn a_library_whose_state_is_not_what_it_says_is_found_out() {
-    let death = ["--crash", "controller@705:after-step"];
-    for (claim, said) in [
-        ("it.save = save_too_much", "wrote beyond its state"),
-        ("it.save = save_nothing", "published another sample of tick"),
-        ("it.state_size = varying", "`state_size` must return the same"),
-    ] {
-        let place = example("", claim, &[]);
-        let flown = output(fly(&place, "processes", &["--restarts", "controller=1"]).args(death));
-        let told = complaint(&flown);
-        assert_eq!(flown.status.code(), Some(3), "{claim}: {told}");
-        assert!(told.contains(said), "{claim}: {told}");
+    let mut cases = vec![
+        ("", "it.save = save_too_much", "wrote beyond its state"),
+        ("", "it.save = save_nothing", "forgets a part of its state"),
+        ("", "it.state_size = growing", "has a state of another size since"),
+        // Forgotten from tick 500 on, and found soon after.
+        (
+            "it_forgets = 1",
+            "it.save = save_until_asked",
+            "forgets a part of its state",
+        ),
+    ];
+    if cfg!(target_arch = "x86_64") {
+        cases.push((
+            "",
+            "it.save = save_and_flush",
+            "changed the floating-point mode in its `save`",
+        ));
     }
+    for (misconduct, claim, said) in cases {
+        let place = example(misconduct, claim, &[]);
+        for host in ["lockstep", "inprocess"] {
+            let restarts = ["--restarts", "controller=1"];
+            let flown = output(fly(&place, host, &["--host", host]).args(restarts));
+            let told = complaint(&flown).replace("- ", "-");
+            assert_eq!(flown.status.code(), Some(3), "{claim}, {host}: {told}");
+            assert!(told.contains(said), "{claim}, {host}: {told}");
+        }
+    }
+    let death = ["--crash", "controller@705:after-step"];
+    let place = example("", "it.state_size = varying", &[]);
+    let flown = output(fly(&place, "processes", &["--restarts", "controller=1"]).args(death));
+    let told = complaint(&flown);
+    assert_eq!(flown.status.code(), Some(3), "{told}");
+    assert!(told.contains("`state_size` must return the same"), "{told}");
     // A replay begins with the state of another process.
     let place = example("", "it.state_size = varying", &[]);
     succeed(&mut fly(&place, "out", &["--set", "duration=2.5"]));
@@ -330,6 +353,35 @@ fn a_library_whose_state_is_not_what_it_says_is_found_out() {
     let told = complaint(&replayed);
     assert_eq!(replayed.status.code(), Some(1), "{told}");
     assert!(told.contains("`state_size` must return the same"), "{told}");
+}
+
+#[test]
+fn libraries_of_one_name_get_the_same_inputs_in_every_host() {
+    let place = example("", "", &[]);
+    std::fs::create_dir(place.path("other")).unwrap();
+    compile("tests/plugins/estimator.c", &place.path("other/libpid.so"), &[]);
+    // Without a filter Gerono's own estimator would not read the frames.
+    let estimator = ["--set", "plugins.estimator=other/libpid.so"];
+    for host in ["lockstep", "inprocess"] {
+        succeed(fly(&place, host, &["--host", host]).args(estimator));
+        succeed(&mut place.gerono(&["replay", host, "--quiet"]));
+    }
+    assert!(log(&place, "lockstep") == log(&place, "inprocess"));
+    let states = ["export", "lockstep", "--csv", "--topic", "vehicle/state"];
+    let states = String::from_utf8(succeed(&mut place.gerono(&states)).stdout).unwrap();
+    let mut rows = states.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let head = rows.next().unwrap();
+    let column = head.iter().position(|name| *name == "thrust").unwrap();
+    let thrusts: Vec<f64> = rows.map(|row| row[column].parse().unwrap()).collect();
+    assert_eq!(thrusts[0], -1.0);
+    assert!(thrusts[10..].iter().all(|thrust| *thrust >= 0.0));
+    let kept = std::fs::read_dir(place.path("lockstep")).unwrap();
+    let mut kept: Vec<_> = kept
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    kept.retain(|name| name.ends_with(".so"));
+    kept.sort();
+    assert_eq!(kept, ["estimator-libpid.so", "libpid.so"]);
 }
 
 #[test]
@@ -348,7 +400,21 @@ fn a_library_that_cannot_fly_is_refused_before_the_flight() {
         ("return NULL", "returns NULL", &[]),
     ];
     if cfg!(target_arch = "x86_64") {
-        cases.push(("", "changes the floating-point mode", &["-DFAST_MATH"]));
+        cases.push((
+            "",
+            "changes the floating-point mode in its initialisation",
+            &["-DFAST_MATH"],
+        ));
+        cases.push((
+            "it.create = create_and_flush",
+            "changes the floating-point mode in its `create`",
+            &[],
+        ));
+        cases.push((
+            "it.state_size = size_and_flush",
+            "changes the floating-point mode in its `state_size`",
+            &[],
+        ));
     }
     for (claim, said, flags) in cases {
         let place = example("", claim, flags);
@@ -391,6 +457,12 @@ fn a_library_that_cannot_fly_is_refused_before_the_flight() {
             "a program flies in place of `controller`",
         ),
         ("plugins.parameters.kp=inf", "give a finite number"),
+        (
+            "plugins.parameters.bandwith=4.0",
+            "no plug-in asks for `plugins.parameters.bandwith`",
+        ),
+        ("controller.law=adaptive", "flies in place of the controller"),
+        ("controller.k1=5.0", "flies in place of the controller"),
     ] {
         let refused = output(&mut place.gerono(&["check", scenario, "--set", set]));
         assert_eq!(refused.status.code(), Some(2), "{set}: {}", complaint(&refused));
@@ -424,7 +496,9 @@ fn the_examples_in_c_fly_the_path() {
             place.path("eight.toml"),
         )
         .unwrap();
-        succeed(&mut fly(&place, "flight", &["--set", "duration=10.0"]));
+        // The laws have gains of their own.
+        let sets = ["--set", "duration=10.0", "--set", "plugins.parameters={}"];
+        succeed(&mut fly(&place, "flight", &sets));
         let summary = place.summary("flight");
         let ultimate = summary
             .pointer("/phases/0/ultimate")

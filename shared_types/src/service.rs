@@ -52,6 +52,18 @@ pub trait ErasedService: Send {
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]);
     /// [`Service::tune`].
     fn tune(&mut self, _gains: Option<&Gains>) {}
+    /// Returns whether hosts must call [`try_saved_state`](Self::try_saved_state) after each step. It does not change.
+    fn has_trials(&self) -> bool {
+        false
+    }
+    /// Tries, after a step whose samples are published, whether the saved state is all of the state: for code that is not
+    /// Gerono's own, whose `save` may forget a part.
+    ///
+    /// # Errors
+    /// What is forgotten, as far as it can be said.
+    fn try_saved_state(&mut self) -> Result<(), String> {
+        Ok(())
+    }
     /// Returns the size of a saved state, bytes.
     fn state_size(&self) -> usize;
     /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.

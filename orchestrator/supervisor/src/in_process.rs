@@ -5,6 +5,7 @@ use std::sync::Once;
 use std::time::Instant;
 
 use host::in_process::{FlightError, InProcess, TickSink};
+use plugin::float_mode::StandardFloatMode;
 use runtime::watchdog::{self, Work};
 use scenario::Scenario;
 use shared_types::ServiceId;
@@ -43,10 +44,16 @@ pub fn fly_with<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    let mut host = host(scenario)?;
+    let _mode = StandardFloatMode::enter();
     let watches = ServiceId::ALL
         .into_iter()
         .any(|service| scenario.has_plugin(service));
+    let mut host = if watches {
+        // The state before the first step is saved here.
+        caught(|| host(scenario))??
+    } else {
+        host(scenario)?
+    };
     if let Some(own) = own {
         host.replace(own);
     } else if !watches {
@@ -108,10 +115,14 @@ fn fly_plugins<S: TickSink>(
     WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|_| give_up()));
     watched.map_err(|error| Stop::Failed(FlightFailure::setup(error)))?;
     watchdog::work(Work::Step);
-    let flown = with_plugins(|| host.fly(sink));
+    let flown = caught(|| host.fly(sink));
     watchdog::rest();
-    let flown = flown.map_err(|words| Stop::Failed(FlightFailure::Plugin(words)))?;
-    flown.map_err(Stop::Host)
+    flown.map_err(Stop::Failed)?.map_err(Stop::Host)
+}
+
+/// Calls code that is not Gerono's own, whose panic is a failure of the flight.
+fn caught<T>(act: impl FnOnce() -> T) -> Result<T, FlightFailure> {
+    with_plugins(act).map_err(FlightFailure::Plugin)
 }
 
 /// Runs services of which some are plug-ins.

@@ -19,6 +19,8 @@ use std::error::Error;
 use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
+use command_line::exit::Exit;
+use command_line::failure::Failure;
 use host::step::NonFinite;
 use scenario::{Scenario, Unflyable};
 use shared_types::{Header, Schedule, ServiceId};
@@ -198,6 +200,15 @@ pub enum FlightFailure {
 }
 
 impl FlightFailure {
+    /// Returns whether nothing was flown: the scenario or the machine is at fault, and not the flight.
+    #[must_use]
+    pub fn is_of_setup(&self) -> bool {
+        matches!(
+            self,
+            Self::Refused(_) | Self::Setup(_) | Self::NotReady { .. } | Self::NotPermitted { .. }
+        )
+    }
+
     /// A flight that cannot begin, and the error or the sentence that says why.
     pub fn setup(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let error = error.into();
@@ -205,6 +216,16 @@ impl FlightFailure {
             Some(_) => Self::Setup(resource_limits::in_words(&*error).into()),
             None => Self::Setup(error),
         }
+    }
+}
+
+impl From<FlightFailure> for Failure {
+    fn from(failure: FlightFailure) -> Self {
+        let exit = match failure {
+            FlightFailure::Refused(_) => Exit::BadInput,
+            _ => Exit::Trouble,
+        };
+        Self::new(exit, failure)
     }
 }
 

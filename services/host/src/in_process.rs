@@ -13,7 +13,7 @@ use crate::edge_store::EdgeStore;
 use crate::sample_ring::SampleRing;
 use crate::step::NonFinite;
 use history::History;
-use service_slot::ServiceSlot;
+use service_slot::{ServiceSlot, state_of};
 
 /// Ticks of a batch. Their samples stay in the nearest cache of the processor.
 const BATCH: u64 = 8;
@@ -163,11 +163,11 @@ impl InProcess {
         slot.expect("one of each service").service.as_mut()
     }
 
-    /// Replaces a service.
+    /// Replaces a service before the flight. A planned cold start begins with the state that it has now.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
         for slot in &mut self.services {
             if slot.timetable.service == service.id() {
-                slot.service = service;
+                slot.replace(service);
                 return;
             }
         }
@@ -267,11 +267,7 @@ impl InProcess {
     /// Returns the state of the flight.
     #[must_use]
     pub fn save(&self) -> FlightState {
-        let state = |slot: &ServiceSlot| {
-            let mut state = vec![0; slot.service.state_size()];
-            slot.service.save(&mut state);
-            state
-        };
+        let state = |slot: &ServiceSlot| state_of(slot.service.as_ref());
         FlightState {
             services: self.services.iter().map(state).collect(),
             stores: self.services.iter().map(ServiceSlot::stores).collect(),

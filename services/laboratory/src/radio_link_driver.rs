@@ -87,6 +87,14 @@ impl ErasedService for RadioLinkDriver {
         self.tell(&in_flight(&sender.condition()));
     }
 
+    fn has_trials(&self) -> bool {
+        self.service.has_trials()
+    }
+
+    fn try_saved_state(&mut self) -> Result<(), String> {
+        self.service.try_saved_state()
+    }
+
     fn state_size(&self) -> usize {
         self.service.state_size()
     }

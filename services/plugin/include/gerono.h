@@ -55,6 +55,7 @@ typedef struct {
     const char *scenario;               /* the scenario as JSON */
     const gerono_parameter *parameters; /* sorted by name */
     size_t parameter_count;
+    uint8_t *asked; /* marks of gerono_parameter_or; a parameter that no library asks for is refused */
 } gerono_setup;
 
 /* A service. */
@@ -83,8 +84,10 @@ __attribute__((visibility("default"))) const gerono_plugin *gerono_plugin_v1(voi
 
 /* Returns a parameter of the scenario, or `otherwise` if it is not there. */
 static inline double gerono_parameter_or(const gerono_setup *setup, const char *name, double otherwise) {
+    setup->asked[setup->parameter_count] = 1;
     for (size_t i = 0; i < setup->parameter_count; i++) {
         if (strcmp(setup->parameters[i].name, name) == 0) {
+            setup->asked[i] = 1;
             return setup->parameters[i].value;
         }
     }

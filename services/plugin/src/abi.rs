@@ -1,5 +1,6 @@
 //! The C interface of a plug-in, version 1. `gerono.h` has the same declarations ([`crate::header`]).
 
+use std::cell::Cell;
 use std::ffi::{c_char, c_int, c_void};
 
 /// Version of the interface.
@@ -71,6 +72,9 @@ pub struct Setup {
     pub parameters: *const Parameter,
     /// Number of parameters.
     pub parameter_count: usize,
+    /// Marks that the library makes: 1 for each parameter that it has asked for, and last for having asked at all. A
+    /// library that was built before they were there makes none.
+    pub asked: *const Cell<u8>,
 }
 
 /// `gerono_plugin`: a service.

@@ -1,5 +1,5 @@
-//! Calls of a library's functions: one that ends the whole process (`exit`) is an error with a name, and one that does
-//! not return from `destroy` holds nothing up for long.
+//! Calls of a library's functions: one that ends the whole process (`exit`) or changes the floating-point mode is an
+//! error with a name, and one that does not return from `destroy` holds nothing up for long.
 
 use std::cell::Cell;
 use std::ffi::c_int;
@@ -8,6 +8,8 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use shared_types::ServiceId;
+
+use crate::float_mode::FloatMode;
 
 /// Time within which `destroy` must return: that of a step (`runtime::watchdog`).
 const DESTROY_LIMIT: Duration = Duration::from_secs(20);
@@ -40,14 +42,31 @@ unsafe extern "C" {
     safe fn _exit(code: c_int) -> !;
 }
 
+/// A function of a library has changed the floating-point mode; it was set back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FloatModeChanged {
+    /// The function, as [`Call::function`].
+    pub function: &'static str,
+}
+
 impl Call {
-    /// Calls a function of the library.
+    /// Calls a function of the library, after which the floating-point mode is what it was.
+    ///
+    /// # Errors
+    /// If the function has changed the mode: the numbers of every other service of this thread would depend on it.
     #[inline]
-    pub(crate) fn make<R>(self, act: impl FnOnce() -> R) -> R {
+    pub(crate) fn make<R>(self, act: impl FnOnce() -> R) -> Result<R, FloatModeChanged> {
+        let mode = FloatMode::current();
         CURRENT.set(Some(self));
         let result = act();
         CURRENT.set(None);
-        result
+        if FloatMode::current() == mode {
+            return Ok(result);
+        }
+        mode.set();
+        Err(FloatModeChanged {
+            function: self.function,
+        })
     }
 
     /// Calls `destroy` in a thread of its own. Returns `false` if it has not returned in time; then the thread is left
@@ -57,7 +76,8 @@ impl Call {
         let started = std::thread::Builder::new()
             .name("destroy".to_owned())
             .spawn(move || {
-                self.make(act);
+                // The mode is that of this thread, which ends.
+                let _ = self.make(act);
                 // It fails after the limit, when the receiver is gone.
                 let _ = done.send(());
             });

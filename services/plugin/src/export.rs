@@ -6,6 +6,7 @@
 //! plugin::export!(MyController);
 //! ```
 
+use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -27,6 +28,16 @@ pub trait Plugin: Service {
         Self: Sized;
 }
 
+/// A service as the host holds it. No panic may leave a function of the interface.
+struct Exported<S> {
+    service: S,
+    /// `true` once `save` or `restore` has panicked: `state_size` then says that there is no state.
+    is_broken: Cell<bool>,
+}
+
+/// Size of the state of a service that has none any more: the host refuses it.
+const BROKEN: usize = usize::MAX;
+
 /// What a service may know when it is made.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a>(&'a abi::Setup);
@@ -42,19 +53,23 @@ impl<'a> Setup<'a> {
     #[must_use]
     #[expect(unsafe_code, reason = "the host's C strings")]
     pub fn parameter(&self, name: &str, default: f64) -> f64 {
+        // SAFETY: the host hands over that many marks, and one more.
+        let asked = unsafe { std::slice::from_raw_parts(self.0.asked, self.0.parameter_count + 1) };
+        asked[self.0.parameter_count].set(1);
         if self.0.parameter_count == 0 {
             return default;
         }
         // SAFETY: the host hands that many parameters over, each with a name.
         let parameters = unsafe { std::slice::from_raw_parts(self.0.parameters, self.0.parameter_count) };
-        let is_it = |parameter: &&abi::Parameter| {
+        let is_it = |parameter: &abi::Parameter| {
             // SAFETY: as above.
             unsafe { CStr::from_ptr(parameter.name) }.to_bytes() == name.as_bytes()
         };
-        parameters
-            .iter()
-            .find(is_it)
-            .map_or(default, |parameter| parameter.value)
+        let Some(index) = parameters.iter().position(is_it) else {
+            return default;
+        };
+        asked[index].set(1);
+        parameters[index].value
     }
 
     /// Returns the scenario.
@@ -121,7 +136,13 @@ unsafe extern "C" fn create<S: Plugin>(
     let setup = Setup(unsafe { &*setup });
     let made = catch_unwind(AssertUnwindSafe(|| S::create(&setup)));
     let reason = match made {
-        Ok(Ok(service)) => return Box::into_raw(Box::new(service)).cast(),
+        Ok(Ok(service)) => {
+            let exported = Exported {
+                service,
+                is_broken: Cell::new(false),
+            };
+            return Box::into_raw(Box::new(exported)).cast();
+        }
         Ok(Err(error)) => error.to_string(),
         Err(_) => "it panicked".to_owned(),
     };
@@ -139,7 +160,7 @@ unsafe extern "C" fn step<S: Plugin>(
     outputs: *const abi::Output,
 ) -> c_int {
     // SAFETY: the host hands over what `create` made, the time, one view an input and one place an output.
-    let (service, now) = unsafe { (&mut *service.cast::<S>(), &*now) };
+    let (service, now) = unsafe { (&mut (*service.cast::<Exported<S>>()).service, &*now) };
     // SAFETY: as above.
     let inputs = unsafe { std::slice::from_raw_parts(inputs, S::ID.inputs().len()) };
     // SAFETY: as above.
@@ -180,24 +201,44 @@ unsafe extern "C" fn step<S: Plugin>(
 }
 
 #[expect(unsafe_code, reason = "the interface is in C")]
-unsafe extern "C" fn state_size<S: Plugin>(_service: *const c_void) -> usize {
-    size_of::<S::State>()
+unsafe extern "C" fn state_size<S: Plugin>(service: *const c_void) -> usize {
+    // SAFETY: what `create` made.
+    let exported = unsafe { &*service.cast::<Exported<S>>() };
+    if exported.is_broken.get() {
+        BROKEN
+    } else {
+        size_of::<S::State>()
+    }
 }
 
 #[expect(unsafe_code, reason = "the interface is in C")]
 unsafe extern "C" fn save<S: Plugin>(service: *const c_void, to: *mut c_void) {
-    // SAFETY: what `create` made, and room for a state, aligned to 8.
-    unsafe { to.cast::<S::State>().write(Service::save(&*service.cast::<S>())) };
+    // SAFETY: what `create` made.
+    let exported = unsafe { &*service.cast::<Exported<S>>() };
+    match catch_unwind(AssertUnwindSafe(|| Service::save(&exported.service))) {
+        // SAFETY: room for a state, aligned to 8.
+        Ok(state) => unsafe { to.cast::<S::State>().write(state) },
+        Err(_) => exported.is_broken.set(true),
+    }
 }
 
 #[expect(unsafe_code, reason = "the interface is in C")]
 unsafe extern "C" fn restore<S: Plugin>(service: *mut c_void, from: *const c_void) {
     // SAFETY: what `create` made, and a state that `save` wrote: every pattern of bits is one.
-    unsafe { Service::restore(&mut *service.cast::<S>(), &*from.cast::<S::State>()) };
+    let (exported, state) = unsafe { (&mut *service.cast::<Exported<S>>(), &*from.cast::<S::State>()) };
+    if catch_unwind(AssertUnwindSafe(|| {
+        Service::restore(&mut exported.service, state);
+    }))
+    .is_err()
+    {
+        exported.is_broken.set(true);
+    }
 }
 
 #[expect(unsafe_code, reason = "the interface is in C")]
 unsafe extern "C" fn destroy<S: Plugin>(service: *mut c_void) {
     // SAFETY: what `create` made; nobody uses it any more.
-    drop(unsafe { Box::from_raw(service.cast::<S>()) });
+    let exported = unsafe { Box::from_raw(service.cast::<Exported<S>>()) };
+    // The flight is over; a panic has been told on standard error.
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(exported)));
 }

@@ -5,21 +5,49 @@
 
 /// The mode of the calling thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct FloatMode(u64);
+pub struct FloatMode(u64);
 
 /// Sticky flags that record exceptions: no part of the mode.
 #[cfg(target_arch = "x86_64")]
 const FLAGS: u64 = 0x3f;
 
+/// The mode with which processes begin: rounding to nearest, subnormal numbers as they are, no traps.
+#[cfg(target_arch = "x86_64")]
+const STANDARD: u64 = 0x1f80;
+#[cfg(not(target_arch = "x86_64"))]
+const STANDARD: u64 = 0;
+
+/// Lets a thread compute in the standard mode until it is dropped: other code of its process, such as a library that an
+/// interpreter has loaded, may have set another one.
+#[derive(Debug)]
+pub struct StandardFloatMode(FloatMode);
+
+impl StandardFloatMode {
+    /// Sets the mode of the calling thread.
+    #[must_use]
+    pub fn enter() -> Self {
+        let before = FloatMode::current();
+        FloatMode(STANDARD).set();
+        Self(before)
+    }
+}
+
+impl Drop for StandardFloatMode {
+    fn drop(&mut self) {
+        self.0.set();
+    }
+}
+
 impl FloatMode {
     /// Returns the mode of the calling thread.
     #[inline]
-    pub(crate) fn current() -> Self {
+    #[must_use]
+    pub fn current() -> Self {
         Self(register())
     }
 
     /// Sets the mode of the calling thread.
-    pub(crate) fn set(self) {
+    pub fn set(self) {
         set_register(self.0);
     }
 }

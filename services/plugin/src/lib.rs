@@ -7,6 +7,7 @@
 //! * [`abi`]: the interface, version 1;
 //! * [`header`]: the same as `gerono.h`, with the samples of all topics;
 //! * [`mod@export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
+//! * `float_mode`: the floating-point mode, which no library may change;
 //! * [`loader`]: loads a library, checks it, and makes a service of it;
 //! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
 
@@ -15,12 +16,14 @@ pub mod abi;
 mod calls;
 pub mod export;
 #[cfg(feature = "load")]
-mod float_mode;
+pub mod float_mode;
 #[cfg(feature = "load")]
 mod guarded;
 pub mod header;
 pub mod library_file;
 #[cfg(feature = "load")]
 pub mod loader;
+#[cfg(feature = "load")]
+mod setup_texts;
 
 pub use export::{Plugin, Setup};

@@ -1,5 +1,6 @@
 //! The file of a plug-in: where it is, and whether it is the one that a scenario means.
 
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -101,6 +102,22 @@ pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
     Ok(())
 }
 
+/// Returns the name of a library's copy: its own, after that of its role if a library in another folder has the same.
+fn copy_name(scenario: &Scenario, role: ServiceId, path: &Path) -> OsString {
+    let name = path.file_name().unwrap_or_default();
+    let plugins = scenario.plugins.iter();
+    let mut others = plugins.flat_map(|plugins| ServiceId::ALL.map(|other| (other, plugins.of(other))));
+    let is_shared = others.any(|(other, library)| {
+        other != role && library.is_some_and(|library| library.file_name() == Some(name))
+    });
+    if !is_shared {
+        return name.to_owned();
+    }
+    let mut own = OsString::from(format!("{role}-"));
+    own.push(name);
+    own
+}
+
 /// Copies the plug-ins of a scenario into a folder, by `write`, and lets the scenario mean the copies, so that a log keeps what
 /// was flown, and a build during the flight changes nothing.
 ///
@@ -114,14 +131,15 @@ pub fn keep_in(
     let mut has_any = false;
     for role in ServiceId::ALL {
         if let Some(LibraryFile { path, .. }) = find(scenario, role)? {
-            let copy = folder.join(path.file_name().unwrap_or_default());
+            let name = copy_name(scenario, role, &path);
+            let copy = folder.join(&name);
             let bytes = std::fs::read(&path).map_err(|source| FileError::NotRead {
                 path: path.clone(),
                 source,
             })?;
             write(&copy, &bytes).map_err(|source| FileError::NotKept { path: copy, source })?;
             let plugins = scenario.plugins.as_mut().expect("it names the plug-in");
-            plugins.rename(role, path.file_name().unwrap_or_default());
+            plugins.rename(role, &name);
             has_any = true;
         }
     }

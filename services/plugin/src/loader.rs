@@ -1,12 +1,15 @@
 //! Makes a service of a shared library.
 //!
 //! The library runs in the process of its service, or in that of the host. It is called with copies of the samples, so
-//! that it cannot alter what others see, and writes between guard words. After each step the floating-point mode is what
+//! that it cannot alter what others see, and writes between guard words. After each call the floating-point mode is what
 //! it was. What it does wrong ends its process, which is restarted as after any other death, or the flight in one
-//! process; nothing of that step is published.
+//! process; nothing of that step is published. A second instance tries now and then whether the saved state is the whole
+//! state (`Trial`).
+
+mod trial;
 
 use std::cell::RefCell;
-use std::ffi::{CStr, CString, c_char, c_void};
+use std::ffi::{CStr, c_char, c_void};
 use std::path::{Path, PathBuf};
 
 use libloading::{Library, Symbol};
@@ -16,9 +19,10 @@ use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId, Topic};
 
 use crate::abi;
-use crate::calls::{self, Call};
-use crate::float_mode::FloatMode;
+use crate::calls::{self, Call, FloatModeChanged};
 use crate::guarded::Guarded;
+use crate::setup_texts::SetupTexts;
+use trial::Trial;
 
 /// Largest state of a plug-in, bytes: what a checkpoint holds.
 pub const MAX_STATE: usize = 16 * 1024;
@@ -39,11 +43,16 @@ pub enum LoadError {
     },
     /// It changes the floating-point mode of the thread that loads it.
     #[error(
-        "`{}` changes the floating-point mode of the process that loads it, which would change the last bits of all \
-         numbers: link it without -ffast-math and -Ofast",
-        .0.display()
+        "`{}` changes the floating-point mode in its {function}, which would change the last bits of all numbers: link it \
+         without -ffast-math and -Ofast, and let its functions leave the mode as it is",
+        path.display()
     )]
-    FloatMode(PathBuf),
+    FloatMode {
+        /// The library.
+        path: PathBuf,
+        /// The function.
+        function: &'static str,
+    },
     /// It does not fulfil the interface.
     #[error("`{}` cannot fly as `{role}`: {reason}", path.display())]
     Interface {
@@ -67,6 +76,7 @@ pub enum LoadError {
 /// Functions of a library; none is missing.
 #[derive(Clone, Copy)]
 struct Functions {
+    state_size: unsafe extern "C" fn(*const c_void) -> usize,
     step: unsafe extern "C" fn(
         *mut c_void,
         *const abi::Now,
@@ -81,6 +91,19 @@ struct Functions {
 thread_local! {
     /// What was said of the last service of this thread whose `destroy` did not return.
     static HUNG: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// Of each service that this thread has made, the parameters that its library has not asked for.
+    static UNASKED: RefCell<Vec<Vec<String>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Returns the parameters that no library has asked for, of those that this thread has loaded since the last call.
+#[must_use]
+pub fn take_unasked() -> Vec<String> {
+    let unasked = UNASKED.take();
+    let (first, others) = unasked
+        .split_first()
+        .map_or((&[][..], &[][..]), |(first, others)| (&first[..], others));
+    let is_unasked = |name: &&String| others.iter().all(|other| other.contains(name));
+    first.iter().filter(is_unasked).cloned().collect()
 }
 
 /// Takes the report of a service that this thread has dropped and whose `destroy` did not return, if there is one.
@@ -108,6 +131,16 @@ struct PluginService {
     outputs: Vec<Guarded>,
     state: RefCell<Guarded>,
     state_size: usize,
+    /// Trial of the saved state; none in the second instance itself.
+    trial: Option<Box<Trial>>,
+}
+
+/// Which inputs and outputs of a step have a sample; bit i stands for port i.
+#[derive(Clone, Copy, Default)]
+struct Ports {
+    delivered: u32,
+    fresh: u32,
+    due: u32,
 }
 
 // SAFETY: a host calls a service from one thread at a time, and the interface promises that a service may move between
@@ -129,8 +162,20 @@ pub fn load(role: ServiceId, path: &Path, scenario: &Scenario) -> Built {
         is_set_up: true,
     };
     calls::guard_exit();
-    let plugin = call.make(|| open(path))?;
-    Ok(Box::new(PluginService::new(call, path, plugin, scenario)?))
+    let plugin = call
+        .make(|| open(path))
+        .map_err(|changed| float_mode(path, changed))??;
+    let mut service = PluginService::new(call, path, plugin, scenario)?;
+    let second = PluginService::new(call, path, plugin, scenario)?;
+    service.trial = Some(Box::new(Trial::new(second)));
+    Ok(Box::new(service))
+}
+
+fn float_mode(path: &Path, FloatModeChanged { function }: FloatModeChanged) -> LoadError {
+    LoadError::FloatMode {
+        path: path.to_owned(),
+        function,
+    }
 }
 
 /// Loads a library, for the life of the process: code of a library may not go while a thread of it is left.
@@ -140,13 +185,8 @@ fn open(path: &Path) -> Result<&'static abi::Plugin, LoadError> {
         path: path.to_owned(),
         reason: error.to_string(),
     };
-    let mode = FloatMode::current();
     // SAFETY: its initialisers run; that they do no harm is the user's choice, who names the library.
     let library = unsafe { Library::new(path) };
-    if FloatMode::current() != mode {
-        mode.set();
-        return Err(LoadError::FloatMode(path.to_owned()));
-    }
     let library: &'static Library = Box::leak(Box::new(library.map_err(not_loaded)?));
     // SAFETY: the interface gives the function this type.
     let entry: Symbol<'static, abi::Entry> =
@@ -230,9 +270,9 @@ impl PluginService {
         check(role, plugin).map_err(interface)?;
         let missing = || interface("a function of the interface is missing".to_owned());
         let create = plugin.create.ok_or_else(missing)?;
-        let state_size = plugin.state_size.ok_or_else(missing)?;
         let functions = Functions {
             step: plugin.step.ok_or_else(missing)?,
+            state_size: plugin.state_size.ok_or_else(missing)?,
             save: plugin.save.ok_or_else(missing)?,
             restore: plugin.restore.ok_or_else(missing)?,
             destroy: plugin.destroy.ok_or_else(missing)?,
@@ -243,12 +283,14 @@ impl PluginService {
             function: "`create`",
             ..call
         };
+        let changed = |changed| float_mode(path, changed);
         let instance = creation.make(|| {
             stated.with(|setup| {
                 // SAFETY: the texts outlive the call, and the reason has the stated size.
                 unsafe { create(setup, reason.as_mut_ptr().cast(), REASON) }
             })
         });
+        let instance = instance.map_err(changed)?;
         if instance.is_null() {
             let end = reason.iter().position(|&byte| byte == 0).unwrap_or(REASON);
             let reason = String::from_utf8_lossy(&reason[..end]).into_owned();
@@ -257,8 +299,15 @@ impl PluginService {
                 reason,
             });
         }
+        let sizing = Call {
+            function: "`state_size`",
+            ..creation
+        };
+        UNASKED.with_borrow_mut(|unasked| unasked.push(stated.unasked()));
         // SAFETY: the library made the instance.
-        let state_size = creation.make(|| unsafe { state_size(instance) });
+        let state_size = sizing.make(|| unsafe { (functions.state_size)(instance) });
+        let state_size = state_size.map_err(changed)?;
+        let memory = |topic: Topic| Guarded::new(topic.kind().size);
         let service = Self {
             role,
             call: Call {
@@ -268,18 +317,11 @@ impl PluginService {
             },
             functions,
             instance,
-            inputs: role
-                .inputs()
-                .iter()
-                .map(|input| Guarded::new(input.topic.kind().size))
-                .collect(),
-            outputs: role
-                .outputs()
-                .iter()
-                .map(|output| Guarded::new(output.topic.kind().size))
-                .collect(),
+            inputs: role.inputs().iter().map(|input| memory(input.topic)).collect(),
+            outputs: role.outputs().iter().map(|output| memory(output.topic)).collect(),
             state: RefCell::new(Guarded::new(state_size.min(MAX_STATE))),
             state_size,
+            trial: None,
         };
         if state_size > MAX_STATE {
             return Err(interface(format!(
@@ -292,61 +334,103 @@ impl PluginService {
         Ok(service)
     }
 
-    fn call_in(&self, function: &'static str) -> Call {
-        Call {
+    /// Calls a function of the library.
+    #[inline]
+    fn make<R>(&self, function: &'static str, act: impl FnOnce() -> R) -> R {
+        let call = Call {
             function,
             ..self.call
+        };
+        match call.make(act) {
+            Ok(result) => result,
+            Err(FloatModeChanged { function }) => {
+                self.fail(&format!("changed the floating-point mode in its {function}"))
+            }
         }
     }
 
     /// Ends the step, and with it the process or the flight.
     #[cold]
     fn fail(&self, reason: &str) -> ! {
-        panic!(
+        panic!("{}", self.complaint(reason))
+    }
+
+    fn complaint(&self, reason: &str) -> String {
+        format!(
             "the plug-in `{}` in place of `{}` {reason}",
             self.call.library, self.role
         )
     }
-}
 
-/// Texts of a [`abi::Setup`].
-struct SetupTexts {
-    scenario: CString,
-    names: Vec<CString>,
-    values: Vec<f64>,
-}
+    /// Copies what a step sees, and what it is to write, into this service's memory.
+    #[inline]
+    fn take_in(&mut self, inputs: &[InputView<'_>], outputs: &[OutputSlot<'_>]) -> Ports {
+        let mut ports = Ports::default();
+        for (index, (view, copy)) in inputs.iter().zip(&mut self.inputs).enumerate() {
+            if let Some(bytes) = view.bytes {
+                copy.bytes_mut().copy_from_slice(bytes);
+                ports.delivered |= 1 << index;
+                ports.fresh |= u32::from(view.fresh) << index;
+            }
+        }
+        for (index, (slot, place)) in outputs.iter().zip(&mut self.outputs).enumerate() {
+            if let Some(bytes) = &slot.bytes {
+                place.bytes_mut().copy_from_slice(bytes);
+                ports.due |= 1 << index;
+            }
+        }
+        ports
+    }
 
-impl SetupTexts {
-    fn new(scenario: &Scenario) -> Self {
-        let json = serde_json::to_string(scenario).expect("a scenario has only string keys");
-        let parameters = scenario.plugins.as_ref().map(|plugins| &plugins.parameters);
-        let parameters = parameters.into_iter().flatten();
-        // JSON escapes zero bytes, and the check of the scenario refuses names with one.
-        let (names, values) = parameters
-            .filter_map(|(name, &value)| Some((CString::new(name.as_str()).ok()?, value)))
-            .unzip();
-        Self {
-            scenario: CString::new(json).expect("JSON has no zero bytes"),
-            names,
-            values,
+    /// Steps in this service's memory.
+    #[inline]
+    #[expect(unsafe_code, reason = "the library steps")]
+    fn step_in_memory(&mut self, now: &abi::Now, ports: Ports) {
+        let has = |bits: u32, index: usize| bits >> index & 1 != 0;
+        let mut seen = [abi::Input {
+            sample: std::ptr::null(),
+            fresh: 0,
+        }; MAX_PORTS];
+        for (index, (seen, copy)) in seen.iter_mut().zip(&self.inputs).enumerate() {
+            if has(ports.delivered, index) {
+                seen.sample = copy.bytes().as_ptr().cast();
+                seen.fresh = has(ports.fresh, index).into();
+            }
+        }
+        let mut due = [abi::Output {
+            sample: std::ptr::null_mut(),
+        }; MAX_PORTS];
+        for (index, (due, place)) in due.iter_mut().zip(&mut self.outputs).enumerate() {
+            if has(ports.due, index) {
+                due.sample = place.bytes_mut().as_mut_ptr().cast();
+            }
+        }
+        // SAFETY: the instance is the library's own, and all memory outlives the call.
+        let failure = self.make("step", || unsafe {
+            (self.functions.step)(self.instance, now, seen.as_ptr(), due.as_ptr())
+        });
+        if failure != 0 {
+            self.fail(&format!("returned {failure} from its step at tick {}", now.tick));
+        }
+        if !self.outputs.iter().all(Guarded::is_intact) {
+            self.fail("wrote beyond a sample in its step");
         }
     }
 
-    fn with<R>(&self, act: impl FnOnce(&abi::Setup) -> R) -> R {
-        let parameters: Vec<_> = self
-            .names
-            .iter()
-            .zip(&self.values)
-            .map(|(name, &value)| abi::Parameter {
-                name: name.as_ptr(),
-                value,
-            })
-            .collect();
-        act(&abi::Setup {
-            scenario: self.scenario.as_ptr(),
-            parameters: parameters.as_ptr(),
-            parameter_count: parameters.len(),
-        })
+    /// Compares the size of the state with the one before the flight: a Rust library says so that it has panicked.
+    #[expect(unsafe_code, reason = "the library tells the size of its state")]
+    fn check_state_size(&self, function: &str) {
+        // SAFETY: the library made the instance.
+        let size = self.make("`state_size`", || unsafe {
+            (self.functions.state_size)(self.instance)
+        });
+        if size != self.state_size {
+            self.fail(&format!(
+                "panicked in its {function}, or has a state of another size since: {} bytes and not {}",
+                size.cast_signed(),
+                self.state_size
+            ));
+        }
     }
 }
 
@@ -355,7 +439,6 @@ impl ErasedService for PluginService {
         self.role
     }
 
-    #[expect(unsafe_code, reason = "the library steps")]
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
         let now = abi::Now {
             tick: now.tick,
@@ -367,47 +450,31 @@ impl ErasedService for PluginService {
             arm_count: now.operator.arm_count,
             pad: [0; 4],
         };
-        let mut seen = [abi::Input {
-            sample: std::ptr::null(),
-            fresh: 0,
-        }; MAX_PORTS];
-        for ((seen, view), copy) in seen.iter_mut().zip(inputs).zip(&mut self.inputs) {
-            if let Some(bytes) = view.bytes {
-                copy.bytes_mut().copy_from_slice(bytes);
-                seen.sample = copy.bytes().as_ptr().cast();
-                seen.fresh = view.fresh.into();
-            }
+        if let Some(mut trial) = self.trial.take() {
+            trial.prepare(self, &now, inputs, outputs);
+            self.trial = Some(trial);
         }
-        let mut due = [abi::Output {
-            sample: std::ptr::null_mut(),
-        }; MAX_PORTS];
-        for ((due, slot), place) in due.iter_mut().zip(&*outputs).zip(&mut self.outputs) {
-            if let Some(bytes) = &slot.bytes {
-                place.bytes_mut().copy_from_slice(bytes);
-                due.sample = place.bytes_mut().as_mut_ptr().cast();
-            }
-        }
-        let mode = FloatMode::current();
-        // SAFETY: the instance is the library's own, and all memory outlives the call.
-        let failure = self
-            .call
-            .make(|| unsafe { (self.functions.step)(self.instance, &now, seen.as_ptr(), due.as_ptr()) });
-        if FloatMode::current() != mode {
-            mode.set();
-            self.fail("changed the floating-point mode in its step");
-        }
-        if failure != 0 {
-            self.fail(&format!("returned {failure} from its step at tick {}", now.tick));
-        }
+        let ports = self.take_in(inputs, outputs);
+        self.step_in_memory(&now, ports);
         for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
-            if !place.is_intact() {
-                self.fail("wrote beyond a sample in its step");
-            }
             if let Some(bytes) = &mut slot.bytes {
                 // The header is the host's.
                 bytes[size_of::<Header>()..].copy_from_slice(&place.bytes()[size_of::<Header>()..]);
             }
         }
+    }
+
+    fn has_trials(&self) -> bool {
+        true
+    }
+
+    fn try_saved_state(&mut self) -> Result<(), String> {
+        let Some(mut trial) = self.trial.take() else {
+            return Ok(());
+        };
+        let tried = trial.repeat(self);
+        self.trial = Some(trial);
+        tried.map_err(|difference| self.complaint(&difference))
     }
 
     fn state_size(&self) -> usize {
@@ -419,11 +486,13 @@ impl ErasedService for PluginService {
         let mut state = self.state.borrow_mut();
         let place = state.bytes_mut().as_mut_ptr().cast();
         // SAFETY: the place has the size that the library told.
-        self.call_in("`save`")
-            .make(|| unsafe { (self.functions.save)(self.instance, place) });
+        self.make("`save`", || unsafe {
+            (self.functions.save)(self.instance, place);
+        });
         if !state.is_intact() {
             self.fail("wrote beyond its state");
         }
+        self.check_state_size("`save`");
         keep(state.bytes());
     }
 
@@ -439,20 +508,38 @@ impl ErasedService for PluginService {
         }
         let mut state = self.state.borrow_mut();
         state.bytes_mut().copy_from_slice(bytes);
+        let place = state.bytes().as_ptr().cast();
         // SAFETY: these are a state's bytes, aligned to 8.
-        self.call_in("`restore`")
-            .make(|| unsafe { (self.functions.restore)(self.instance, state.bytes().as_ptr().cast()) });
+        self.make("`restore`", || unsafe {
+            (self.functions.restore)(self.instance, place);
+        });
+        drop(state);
+        self.check_state_size("`restore`");
     }
 }
 
 impl Drop for PluginService {
     #[expect(unsafe_code, reason = "the library frees its service")]
     fn drop(&mut self) {
-        let (instance, destroy) = (Instance(self.instance), self.functions.destroy);
-        let has_returned = self.call_in("`destroy`").make_within_limit(move || {
-            let Instance(instance) = { instance };
-            // SAFETY: the library made the instance, and no other reference to it is left.
-            unsafe { destroy(instance) };
+        if self.instance.is_null() {
+            return;
+        }
+        // The second instance is freed with the first, within one limit.
+        let second = self.trial.as_mut().map(|trial| trial.take_instance());
+        // A library may have one instance for all.
+        let second = second.filter(|&second| second != self.instance);
+        let instances = std::iter::once(self.instance).chain(second);
+        let instances: Vec<_> = instances.map(Instance).collect();
+        let destroy = self.functions.destroy;
+        let call = Call {
+            function: "`destroy`",
+            ..self.call
+        };
+        let has_returned = call.make_within_limit(move || {
+            for Instance(instance) in instances {
+                // SAFETY: the library made the instance, and no other reference to it is left.
+                unsafe { destroy(instance) };
+            }
         });
         if !has_returned {
             HUNG.set(Some(format!(

@@ -89,9 +89,33 @@ fn step_logic(role: ServiceId) -> StepLogic {
 /// # Errors
 /// If the scenario states something that the service cannot do, or names a plug-in that cannot fly.
 pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
+    let service = build_one(role, scenario)?;
+    let plugins = ServiceId::ALL
+        .into_iter()
+        .filter(|&role| scenario.has_plugin(role));
+    match plugins.count() {
+        1 if scenario.has_plugin(role) => refuse_unasked()?,
+        // The parameters are those of several libraries, of which this is one.
+        _ => drop(plugin::loader::take_unasked()),
+    }
+    Ok(service)
+}
+
+fn build_one(role: ServiceId, scenario: &Scenario) -> Built {
     match library_file::find(scenario, role)? {
         Some(library) => plugin::loader::load(role, &library.path, &scenario.experiment()),
         None => (step_logic(role).build)(&scenario.experiment()),
+    }
+}
+
+/// Refuses a parameter that none of the libraries has asked for: its name is misspelt, or it is meant for another one.
+fn refuse_unasked() -> Result<(), BuildError> {
+    match plugin::loader::take_unasked().first() {
+        None => Ok(()),
+        Some(name) => Err(format!(
+            "no plug-in asks for `plugins.parameters.{name}`: correct its name, or leave it out"
+        )
+        .into()),
     }
 }
 
@@ -100,8 +124,13 @@ pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
 /// # Errors
 /// As [`build`].
 pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, BuildError> {
+    drop(plugin::loader::take_unasked());
     let roles = ServiceId::ALL.into_iter();
-    roles.map(|role| build(role, scenario)).collect()
+    let services = roles
+        .map(|role| build_one(role, scenario))
+        .collect::<Result<_, _>>()?;
+    refuse_unasked()?;
+    Ok(services)
 }
 
 /// Connects step logic to the laboratory hardware that the scenario names; most services have none.

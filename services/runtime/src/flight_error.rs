@@ -34,6 +34,9 @@ pub enum FlightError {
     /// The control channel failed.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// Code that is not Gerono's own forgets a part of its state.
+    #[error("{0}")]
+    Forgets(String),
     /// The run ends.
     #[error("the run was stopped")]
     Stopping,

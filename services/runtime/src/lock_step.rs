@@ -292,7 +292,7 @@ impl ServiceContext<'_> {
             result => result?,
         }
         self.crash.pass(CrashPlace::AfterPublishing, tick);
-        Ok(())
+        service.try_saved_state().map_err(FlightError::Forgets)
     }
 
     /// Writes the checkpoint of the service before its step at `next_tick`.

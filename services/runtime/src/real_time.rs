@@ -150,6 +150,10 @@ pub struct ServiceContext<'a> {
     pub crash: CrashPoint,
 }
 
+/// Time from the start of the flight in which a service that forgets a part of its state ends the flight at once, ns; later
+/// the flight fails at its end.
+const TAKE_OFF_NS: u64 = 500_000_000;
+
 /// Returns whether a service is about to publish that the vehicle is disarmed and at rest.
 #[cold]
 fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
@@ -182,6 +186,7 @@ pub fn fly(
             previous = first_tick.checked_sub(1);
         }
     }
+    let mut forgets = None;
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
         let (tick, missed) = context.step_to_do(&timetable, due, schedule.last_tick())?;
@@ -213,6 +218,13 @@ pub fn fly(
             ..StepRecord::default()
         };
         context.step_and_publish(service, &timetable, previous, begun)?;
+        if let Err(reason) = service.try_saved_state() {
+            // Only a restart needs the saved state: a vehicle that flies is not left alone for it.
+            if context.clock.begins_at(tick) < context.clock.begins_at(0) + TAKE_OFF_NS {
+                return Err(FlightError::Forgets(reason));
+            }
+            forgets.get_or_insert(reason);
+        }
         previous = Some(tick);
         next = timetable.steps.first_at_or_after(tick + 1);
         debug_assert!(next.is_none_or(|next| next > tick), "ticks go forward");
@@ -220,7 +232,7 @@ pub fn fly(
             crash::die();
         }
     }
-    Ok(())
+    forgets.map_or(Ok(()), |reason| Err(FlightError::Forgets(reason)))
 }
 
 /// Returns the step to execute of those from `due` to `now`: the newest, or the first to come. Never left out are a step that

@@ -55,6 +55,13 @@ macro_rules! deployment {
                 }
             }
 
+            /// Returns the names of all processes that have a separate table, with their roles.
+            pub(crate) fn tables(&self) -> impl Iterator<Item = (&'static str, ServiceId)> {
+                let names = ServiceId::ALL.map(|role| (role.name(), role)).into_iter();
+                let names = names.chain([(MOTION_CAPTURE, ServiceId::Plant)]);
+                names.filter(|(name, _)| self.own(name).is_some())
+            }
+
             fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
                 [$(&mut self.$name),+, &mut self.motion_capture].into_iter().flatten()
             }

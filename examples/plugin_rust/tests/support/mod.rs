@@ -1,5 +1,6 @@
 //! The example's scenario with the library that was built beside this program, and the same law linked in.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use plugin::abi;
@@ -30,10 +31,12 @@ pub fn library() -> Box<dyn ErasedService> {
 
 /// Returns the same controller, linked in.
 pub fn linked_in() -> Box<dyn ErasedService> {
+    let asked = [Cell::new(0)];
     let setup = abi::Setup {
         scenario: std::ptr::null(),
         parameters: std::ptr::null(),
         parameter_count: 0,
+        asked: asked.as_ptr(),
     };
     Box::new(plugin_rust::Pid::create(&Setup::new(&setup)).expect("a controller"))
 }

@@ -24,6 +24,8 @@ pub(super) struct ServiceSlot {
     pub(super) has_stores: bool,
     /// Places of the histories of its outputs that the flight has; others come after them in the wiring table.
     pub(super) own: Range<usize>,
+    /// `true` if the saved state of the service is to be tried after each step.
+    has_trials: bool,
     /// These outputs while they are written.
     drafts: Vec<OwnedSample>,
 }
@@ -33,6 +35,8 @@ struct Feed {
     edge: Edge,
     /// Place of the topic's history.
     source: usize,
+    /// Latency in a `STEADY` flight, ticks; [`u64::MAX`] of an input that is never due.
+    steady_latency: u64,
     /// Samples so far, if faults of the input are planned.
     store: Option<Box<EdgeStore>>,
 }
@@ -40,9 +44,9 @@ struct Feed {
 impl ServiceSlot {
     /// The slot of a service whose outputs are among `histories`, as are its inputs.
     pub(super) fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
-        let timetable = Timetable::new(schedule, service.id());
-        let mut newborn = vec![0; service.state_size()];
-        service.save(&mut newborn);
+        let id = service.id();
+        let timetable = Timetable::new(schedule, id);
+        let newborn = state_of(service.as_ref());
         let place = |topic| {
             let mut topics = histories.iter().map(|history| history.publication.topic);
             let place = topics.position(|other| other == topic);
@@ -50,12 +54,17 @@ impl ServiceSlot {
         };
         let outputs: Vec<_> = schedule.outputs(service.id()).collect();
         let first_own = outputs.first().map_or(0, |output| place(output.topic));
-        let feeds = timetable.inputs.iter().map(|edge| Feed {
+        let feeds = timetable.inputs.iter().enumerate().map(|(input, edge)| Feed {
             source: place(edge.topic),
+            steady_latency: match schedule.reads(id, input) {
+                true => edge.latency,
+                false => u64::MAX,
+            },
             store: edge.has_faults().then(|| Box::new(EdgeStore::new(edge.clone()))),
             edge: edge.clone(),
         });
         Self {
+            has_trials: service.has_trials(),
             service,
             newborn,
             feeds: feeds.collect(),
@@ -69,6 +78,13 @@ impl ServiceSlot {
         }
     }
 
+    /// Lets another service fly in this slot, from its own initial state on.
+    pub(super) fn replace(&mut self, service: Box<dyn ErasedService>) {
+        self.newborn = state_of(service.as_ref());
+        self.has_trials = service.has_trials();
+        self.service = service;
+    }
+
     /// Returns whether the service steps at every tick, and no fault of its inputs is planned.
     pub(super) fn is_steady(&self) -> bool {
         self.timetable.steps.is_always() && !self.has_stores
@@ -76,6 +92,9 @@ impl ServiceSlot {
 
     /// Steps, if a step is due, on the samples that the schedule says are due, and publishes what it makes. In a
     /// `STEADY` flight all of it is, which need not be asked.
+    ///
+    /// # Panics
+    /// If the service forgets a part of its state.
     #[inline]
     pub(super) fn step<const STEADY: bool>(
         &mut self,
@@ -109,6 +128,11 @@ impl ServiceSlot {
                 check.take_in(draft.bytes());
                 history.publish::<STEADY>(tick, draft);
             }
+        }
+        if self.has_trials
+            && let Err(reason) = self.service.try_saved_state()
+        {
+            panic!("{reason}");
         }
     }
 
@@ -155,6 +179,13 @@ impl ServiceSlot {
     }
 }
 
+/// Returns the state of a service.
+pub(super) fn state_of(service: &dyn ErasedService) -> Vec<u8> {
+    let mut state = vec![0; service.state_size()];
+    service.save(&mut state);
+    state
+}
+
 impl Feed {
     /// Puts the sample that is due at `tick` into a view, if there is one.
     #[inline]
@@ -165,7 +196,7 @@ impl Feed {
         view: &mut InputView<'a>,
     ) {
         let due = if STEADY {
-            tick.checked_sub(self.edge.latency)
+            tick.checked_sub(self.steady_latency)
         } else {
             self.edge.due_sample(tick)
         };

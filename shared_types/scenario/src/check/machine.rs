@@ -21,18 +21,18 @@ impl Scenario {
         let at = Key::root().then("deployment");
         if let Some(deployment) = &self.deployment {
             deployment.common().check(&at, found);
-            for service in ServiceId::ALL {
-                let (role, process) = (service.name(), self.process_name(service));
-                if let Some(own) = deployment.own(process) {
-                    own.check(&at.then(process), found);
-                }
-                if role != process && deployment.own(role).is_some() {
-                    let reason = format!("no process is called `{role}` in this flight");
+            for (name, role) in deployment.tables() {
+                let process = self.process_name(role);
+                if name != process {
+                    let reason = format!("no process is called `{name}` in this flight");
                     found.add(
-                        at.then(role),
+                        at.then(name),
                         reason,
                         format!("name the table `deployment.{process}`"),
                     );
+                }
+                if let Some(own) = deployment.own(name) {
+                    own.check(&at.then(name), found);
                 }
             }
         }

@@ -16,9 +16,9 @@ impl Scenario {
     }
 
     fn reads(&self, edge: EdgeName) -> bool {
-        // An external service may read all inputs of its service, and a fault must have an effect that can be seen.
-        let is_theirs = self.external_services()[edge.service.index()];
-        is_theirs
+        // A plug-in or an external service may read all inputs of its service, and a fault must have an effect that can be
+        // seen.
+        self.is_foreign(edge.service)
             || self.faults_of(Target::Edge(edge)).next().is_some()
             || self.section_for(edge).is_none_or(|(_, is_stated)| is_stated)
     }

@@ -86,6 +86,30 @@ fn values_for_no_machine_are_refused() {
 }
 
 #[test]
+fn a_table_of_a_process_that_does_not_fly_is_refused() {
+    let of_cameras = |timer_slack| Deployment {
+        motion_capture: Some(ServiceDeployment {
+            timer_slack,
+            ..ServiceDeployment::default()
+        }),
+        ..Deployment::default()
+    };
+    let (key, reason) = (
+        "deployment.motion_capture",
+        "no process is called `motion_capture` in this flight",
+    );
+    assert_only(
+        &deployed(of_cameras(None)),
+        key,
+        reason,
+        "name the table `deployment.plant`",
+    );
+    let problems = deployed(of_cameras(Some(f64::NAN)));
+    let keys: Vec<_> = problems.iter().map(|problem| problem.key.to_string()).collect();
+    assert_eq!(keys, [key, "deployment.motion_capture.timer_slack"]);
+}
+
+#[test]
 fn a_healthy_service_does_not_hang() {
     let refused = |hang_limit, grace| {
         let real_time = RealTime {
