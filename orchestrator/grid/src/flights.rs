@@ -9,6 +9,7 @@ use evaluation::reproduce::measure::Measured;
 use evaluation::reproduce::{parallel, row};
 use scenario::Scenario;
 use serde::Serialize;
+use supervisor::in_process;
 
 use crate::conditions::Condition;
 use crate::laws::ControlLaw;
@@ -117,28 +118,38 @@ pub struct LostFlight {
 }
 
 /// Flies all [`jobs`] on all cores, and returns the cells, laws first. Calls `flown` after each flight.
+///
+/// # Errors
+/// [`Failure`] if a flight cannot begin, for a plug-in that cannot be read, for example: that is no loss of a vehicle.
 pub fn fly(
     jobs: &[Scenario],
     laws: &[ControlLaw],
     conditions: &[Condition],
     interrupt: &Interrupt,
     flown: impl Fn() + Sync,
-) -> Vec<Cell> {
+) -> Result<Vec<Cell>, Failure> {
+    // Of each law and condition one flight is made ready before any is flown.
+    let seeds = jobs.len() / (laws.len() * conditions.len());
+    for job in jobs.iter().step_by(seeds) {
+        in_process::host(job)?;
+    }
     let results = parallel::map(jobs, parallel::cores(), |scenario| {
         let result = measure(scenario, interrupt);
         flown();
         (scenario.seed, result)
     });
-    let pairs: Vec<_> = laws
+    let pairs = laws
         .iter()
-        .flat_map(|law| conditions.iter().map(move |condition| (law, condition)))
-        .collect();
-    let seeds = results.len() / pairs.len();
-    pairs
-        .iter()
-        .zip(results.chunks(seeds))
+        .flat_map(|law| conditions.iter().map(move |condition| (law, condition)));
+    let cells = pairs.zip(results.chunks(seeds));
+    let cells: Vec<_> = cells
         .map(|((law, condition), results)| Cell::new(law, condition, results))
-        .collect()
+        .collect();
+    let mut reasons = results.into_iter().filter_map(|(_, result)| result.err());
+    match reasons.find(NotMeasured::is_of_setup) {
+        Some(NotMeasured::Failed(failure)) => Err(failure.into()),
+        _ => Ok(cells),
+    }
 }
 
 impl Cell {
@@ -203,8 +214,16 @@ mod tests {
         let lost: ControlLaw = lost.parse().unwrap();
         let calm = CONDITIONS[0];
         let jobs = super::jobs(&base, std::slice::from_ref(&lost), &[calm], &[1]).unwrap();
-        let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ());
+        let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ()).unwrap();
         let [cell] = &cells[..] else { panic!("{cells:?}") };
         assert_eq!((cell.rms, cell.lost.len()), (None, 1));
+
+        let missing: ControlLaw = "mine:plugins.controller=nothere.so".parse().unwrap();
+        let jobs = super::jobs(&base, std::slice::from_ref(&missing), &[calm], &[1]).unwrap();
+        let refused = fly(&jobs, &[missing], &[calm], &Interrupt::never(), || ()).unwrap_err();
+        assert!(
+            format!("{:?}", refused.report).contains("nothere.so"),
+            "{refused:?}"
+        );
     }
 }

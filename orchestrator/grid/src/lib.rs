@@ -47,6 +47,7 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let bar = progress::flights(jobs.len());
     let cells = flights::fly(&jobs, &laws, &conditions, &interrupt, || bar.inc(1));
     bar.finish_and_clear();
+    let cells = cells.inspect_err(|_| folder.remove_if_empty())?;
     let margins = if arguments.no_margins {
         Vec::new()
     } else {

@@ -136,6 +136,14 @@ pub enum NotMeasured {
     Waited(f64),
 }
 
+impl NotMeasured {
+    /// Returns whether nothing was flown: that is no result of a law.
+    #[must_use]
+    pub fn is_of_setup(&self) -> bool {
+        matches!(self, Self::Failed(failure) if failure.is_of_setup())
+    }
+}
+
 impl FlightResults {
     /// Flies all jobs on so many threads, and calls `flown` after each.
     ///
