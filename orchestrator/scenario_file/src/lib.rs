@@ -19,6 +19,7 @@ pub mod tuning;
 use std::path::Path;
 
 use scenario::Scenario;
+use shared_types::ServiceId;
 use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
@@ -74,6 +75,19 @@ pub fn load_text(
     Ok(scenario)
 }
 
+/// Refuses settings of Gerono's own law for a flight of a controller of the caller's, which they would not concern.
+///
+/// # Errors
+/// [`ScenarioError`] that names the settings.
+pub fn refuse_own_law(path: &Path, text: &str, sets: &[String]) -> Result<(), ScenarioError> {
+    let sources = Sources::new(&path.display().to_string(), text, sets);
+    let findings = setting::of_own_law(&sources, "a controller of the caller's flies");
+    match findings.is_empty() {
+        true => Ok(()),
+        false => Err(ScenarioError::refused(path, findings)),
+    }
+}
+
 /// The JSON Schema of scenario files, with which editors complete and check them.
 ///
 /// # Panics
@@ -97,6 +111,13 @@ fn scenario_from_text(name: &str, text: &str, sets: &[String]) -> Result<Scenari
     setting::apply_all(&sources, &values, document.get_mut())?;
 
     let (scenario, mut findings) = structure::read(&sources, &mut document);
+    if let Some(scenario) = &scenario
+        && scenario.has_plugin(ServiceId::Controller)
+    {
+        // A program is given the scenario, and may fly with its gains.
+        let what = "a plug-in flies in place of the controller";
+        findings.extend(setting::of_own_law(&sources, what));
+    }
     let problems = scenario.as_ref().map(Scenario::problems).unwrap_or_default();
     findings.extend(problems.into_iter().map(|problem| {
         let span = document::deepest_span(&document, &problem.key);

@@ -50,6 +50,33 @@ pub(super) fn apply_all<'i>(
     }
 }
 
+/// Keys of `[controller]` that concern any controller; the others are for Gerono's own laws.
+const OF_ANY_CONTROLLER: [&str; 2] = ["rates", "telemetry"];
+
+/// Finds the arguments that choose Gerono's own law or its gains, of a flight of another controller: what they name does
+/// not fly.
+pub(super) fn of_own_law(sources: &Sources, what_flies: &str) -> Vec<Finding> {
+    let of_own_law = sources.arguments().filter(|(_, argument)| {
+        let key = argument.split('=').next().and_then(path_of);
+        let segments: &[String] = key.as_ref().map_or(&[], Key::segments);
+        match segments {
+            [section, name, ..] => section == "controller" && !OF_ANY_CONTROLLER.contains(&name.as_str()),
+            _ => false,
+        }
+    });
+    let finding = |(start, argument): (usize, &str)| {
+        let reason = format!("{what_flies}, and not Gerono's law, which this would change");
+        let fix = "leave it out, or let Gerono's law fly";
+        sources.finding(
+            start..start + argument.len(),
+            "this argument has no effect",
+            reason,
+            fix,
+        )
+    };
+    of_own_law.map(finding).collect()
+}
+
 /// An argument: the names and positions that lead to the place, and the value.
 struct Setting<'i> {
     path: Vec<Spanned<String>>,

@@ -37,6 +37,13 @@ impl Scenario {
 
     /// The plug-ins that fly in place of services.
     pub(super) fn check_plugins(&self, found: &mut Findings) {
+        if self.is_foreign(ServiceId::Controller) && !self.controller.law.is_adaptive() {
+            found.add(
+                Key::root().then("controller").then("law"),
+                "a plug-in or a program flies in place of the controller, and not this law",
+                "leave it out, or leave the plug-in or the program out",
+            );
+        }
         let Some(plugins) = &self.plugins else {
             return;
         };
