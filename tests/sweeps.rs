@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::common::{Place, scenario, succeed};
+use crate::plugins::{ROOT, compile};
 
 /// Twelve short flights of two laws; one of the vehicles is too heavy for any law.
 fn sweep(place: &Place, more: &str) -> String {
@@ -186,6 +187,26 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
     for (more, words) in [
         ("[vary]\n\"vehicle.mas\" = { uniform = [0.1, 0.2] }\n", "mas"),
         ("[vary]\na = \"b\"\nb = \"a\"\n", "uses a value that uses it"),
+        (
+            "[vary]\nmass = { uniform = [0.16, 0.22] }\n",
+            "varies nothing; did you mean",
+        ),
+        (
+            "[vary]\nmass = { uniform = [0.16, 0.22] }\n\"vehicle.mass\" = \"mass\"\n",
+            "a row has two columns `mass`",
+        ),
+        (
+            "[vary]\nm = { uniform = [0.16, 0.22] }\n\"vehicle.mass\" = \"m\"\n[judge]\nM = \"max < 1\"\n",
+            "a row has two columns `M`",
+        ),
+        (
+            "[vary]\n\"vehicle.mass\" = { uniform = [-0.2, -0.1] }\n",
+            "none of the 3 samples can be flown with `as stated`",
+        ),
+        (
+            "[[compare]]\nname = \"mine\"\nset = [\"plugins.controller=none.so\"]\n",
+            "none.so",
+        ),
         ("[judge]\ngood = \"rms < 1\"\n", "there is no value `rms`"),
         ("[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n", "k9"),
         ("rank = \"rms\"\n", "`rank`: a row has no `rms`"),
@@ -198,6 +219,99 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         assert!(refusal.contains(words), "{more}: {refusal}");
     }
     assert!(refused("scenario = \"nowhere.toml\"\nsamples = 1\n").contains("cannot read"));
+}
+
+#[test]
+fn a_complete_folder_belongs_to_one_sweep_scenario_and_plug_in() {
+    let place = Place::new();
+    let library = |gain: &str| {
+        let flags = [format!("-DMISCONDUCT=command->thrust *= {gain}")];
+        compile(
+            "tests/plugins/misconduct.c",
+            &place.path("libpid.so"),
+            &flags.each_ref().map(String::as_str),
+        );
+    };
+    library("1.0");
+    let scenario = std::fs::read_to_string(format!("{ROOT}/examples/plugin_c/eight.toml")).unwrap();
+    let scenario = scenario.replace("duration = 20.0", "duration = 1.0");
+    std::fs::write(place.path("eight.toml"), &scenario).unwrap();
+    let sweep =
+        "scenario = \"eight.toml\"\nsamples = 3\n[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n";
+    std::fs::write(place.path("sweep.toml"), sweep).unwrap();
+    let again = || {
+        let mut run = place.gerono(&["sweep", "run", "sweep.toml", "--out", "results"]);
+        let output = run.output().unwrap();
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        (
+            output.status.code(),
+            words.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" "),
+        )
+    };
+    assert_eq!(again().0, Some(0));
+    let table = merged(&place, "results", "results.parquet");
+    let (code, words) = again();
+    assert!(
+        code == Some(0) && words.contains("complete already, nothing was flown"),
+        "{words}"
+    );
+    let refused = |reason: &str| {
+        let (code, words) = again();
+        assert!(
+            code == Some(2) && words.contains(reason),
+            "{reason}: {code:?} {words}"
+        );
+        assert!(merged(&place, "results", "results.parquet") == table);
+    };
+    std::fs::write(place.path("sweep.toml"), sweep.replace("0.22", "0.23")).unwrap();
+    refused("it is of another sweep");
+    std::fs::write(place.path("sweep.toml"), sweep).unwrap();
+    std::fs::write(place.path("eight.toml"), scenario.replace("1.0", "2.0")).unwrap();
+    refused("it is of another scenario");
+    std::fs::write(place.path("eight.toml"), &scenario).unwrap();
+    library("1.1");
+    refused("the plug-in in place of `controller` of `as stated` is another file");
+    library("1.0");
+    assert_eq!(again().0, Some(0));
+}
+
+#[test]
+fn criteria_are_met_by_flights_that_were_flown_to_their_end() {
+    let place = Place::new();
+    // With Λw = 1e-6 the vehicle is lost within a second; a mass below zero cannot be flown.
+    let text = format!(
+        "scenario = {:?}\nmethod = \"grid\"\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\n\
+         [vary]\n\"vehicle.mass\" = {{ choice = [-0.2, 0.2] }}\n\
+         \"controller.lambda_inertia\" = {{ choice = [1e-10, 1e-6] }}\n\
+         [judge]\nany = \"max < 1e9\"\nchain = \"0 < max < 1e9\"\nlate = \"ended >= 0\"\nwas_lost = \"lost and max > 0\"\n",
+        scenario("fig1")
+    );
+    std::fs::write(place.path("grid.toml"), text).unwrap();
+    succeed(&mut place.gerono(&["sweep", "run", "grid.toml", "--out", "results"]));
+    let report: serde_json::Value = serde_json::from_slice(&merged(&place, "results", "sweep.json")).unwrap();
+    let law = &report["laws"][0];
+    assert_eq!(
+        ["completed", "lost", "refused"].map(|name| law[name].as_u64().unwrap()),
+        [1, 1, 2]
+    );
+    let met = |name: &str| {
+        let criteria = law["criteria"].as_array().unwrap();
+        let found = criteria
+            .iter()
+            .find(|criterion| criterion["name"] == name)
+            .unwrap();
+        (found["met"].as_u64().unwrap(), found["flown"].as_u64().unwrap())
+    };
+    assert_eq!(
+        ["any", "chain", "late", "was_lost", "survived"].map(met),
+        [(1, 2), (1, 2), (2, 2), (1, 2), (1, 2)]
+    );
+    let rows = merged(&place, "results", "shard-00000-of-00001.rows");
+    let rows = String::from_utf8(rows).unwrap();
+    let refused = rows.lines().filter(|row| row.contains("\"refused\""));
+    for row in refused {
+        assert!(!row.contains("true") && !row.contains("false"), "{row}");
+    }
 }
 
 #[test]

@@ -24,8 +24,8 @@ from check import Difference, require
 
 ROWS_OF_A_GROUP = 8192
 
-# How each reader calls the types: whole numbers, numbers, texts, flags.
-PANDAS = {"int64": int, "float64": float, "str": str, "bool": bool}
+# How each reader calls the types: whole numbers, numbers, texts, flags. Those of pandas that may be missing are objects.
+PANDAS = {"int64": int, "float64": float, "str": str, "bool": bool, "object": bool}
 POLARS = {polars.Int64: int, polars.Float64: float, polars.String: str, polars.Boolean: bool}
 DUCKDB = {"BIGINT": int, "DOUBLE": float, "VARCHAR": str, "BOOLEAN": bool}
 
@@ -67,7 +67,7 @@ def with_duckdb(path):
 
 
 def types_of(names, rows):
-    """The type of each column as the shard's rows show it; texts and flags are never missing."""
+    """The type of each column as the shard's rows show it; texts are never missing."""
     kinds = {}
     for name, values in zip(names, zip(*rows, strict=True), strict=True):
         found = {type(value) for value in values if value is not None}

@@ -26,7 +26,7 @@ impl Sweep {
 /// Commands of a sweep.
 #[derive(Debug, Subcommand)]
 pub enum SweepCommand {
-    /// Show what would be flown, how long it takes, and a Slurm script for a cluster.
+    /// Show what would be flown, and how long it takes; with --slurm print a script for a cluster.
     Plan(Plan),
     /// Fly the samples, or a shard of them, on all cores; go on where an earlier run was stopped.
     Run(Run),

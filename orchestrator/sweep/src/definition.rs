@@ -38,6 +38,9 @@ pub struct Definition {
     /// Settings, or control laws, that fly the same samples; the first is the reference of all differences.
     #[serde(default)]
     pub compare: Vec<Entry>,
+    /// Identity of a controller of the caller's that flies every sample where nothing is compared.
+    #[serde(default)]
+    pub own: Option<String>,
     /// Criteria on the results of a flight, by name.
     #[serde(default)]
     pub judge: BTreeMap<String, String>,
@@ -84,6 +87,42 @@ pub struct Entry {
     /// Settings, as `--set` has them.
     #[serde(default)]
     pub set: Vec<String>,
+    /// Identity of a controller of the caller's that flies instead of the scenario's; sweeps of a program only.
+    #[serde(default)]
+    pub own: Option<String>,
+}
+
+impl Entry {
+    /// Returns its name as a part of the names of files.
+    #[must_use]
+    pub fn file_name(&self) -> String {
+        part_of_file_name(&self.name)
+    }
+
+    /// Checks its name, which stands in tables and makes names of files.
+    fn check(&self, others: &[Self]) -> Result<(), String> {
+        let is_plain = |letter: char| letter.is_alphanumeric() || " ,.+-_()=".contains(letter);
+        if self.name.starts_with(['.', ' ']) || !self.name.chars().all(is_plain) {
+            return Err(format!(
+                "its name {:?} cannot be that of a file and stand in a table: use letters, digits and blanks",
+                self.name
+            ));
+        }
+        match others.iter().find(|other| other.file_name() == self.file_name()) {
+            None => Ok(()),
+            Some(other) => Err(format!("it and `{}` would have files of one name", other.name)),
+        }
+    }
+}
+
+/// Returns a text as a part of the names of files.
+#[must_use]
+pub fn part_of_file_name(text: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-.".contains(letter);
+    let letters = text.chars();
+    letters
+        .map(|letter| if is_plain(letter) { letter } else { '_' })
+        .collect()
 }
 
 /// What is kept beside the rows.
@@ -256,6 +295,8 @@ impl Definition {
             if entry.name.is_empty() || is_used {
                 return Err(format!("`compare.{index}` needs a `name` of its own"));
             }
+            let checked = entry.check(&self.compare[..index]);
+            checked.map_err(|reason| format!("`compare.{index}`: {reason}"))?;
         }
         if let Some(name) = self.judge.keys().find(|name| !is_name(name)) {
             return Err(format!("`judge.{name}` is no name: use letters, digits and `_`"));
@@ -282,6 +323,7 @@ impl Definition {
             return vec![Entry {
                 name: "as stated".to_owned(),
                 set: Vec::new(),
+                own: self.own.clone(),
             }];
         }
         self.compare.clone()
@@ -424,6 +466,14 @@ mod tests {
             (
                 &format!("{head}[[compare]]\nname = \"a\"\n[[compare]]\nname = \"a\"\n"),
                 "a `name` of its own",
+            ),
+            (
+                &format!("{head}[[compare]]\nname = \"../a\"\n"),
+                "cannot be that of a file",
+            ),
+            (
+                &format!("{head}[[compare]]\nname = \"a b\"\n[[compare]]\nname = \"a_b\"\n"),
+                "files of one name",
             ),
         ] {
             let refusal = refused(text);

@@ -1,7 +1,8 @@
 //! Expressions of a sweep: values that follow from others (`m * r^2`), and criteria (`max < 0.03 and not lost`).
 //!
-//! They are numbers; a comparison is 1 or 0, and what is not 0 is true. A value that is missing is NaN, with which every
-//! comparison but `!=` is false. All functions are those of `libm`, so that a sample is the same on every machine.
+//! They are numbers; a comparison is 1 or 0, and what is not 0 is true. A chain such as `0 < x < 1` is true if every
+//! comparison of it is. A value that is missing is NaN, and so is all that depends on it: a comparison with a missing value
+//! is missing, and neither it nor its contrary is true. All functions are those of `libm`, so that a sample is the same on every machine.
 
 use std::fmt::{Display, Formatter};
 
@@ -25,6 +26,8 @@ enum Node {
     Negative(Box<Node>),
     Not(Box<Node>),
     Binary(Operator, Box<(Node, Node)>),
+    /// Comparisons in a row, each with the value before it.
+    Chain(Box<Node>, Vec<(Operator, Node)>),
     Call(Function, Vec<Node>),
 }
 
@@ -60,6 +63,9 @@ const LEVELS: [&[(&str, Operator)]; 5] = [
     &[("+", Operator::Plus), ("-", Operator::Minus)],
     &[("*", Operator::Times), ("/", Operator::Over)],
 ];
+
+/// Level of the comparisons, which stand in chains.
+const COMPARISONS: usize = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Function {
@@ -162,8 +168,17 @@ impl Node {
             Self::Number(number) => *number,
             Self::Value(place) => values[*place],
             Self::Negative(node) => -node.value(values),
-            Self::Not(node) => truth(!is_true(node.value(values))),
+            Self::Not(node) => known(node.value(values)).map_or(f64::NAN, |known| truth(!known)),
             Self::Binary(operator, sides) => operator.apply(sides.0.value(values), sides.1.value(values)),
+            Self::Chain(first, comparisons) => {
+                let mut left = first.value(values);
+                comparisons.iter().fold(1.0, |all, (operator, node)| {
+                    let right = node.value(values);
+                    let holds = operator.apply(left, right);
+                    left = right;
+                    Operator::And.apply(all, holds)
+                })
+            }
             Self::Call(function, arguments) => {
                 let first = arguments[0].value(values);
                 function.apply(
@@ -183,9 +198,20 @@ impl Node {
                 sides.0.collect_places(places);
                 sides.1.collect_places(places);
             }
+            Self::Chain(first, comparisons) => {
+                first.collect_places(places);
+                comparisons
+                    .iter()
+                    .for_each(|(_, node)| node.collect_places(places));
+            }
             Self::Call(_, arguments) => arguments.iter().for_each(|node| node.collect_places(places)),
         }
     }
+}
+
+/// Returns whether a value is true; none if it is missing.
+fn known(value: f64) -> Option<bool> {
+    (!value.is_nan()).then_some(value != 0.0)
 }
 
 fn truth(is_true: bool) -> f64 {
@@ -195,9 +221,14 @@ fn truth(is_true: bool) -> f64 {
 impl Operator {
     #[expect(clippy::float_cmp, reason = "that is what the user asks for")]
     fn apply(self, a: f64, b: f64) -> f64 {
+        let is_missing = a.is_nan() || b.is_nan();
         match self {
-            Self::Or => truth(is_true(a) || is_true(b)),
-            Self::And => truth(is_true(a) && is_true(b)),
+            // One side may decide whatever the other one is.
+            Self::Or if is_true(a) || is_true(b) => 1.0,
+            Self::And if known(a) == Some(false) || known(b) == Some(false) => 0.0,
+            _ if is_missing => f64::NAN,
+            Self::Or => 0.0,
+            Self::And => 1.0,
             Self::Equal => truth(a == b),
             Self::NotEqual => truth(a != b),
             Self::Less => truth(a < b),
@@ -220,6 +251,7 @@ impl Function {
             Self::Cos => libm::cos(a),
             Self::Exp => libm::exp(a),
             Self::Ln => libm::log(a),
+            Self::Max | Self::Min if a.is_nan() || b.is_nan() => f64::NAN,
             Self::Max => a.max(b),
             Self::Min => a.min(b),
             Self::Sin => libm::sin(a),
@@ -274,15 +306,23 @@ impl Parser<'_> {
             return self.unary();
         };
         let mut left = self.level(level + 1)?;
+        let mut comparisons = Vec::new();
         while let Some((_, operator)) = operators.iter().find(|(symbol, _)| self.take(symbol)) {
             self.operators += 1;
             if self.operators > OPERATORS_MAX {
                 return Err(self.error(format!("an expression has at most {OPERATORS_MAX} operators")));
             }
             let right = self.level(level + 1)?;
-            left = Node::Binary(*operator, Box::new((left, right)));
+            if level == COMPARISONS {
+                comparisons.push((*operator, right));
+            } else {
+                left = Node::Binary(*operator, Box::new((left, right)));
+            }
         }
-        Ok(left)
+        Ok(match comparisons.is_empty() {
+            true => left,
+            false => Node::Chain(Box::new(left), comparisons),
+        })
     }
 
     fn unary(&mut self) -> Result<Node, ExpressionError> {
@@ -303,7 +343,7 @@ impl Parser<'_> {
         }
         if self.take("not") {
             // `not a < b` is `not (a < b)`.
-            return Ok(Node::Not(Box::new(self.level(2)?)));
+            return Ok(Node::Not(Box::new(self.level(COMPARISONS)?)));
         }
         let base = self.primary()?;
         if self.take("^") {

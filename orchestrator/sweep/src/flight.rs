@@ -9,11 +9,11 @@ use host::in_process::TickSink;
 use metrics::summary::{FlightSummary, RunFacts};
 use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
-use scenario::{GRAVITY, Scenario};
+use scenario::{GRAVITY, Programs, Scenario};
 use sha2::{Digest, Sha256};
 use shared_types::samples::VehicleTruth;
 use shared_types::service::{ErasedService, nanoseconds};
-use shared_types::{Schedule, Topic};
+use shared_types::{Schedule, ServiceId, Topic};
 use supervisor::{FlightFailure, Outcome as HostOutcome, in_process};
 
 use crate::definition::{Entry, hexadecimal};
@@ -145,6 +145,8 @@ impl Energy {
 
 /// Controller of the caller's, in place of the scenario's.
 pub struct OwnController {
+    /// Its name, for the scenario that is judged.
+    pub name: String,
     /// The service.
     pub service: Box<dyn ErasedService>,
     /// Says whether it has failed, so that the flight ends.
@@ -178,7 +180,7 @@ pub fn fly_recorded(
     fly_as(plan, sample, entry, Some(log), None, interrupt)
 }
 
-/// As [`fly`], with a controller of the caller's.
+/// As [`fly`], with a controller of the caller's if the entry has one; none if that has failed, too.
 ///
 /// # Errors
 /// [`Failure`] if the sweep is wrong.
@@ -186,10 +188,10 @@ pub fn fly_own(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
-    own: OwnController,
+    own: Option<OwnController>,
     interrupt: &Interrupt,
 ) -> Result<Option<Flown>, Failure> {
-    fly_as(plan, sample, entry, None, Some(own), interrupt)
+    fly_as(plan, sample, entry, None, own, interrupt)
 }
 
 fn fly_as(
@@ -200,14 +202,32 @@ fn fly_as(
     own: Option<OwnController>,
     interrupt: &Interrupt,
 ) -> Result<Option<Flown>, Failure> {
+    if let Some(identity) = entry.own.as_ref().filter(|_| own.is_none()) {
+        return Err(Failure::bad_input(format!(
+            "`{}` is a controller of a program, {identity}: only that program can fly it, such as `gerono.sweep` of Python",
+            entry.name
+        )));
+    }
     if let Some(unmet) = &sample.unmet {
         return Ok(Some(refused(format!("it does not meet `{unmet}`"))));
     }
-    let scenario = match plan.scenario(sample, entry) {
+    let mut scenario = match plan.scenario(sample, entry) {
         Ok(scenario) => scenario,
         Err(error) if error.is_of_values() => return Ok(Some(refused(one_line(&format!("{error:#}"))))),
         Err(error) => return Err(error.into()),
     };
+    if let Some(own) = &own {
+        if scenario.has_plugin(ServiceId::Controller) {
+            return Err(Failure::bad_input(format!(
+                "the plug-in of sample {} and `{}` cannot both fly: leave `plugins.controller` out",
+                sample.index, own.name
+            )));
+        }
+        scenario.programs = Some(Programs {
+            controller: Some(vec![own.name.clone()]),
+            ..Programs::default()
+        });
+    }
     let schedule = match supervisor::schedule_of(&scenario) {
         Ok(schedule) => schedule,
         Err(error) => return Ok(Some(refused(one_line(&error.to_string())))),
@@ -223,7 +243,15 @@ fn fly_as(
             in_process::fly_with(&scenario, Some(own.service), &mut judge, interrupt)
         }
     };
-    let outcome = ending.map_or_else(HostOutcome::Failed, |ending| ending.outcome);
+    let outcome = match ending {
+        Ok(ending) => ending.outcome,
+        // A plug-in refuses the sample, as a check of the scenario does.
+        Err(FlightFailure::Refused(reason)) => return Ok(Some(refused(one_line(&reason.to_string())))),
+        Err(failure) => return Err(failure.into()),
+    };
+    if judge.has_failed.as_ref().is_some_and(|has_failed| has_failed()) {
+        return Ok(None);
+    }
     if let Some(log) = judge.log.take() {
         log.finish().map_err(Failure::not_written)?;
     }

@@ -141,6 +141,9 @@ fn find(arguments: &Fly) -> Result<(Prepared, Option<Vec<Row>>), Failure> {
                     "the results were flown by another build of gerono, whose flights may differ in their bits",
                 );
             }
+            if this.files != header.files {
+                note("the results were flown with other plug-ins, whose flights differ");
+            }
             prepared = Some(this);
         }
         let samples = prepared.as_ref().map_or(0, |prepared| prepared.plan.samples);

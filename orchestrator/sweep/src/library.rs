@@ -6,12 +6,12 @@ use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use evaluation::reproduce::parallel;
 
-use crate::definition::Source;
+use crate::definition::{Entry, Source};
 use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
 use crate::prepared::Prepared;
 use crate::run::fly_shard;
-use crate::shard::{Shard, ShardWriter};
+use crate::shard::{Shard, ShardWriter, check_complete};
 
 fn prepared(
     text: String,
@@ -21,16 +21,26 @@ fn prepared(
 ) -> Result<Prepared, Failure> {
     let source = Source::new(Path::new("sweep"), text, scenario_path, scenario_text)?;
     let prepared = Prepared::new(source)?;
+    prepared.plan.check_flyable()?;
     std::fs::create_dir_all(folder)
         .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
     Ok(prepared)
 }
 
+/// Returns whether the sweep is complete in a folder already.
+fn is_complete(prepared: &Prepared, folder: &Path) -> Result<bool, Failure> {
+    let is_there = Shard::WHOLE.path(folder).exists();
+    if is_there {
+        check_complete(folder, &prepared.header(Shard::WHOLE))?;
+    }
+    Ok(is_there)
+}
+
 /// Flies a sweep into a folder, on so many threads or on all cores, and merges it; goes on where an earlier call was
-/// interrupted.
+/// interrupted, and flies nothing where an earlier one has completed the same sweep.
 ///
 /// # Errors
-/// [`Failure`] if nothing can be flown or written.
+/// [`Failure`] if nothing can be flown or written, or if the folder holds another sweep.
 pub fn run(
     text: String,
     scenario_path: PathBuf,
@@ -40,34 +50,48 @@ pub fn run(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
-    if !Shard::WHOLE.path(folder).exists() {
+    if !is_complete(&prepared, folder)? {
         let threads = jobs.unwrap_or_else(parallel::cores);
         fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt)?;
+    }
+    if interrupt.signal().is_some() {
+        return Ok(());
     }
     merge_folder(folder, false).map(drop)
 }
 
-/// Flies a sweep with a controller of the caller's, a new one for every flight, one flight after the other.
+/// As [`run`], where `make` makes the caller's own controller of each flight of an entry that has one. One flight follows the
+/// other; a flight that was broken off leaves no row, and ends the sweep.
 ///
 /// # Errors
-/// [`Failure`] if nothing can be flown or written, or if no controller can be made.
+/// [`Failure`] as [`run`], and that of `make`, which is asked before each flight.
 pub fn run_with(
     text: String,
     scenario_path: PathBuf,
     scenario_text: String,
     folder: &Path,
-    make: &mut dyn FnMut() -> Result<OwnController, Failure>,
+    make: &mut dyn FnMut(&Entry) -> Result<Option<OwnController>, Failure>,
 ) -> Result<(), Failure> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
     let (plan, layout) = (&prepared.plan, &prepared.layout);
+    if is_complete(&prepared, folder)? {
+        return merge_folder(folder, false).map(drop);
+    }
     let mut writer = ShardWriter::open(folder, &prepared.header(Shard::WHOLE))?;
     let entries = plan.entries.len() as u64;
     for row in writer.rows..plan.samples * entries {
         let sample = plan.sample(row / entries);
         let entry = &plan.entries[usize::try_from(row % entries).expect("few entries")];
-        let flown = flight::fly_own(plan, &sample, entry, make()?, &Interrupt::never())?;
-        if let Some(flown) = flown {
-            writer.write(&layout.row(&sample, entry, &flown))?;
+        let flown =
+            make(entry).and_then(|own| flight::fly_own(plan, &sample, entry, own, &Interrupt::never()));
+        match flown {
+            Ok(Some(flown)) => writer.write(&layout.row(&sample, entry, &flown))?,
+            Ok(None) => return Ok(writer.pause()?),
+            Err(failure) => {
+                // What was flown is kept; the failure is the one to report.
+                let _ = writer.pause();
+                return Err(failure);
+            }
         }
     }
     writer.complete()?;

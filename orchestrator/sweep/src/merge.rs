@@ -71,7 +71,7 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
             expected.program.clone_from(&reader.header.program);
         }
         if let Some(reason) = expected.difference(&reader.header) {
-            let fix = if reason.contains("build") {
+            let fix = if reason.contains("build of gerono") {
                 "; --mixed-builds takes them together all the same"
             } else {
                 ""

@@ -7,7 +7,7 @@ use kuva::prelude::{
 };
 use statistics::quantile::{median, quantile, sorted};
 
-use crate::definition::Map;
+use crate::definition::{Map, part_of_file_name};
 use crate::expression::Expression;
 use crate::prepared::Prepared;
 use crate::report::{EntryResults, Report, Results, Shown, digits};
@@ -217,12 +217,8 @@ pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, Strin
             .zip(&results.entries)
             .filter_map(move |(entry, of_entry)| {
                 let drawing = map_drawing(map, prepared, results, of_entry)?;
-                let name: String = entry
-                    .name
-                    .chars()
-                    .map(|c| if c.is_alphanumeric() { c } else { '_' })
-                    .collect();
-                Some((format!("map-{}-{}-{name}.svg", map.x, map.y), drawing))
+                let [x, y] = [&map.x, &map.y].map(|axis| part_of_file_name(axis));
+                Some((format!("map-{x}-{y}-{}.svg", entry.file_name()), drawing))
             })
     });
     drawn.collect()

@@ -1,5 +1,7 @@
 //! Samples of a sweep: sample i is a function of the sweep and of i alone.
 
+use std::collections::BTreeMap;
+
 use command_line::failure::Failure;
 use scenario::Scenario;
 use scenario_file::ScenarioError;
@@ -8,6 +10,9 @@ use toml::Value;
 
 use crate::definition::{Definition, Entry, Method, Source, Vary};
 use crate::expression::Expression;
+
+/// Samples among which one must be that can be flown.
+const TRIED: u64 = 10_000;
 
 /// A sweep that is ready to be flown.
 #[derive(Debug)]
@@ -84,6 +89,7 @@ impl Plan {
         let requirement = |text: &String| Expression::parse(text, names);
         let requirements: Result<Vec<_>, _> = definition.require.iter().map(requirement).collect();
         let requirements = requirements.map_err(|error| Failure::bad_input(format!("`require`: {error}")))?;
+        check_uses(definition, &parts, &varied, &requirements).map_err(Failure::bad_input)?;
         let (design, samples) = design(definition, &parts)?;
         let mut plan = Self {
             phases: 1,
@@ -186,6 +192,76 @@ impl Plan {
         keys.map(setting).collect()
     }
 
+    /// Returns the SHA-256 of every file that flights read, by the law and the service for which they read it.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if the scenario cannot be flown as it stands.
+    pub fn files(&self) -> Result<BTreeMap<String, String>, ScenarioError> {
+        let mut files = BTreeMap::new();
+        let chooses = |varied: &Varied| {
+            varied.name.starts_with("plugins.") && !varied.name.starts_with("plugins.parameters")
+        };
+        let samples = if self.varied.iter().any(chooses) {
+            self.samples
+        } else {
+            0
+        };
+        for entry in &self.entries {
+            let stated = [self.source.definition.set.as_slice(), entry.set.as_slice()].concat();
+            let mut take = |scenario: &Scenario| {
+                let plugins = scenario.plugins.iter();
+                for (role, sha256) in plugins.flat_map(|plugins| &plugins.sha256) {
+                    files
+                        .entry(format!("the plug-in in place of `{role}` of `{}`", entry.name))
+                        .and_modify(|known: &mut String| {
+                            if !known.contains(sha256) {
+                                known.push_str(sha256);
+                            }
+                        })
+                        .or_insert_with(|| sha256.clone());
+                }
+            };
+            take(&self.load(&stated, 1)?);
+            for index in 0..samples {
+                // A sample that the checks refuse flies nothing.
+                if let Ok(scenario) = self.scenario(&self.sample(index), entry) {
+                    take(&scenario);
+                }
+            }
+        }
+        Ok(files)
+    }
+
+    /// Refuses a law that no sample flies with.
+    ///
+    /// # Errors
+    /// [`Failure`] with the reason of the first sample.
+    pub fn check_flyable(&self) -> Result<(), Failure> {
+        for entry in &self.entries {
+            let mut first = None;
+            let is_flyable = (0..self.samples.min(TRIED)).any(|index| {
+                let sample = self.sample(index);
+                let refused = match (&sample.unmet, self.scenario(&sample, entry)) {
+                    (Some(unmet), _) => Some(format!("it does not meet `{unmet}`")),
+                    (None, Err(error)) => Some(error.without_places()),
+                    (None, Ok(_)) => None,
+                };
+                let is_flyable = refused.is_none();
+                first = first.take().or(refused);
+                is_flyable
+            });
+            if !is_flyable && self.samples <= TRIED {
+                return Err(Failure::bad_input(format!(
+                    "none of the {} samples can be flown with `{}`; sample 0: {}",
+                    self.samples,
+                    entry.name,
+                    first.unwrap_or_default()
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// Returns all settings of a sample's flight with an entry.
     #[must_use]
     pub fn settings_of(&self, sample: &Sample, entry: &Entry) -> Vec<String> {
@@ -220,6 +296,50 @@ impl Varied {
     fn is_key(&self) -> bool {
         self.name.contains('.') || self.name == "duration"
     }
+}
+
+/// Refuses a name of the user's own that nothing uses: every flight would be the same.
+fn check_uses(
+    definition: &Definition,
+    parts: &[Part],
+    varied: &[Varied],
+    requirements: &[Expression],
+) -> Result<(), String> {
+    let of_parts = parts.iter().filter_map(|part| match &part.origin {
+        Origin::Expression(expression) => Some(expression.places()),
+        _ => None,
+    });
+    let used: Vec<usize> = of_parts
+        .chain(requirements.iter().map(Expression::places))
+        .flatten()
+        .collect();
+    // A limit of a criterion may be drawn as well.
+    let is_in_criteria = |name: &str| {
+        definition.judge.values().any(|text| {
+            let mut words = text.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
+            words.any(|word| word == name)
+        })
+    };
+    let is_unused = |varied: &&Varied| {
+        !varied.is_key()
+            && !varied.parts.iter().any(|part| used.contains(part))
+            && !is_in_criteria(&varied.name)
+    };
+    let Some(Varied { name, .. }) = varied.iter().find(is_unused) else {
+        return Ok(());
+    };
+    let keys = scenario_file::keys_for_completion()
+        .into_iter()
+        .map(|(key, _)| key);
+    let of_two_names = keys.filter(|key| key.split_once('.').is_some_and(|(_, last)| last == name));
+    let meant: Vec<_> = of_two_names.map(|key| format!("\"{key}\"")).collect();
+    let fix = match meant.is_empty() {
+        true => "use it in an expression, or leave it out".to_owned(),
+        false => format!("did you mean {}?", meant.join(" or ")),
+    };
+    Err(format!(
+        "`vary.{name}`: no key of the scenario and no expression uses it, so that it varies nothing; {fix}"
+    ))
 }
 
 fn number_of(value: &Value) -> f64 {

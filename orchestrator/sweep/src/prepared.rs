@@ -1,7 +1,9 @@
 //! A sweep as it is about to be flown, merged or told: checked, and with the build that does it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read};
+use std::path::PathBuf;
 
 use command_line::failure::Failure;
 use sha2::{Digest, Sha256};
@@ -16,23 +18,46 @@ pub(crate) struct Prepared {
     pub(crate) plan: Plan,
     pub(crate) layout: Layout,
     pub(crate) program: String,
+    /// SHA-256 of the files that flights read, by what they are.
+    pub(crate) files: BTreeMap<String, String>,
 }
 
 impl Prepared {
     pub(crate) fn new(source: Source) -> Result<Self, Failure> {
         let plan = Plan::new(source)?;
         let layout = Layout::new(&plan).map_err(|error| Failure::bad_input(format!("`judge`: {error}")))?;
+        check_columns(&layout)?;
         check_names(&plan, &layout)?;
         let program = program_hash().map_err(Failure::trouble)?;
+        let files = plan.files()?;
         Ok(Self {
             plan,
             layout,
             program,
+            files,
         })
     }
 
     pub(crate) fn header(&self, shard: Shard) -> Header {
-        Header::new(shard, &self.plan.source, &self.layout.columns, &self.program)
+        Header::new(shard, self)
+    }
+}
+
+/// Refuses two columns of one name, which most readers of tables do not tell apart; some take capital letters for small ones.
+fn check_columns(layout: &Layout) -> Result<(), Failure> {
+    let mut names = BTreeSet::new();
+    let mut columns = layout.columns.iter().map(|column| column.name.as_str());
+    match columns.find(|name| !names.insert(name.to_lowercase())) {
+        None => Ok(()),
+        Some(name) => Err(Failure::bad_input(format!(
+            "a row has two columns `{name}`: give what is varied or judged under this name another one, such as \
+             `{name}_{}`",
+            if layout.criteria().any(|criterion| criterion == name) {
+                "met"
+            } else {
+                "drawn"
+            }
+        ))),
     }
 }
 
@@ -69,9 +94,10 @@ fn check_names(plan: &Plan, layout: &Layout) -> Result<(), Failure> {
     }
 }
 
-/// Returns the SHA-256 of the program that runs, in hexadecimal.
+/// Returns the SHA-256 of the build that flies, in hexadecimal: of the file that this code was loaded from, which is the
+/// program, or the module of an interpreter.
 fn program_hash() -> io::Result<String> {
-    let mut program = File::open("/proc/self/exe")?;
+    let mut program = File::open(mapped_file(program_hash as fn() -> io::Result<String> as usize)?)?;
     let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         match program.read(&mut part)? {
@@ -79,4 +105,23 @@ fn program_hash() -> io::Result<String> {
             count => hash.update(&part[..count]),
         }
     }
+}
+
+/// Returns the file that is mapped at an address of this process.
+fn mapped_file(address: usize) -> io::Result<PathBuf> {
+    let maps = std::fs::read_to_string("/proc/self/maps")?;
+    let path = maps.lines().find_map(|line| {
+        let (range, rest) = line.split_once(' ')?;
+        let (from, to) = range.split_once('-')?;
+        let limit = |text| usize::from_str_radix(text, 16).ok();
+        let path = &rest[rest.find('/')?..];
+        (limit(from)?..limit(to)?)
+            .contains(&address)
+            .then(|| path.to_owned())
+    });
+    let path = path.ok_or_else(|| io::Error::other("no file is mapped where this program is"))?;
+    let own = PathBuf::from("/proc/self/exe");
+    // The link leads to the program also after its file was replaced.
+    let is_program = std::fs::read_link(&own).is_ok_and(|target| target.as_os_str() == path.as_str());
+    Ok(if is_program { own } else { path.into() })
 }

@@ -17,7 +17,7 @@ pub enum Kind {
     Number,
     /// Text.
     Text,
-    /// `true` or `false`.
+    /// `true` or `false`; missing of a flight that was refused.
     Flag,
 }
 
@@ -148,8 +148,35 @@ pub struct Layout {
     /// The columns, in their order.
     pub columns: Vec<Column>,
     phases: usize,
-    /// Criteria by name, over the numbers of a row.
-    criteria: Vec<(String, Expression)>,
+    criteria: Vec<Criterion>,
+}
+
+/// A criterion over the numbers of a row.
+#[derive(Debug)]
+struct Criterion {
+    name: String,
+    expression: Expression,
+    /// `true` if it says itself what it means of a flight that was not completed.
+    judges_end: bool,
+}
+
+/// Columns that say how a flight ended. A criterion that uses none of them is about a flight that was flown to its end.
+const OF_END: [&str; 3] = ["ended", "lost", "survived"];
+
+impl Criterion {
+    /// Judges a flight with this end by the numbers of its row; missing if nothing was flown.
+    fn judge(&self, outcome: Outcome, numbers: &[f64]) -> Cell {
+        let is_judged = outcome == Outcome::Completed || self.judges_end;
+        flag_of(outcome, is_judged && self.expression.is_true(numbers))
+    }
+}
+
+/// A flag of a flight with this end; missing if nothing was flown.
+fn flag_of(outcome: Outcome, is_true: bool) -> Cell {
+    match outcome {
+        Outcome::Refused => Cell::Number(None),
+        _ => Cell::Flag(is_true),
+    }
 }
 
 impl Layout {
@@ -191,11 +218,22 @@ impl Layout {
         columns.extend(["lost", "survived"].map(|name| column(name, Kind::Flag)));
         let place = |name: &str| columns.iter().position(|column| column.name == name);
         let criteria = definition.judge.iter().map(|(name, text)| {
-            let criterion = Expression::parse(text, place)?;
-            Ok((name.clone(), criterion))
+            let expression = Expression::parse(text, place)?;
+            let used = expression.places();
+            Ok(Criterion {
+                name: name.clone(),
+                judges_end: used
+                    .iter()
+                    .any(|&place| OF_END.contains(&columns[place].name.as_str())),
+                expression,
+            })
         });
-        let criteria = criteria.collect::<Result<Vec<_>, _>>()?;
-        columns.extend(criteria.iter().map(|(name, _)| column(name, Kind::Flag)));
+        let criteria = criteria.collect::<Result<Vec<_>, ExpressionError>>()?;
+        columns.extend(
+            criteria
+                .iter()
+                .map(|criterion| column(&criterion.name, Kind::Flag)),
+        );
         columns.push(column("digest", Kind::Text));
         Ok(Self {
             columns,
@@ -212,7 +250,7 @@ impl Layout {
 
     /// Returns the names of the criteria, `survived` first.
     pub fn criteria(&self) -> impl Iterator<Item = &str> {
-        std::iter::once("survived").chain(self.criteria.iter().map(|(name, _)| name.as_str()))
+        std::iter::once("survived").chain(self.criteria.iter().map(|criterion| criterion.name.as_str()))
     }
 
     /// Returns the row of a flight.
@@ -252,14 +290,15 @@ impl Layout {
             let phase = summary.and_then(|summary| summary.phases.get(phase));
             row.extend(OF_PHASE.iter().map(|(_, result)| number(phase.and_then(result))));
         }
-        row.push(Cell::Flag(flown.outcome == Outcome::Lost));
-        row.push(Cell::Flag(flown.outcome == Outcome::Completed));
+        let outcome = flown.outcome;
+        row.push(flag_of(outcome, outcome == Outcome::Lost));
+        row.push(flag_of(outcome, outcome == Outcome::Completed));
         let numbers: Vec<f64> = row.iter().map(Cell::number).collect();
-        row.extend(
-            self.criteria
-                .iter()
-                .map(|(_, criterion)| Cell::Flag(criterion.is_true(&numbers))),
-        );
+        let judged = self
+            .criteria
+            .iter()
+            .map(|criterion| criterion.judge(outcome, &numbers));
+        row.extend(judged);
         row.push(Cell::Text(flown.digest.clone()));
         debug_assert_eq!(row.len(), self.columns.len());
         row
@@ -317,7 +356,7 @@ impl Cell {
             (Kind::Number, cell @ Self::Number(_))
             | (Kind::Integer, cell @ Self::Integer(_))
             | (Kind::Text, cell @ Self::Text(_))
-            | (Kind::Flag, cell @ Self::Flag(_)) => Some(cell),
+            | (Kind::Flag, cell @ (Self::Flag(_) | Self::Number(None))) => Some(cell),
             _ => None,
         }
     }

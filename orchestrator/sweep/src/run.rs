@@ -14,7 +14,7 @@ use crate::arguments::Run;
 use crate::definition::Source;
 use crate::prepared::Prepared;
 use crate::row::Row;
-use crate::shard::{Shard, ShardError, ShardWriter};
+use crate::shard::{Shard, ShardError, ShardWriter, check_complete};
 use crate::{flight, merge, ordered};
 
 /// Time between two lines of progress where standard error is no terminal.
@@ -43,6 +43,7 @@ fn default_folder(sweep: &Path) -> PathBuf {
 /// [`Failure`] if nothing can be flown or written; a flight that is lost is a row.
 pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
     let prepared = Prepared::new(Source::read(&arguments.sweep)?)?;
+    prepared.plan.check_flyable()?;
     let folder = arguments
         .out
         .clone()
@@ -52,7 +53,13 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let threads = arguments.jobs.map_or_else(parallel::cores, usize::from);
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
-    if !shard.path(&folder).exists() {
+    if shard.path(&folder).exists() {
+        check_complete(&folder, &prepared.header(shard))?;
+        note(format_args!(
+            "{} is complete already, nothing was flown",
+            folder.display()
+        ));
+    } else {
         let flown = fly_shard(&prepared, shard, &folder, threads, &interrupt)?;
         if let Some(signal) = interrupt.signal() {
             note(format_args!(
@@ -162,7 +169,7 @@ fn fly_row(
     if layout.keeps_log(plan.source.definition.keep.logs, &row) {
         let log = folder
             .join("logs")
-            .join(format!("sample-{}-{}", sample.index, entry.name));
+            .join(format!("sample-{}-{}", sample.index, entry.file_name()));
         match keep_log(prepared, &log, &sample, entry, interrupt) {
             Ok(()) => {}
             Err(failure) => return Some(Err(failure)),

@@ -3,9 +3,11 @@
 //! Rows stand in the order of samples and entries. The footer has the SHA-256 over all before it; a file without one is a
 //! shard that is not complete.
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,8 +15,9 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::definition::{Source, hexadecimal};
-use crate::row::{Column, Row};
+use crate::definition::hexadecimal;
+use crate::prepared::Prepared;
+use crate::row::Row;
 
 /// Part of a sweep: number `index` of `count`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -93,6 +96,8 @@ pub struct Header {
     pub sweep: String,
     /// SHA-256 of the program.
     pub program: String,
+    /// SHA-256 of each file that flights read, such as a plug-in, by what it is.
+    pub files: BTreeMap<String, String>,
     /// Text of the sweep.
     pub sweep_text: String,
     /// File of the scenario.
@@ -104,17 +109,19 @@ pub struct Header {
 }
 
 /// Form of the files that this program writes.
-const FORM: u32 = 1;
+const FORM: u32 = 2;
 
 impl Header {
     /// Makes the header of a shard.
     #[must_use]
-    pub fn new(shard: Shard, source: &Source, columns: &[Column], program: &str) -> Self {
+    pub(crate) fn new(shard: Shard, prepared: &Prepared) -> Self {
+        let (source, columns) = (&prepared.plan.source, &prepared.layout.columns);
         Self {
             form: FORM,
             shard,
             sweep: source.identity(),
-            program: program.to_owned(),
+            program: prepared.program.clone(),
+            files: prepared.files.clone(),
             sweep_text: source.text.clone(),
             scenario_path: source.scenario_path.clone(),
             scenario_text: source.scenario_text.clone(),
@@ -124,18 +131,29 @@ impl Header {
 
     /// Returns why rows under another header cannot stand beside those under this one.
     #[must_use]
-    pub fn difference(&self, other: &Self) -> Option<&'static str> {
-        if self.form != other.form {
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let fixed = if self.form != other.form {
             Some("it has the form of another version of gerono")
+        } else if self.scenario_text != other.scenario_text {
+            Some("it is of another scenario")
         } else if self.sweep != other.sweep {
-            Some("it is of another sweep, or of another scenario")
+            Some("it is of another sweep")
+        } else if self.shard != other.shard {
+            Some("its name is that of another shard than it holds")
         } else if self.program != other.program {
             Some("it was flown by another build of gerono, whose flights may differ in their bits")
         } else if self.columns != other.columns {
             Some("it has other columns")
         } else {
             None
-        }
+        };
+        fixed.map(str::to_owned).or_else(|| {
+            let names = self.files.keys().chain(other.files.keys());
+            let mut names = names.filter(|name| self.files.get(*name) != other.files.get(*name));
+            names
+                .next()
+                .map(|name| format!("{name} is another file than it was flown with"))
+        })
     }
 }
 
@@ -169,7 +187,7 @@ pub enum ShardError {
         /// The file.
         path: PathBuf,
         /// The reason.
-        reason: &'static str,
+        reason: String,
     },
     /// Its content is not what was written.
     #[error("{}: {reason}; remove it and fly the shard again", path.display())]
@@ -219,7 +237,10 @@ impl ShardWriter {
             .truncate(false)
             .open(&path);
         let mut file = file.map_err(failed)?;
-        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+        // Between the opening and the lock another process may have completed the shard, which has its final name then.
+        let is_locked = flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok();
+        let number = file.metadata().map_err(failed)?.ino();
+        if !is_locked || std::fs::metadata(&path).map_or(true, |found| found.ino() != number) {
             return Err(ShardError::Locked { path });
         }
         let mut hash = Sha256::new();
@@ -327,16 +348,27 @@ fn check_header(path: &Path, line: &[u8], expected: &Header) -> Result<(), Shard
         path: path.to_owned(),
         reason: format!("its header cannot be read: {error}"),
     })?;
-    let difference = expected
-        .difference(&header)
-        .or((expected.shard != header.shard).then_some("it is another shard"));
-    match difference {
+    match expected.difference(&header) {
         None => Ok(()),
         Some(reason) => Err(ShardError::Foreign {
             path: path.to_owned(),
             reason,
         }),
     }
+}
+
+/// Checks a complete shard against what would be flown: its header and its rows.
+///
+/// # Errors
+/// [`ShardError`] if it is of something else, or is not what was written.
+pub(crate) fn check_complete(folder: &Path, expected: &Header) -> Result<(), ShardError> {
+    let path = expected.shard.path(folder);
+    let mut reader = ShardReader::open(&path)?;
+    if let Some(reason) = expected.difference(&reader.header) {
+        return Err(ShardError::Foreign { path, reason });
+    }
+    while reader.next_row()?.is_some() {}
+    Ok(())
 }
 
 /// Reads the rows of a complete shard.
@@ -361,7 +393,11 @@ impl ShardReader {
             path: path.to_owned(),
             error,
         };
-        let mut reader = BufReader::new(File::open(path).map_err(failed)?);
+        let file = File::open(path).map_err(failed)?;
+        if !file.metadata().map_err(failed)?.is_file() {
+            return Err(failed(io::Error::other("this is no file of rows")));
+        }
+        let mut reader = BufReader::new(file);
         let mut line = Vec::new();
         reader.read_until(b'\n', &mut line).map_err(failed)?;
         let header = serde_json::from_slice(&line).map_err(|error| ShardError::Damaged {
@@ -394,14 +430,18 @@ impl ShardReader {
             let footer: Footer = serde_json::from_slice(&self.line)
                 .map_err(|error| self.damaged(&format!("its footer: {error}")))?;
             let sha256 = hexadecimal(&self.hash.clone().finalize());
-            return if footer
+            let is_whole = footer
                 == (Footer {
                     rows: self.rows,
                     sha256,
-                }) {
-                Ok(None)
-            } else {
-                Err(self.damaged("its rows are not those that were written"))
+                });
+            if !is_whole {
+                return Err(self.damaged("its rows are not those that were written"));
+            }
+            let ends = self.reader.fill_buf().map(<[u8]>::is_empty);
+            return match ends.map_err(|error| self.file_error(error))? {
+                true => Ok(None),
+                false => Err(self.damaged("something stands behind its footer")),
             };
         }
         self.hash.update(&self.line);
@@ -449,115 +489,4 @@ pub fn shards_in(folder: &Path) -> Result<Vec<(Shard, bool)>, ShardError> {
 }
 
 #[cfg(test)]
-#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-    use crate::row::Cell;
-
-    proptest! {
-        #[test]
-        fn shards_have_every_sample_once(samples in 0..5000u64, count in 1..40u64) {
-            let shards = (0..count).map(|index| Shard { index, count }.samples(samples));
-            let all: Vec<u64> = shards.flatten().collect();
-            prop_assert!(all.iter().copied().eq(0..samples));
-        }
-    }
-
-    fn header() -> Header {
-        Header {
-            form: FORM,
-            shard: Shard { index: 3, count: 20 },
-            sweep: "s".to_owned(),
-            program: "p".to_owned(),
-            sweep_text: String::new(),
-            scenario_path: PathBuf::new(),
-            scenario_text: String::new(),
-            columns: vec!["sample".to_owned(), "rmse".to_owned(), "law".to_owned()],
-        }
-    }
-
-    fn row(sample: u64) -> Row {
-        #[expect(clippy::cast_precision_loss, reason = "a small number")]
-        let number = 0.1 * sample as f64;
-        vec![
-            Cell::Integer(sample),
-            Cell::Number(Some(number)),
-            Cell::Text("a".to_owned()),
-        ]
-    }
-
-    fn written(folder: &Path, rows: Range<u64>) -> ShardWriter {
-        let mut writer = ShardWriter::open(folder, &header()).unwrap();
-        assert_eq!(writer.rows, rows.start);
-        for sample in rows {
-            writer.write(&row(sample)).unwrap();
-        }
-        writer
-    }
-
-    #[test]
-    fn a_shard_goes_on_after_its_last_whole_row_and_has_the_bytes_of_one_that_was_never_stopped() {
-        let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-        let path = written(whole.path(), 0..10).complete().unwrap();
-        written(broken.path(), 0..6).pause().unwrap();
-        let partial = header().shard.partial_path(broken.path());
-        let bytes = std::fs::read(&partial).unwrap();
-        let end_of_row_3 = bytes
-            .iter()
-            .enumerate()
-            .filter(|(_, byte)| **byte == b'\n')
-            .nth(4)
-            .unwrap()
-            .0;
-        // Killed within the fifth row.
-        for cut in [end_of_row_3 + 1, end_of_row_3 + 2, end_of_row_3 + 9] {
-            std::fs::write(&partial, &bytes[..cut]).unwrap();
-            let resumed = written(broken.path(), 4..10).complete().unwrap();
-            assert_eq!(std::fs::read(resumed).unwrap(), std::fs::read(&path).unwrap());
-        }
-    }
-
-    #[test]
-    fn rows_are_read_as_they_were_written_and_damage_is_found() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = written(folder.path(), 0..5).complete().unwrap();
-        let mut reader = ShardReader::open(&path).unwrap();
-        for sample in 0..5 {
-            assert_eq!(reader.next_row().unwrap(), Some(row(sample)));
-        }
-        assert_eq!(reader.next_row().unwrap(), None);
-        let good = std::fs::read_to_string(&path).unwrap();
-        for bad in [good.replacen("0.2", "0.3", 1), good[..good.len() - 80].to_owned()] {
-            std::fs::write(&path, bad).unwrap();
-            let mut reader = ShardReader::open(&path).unwrap();
-            let end = (0..6).find_map(|_| reader.next_row().err());
-            assert!(matches!(end, Some(ShardError::Damaged { .. })), "{end:?}");
-        }
-    }
-
-    #[test]
-    fn a_shard_of_another_sweep_or_program_and_one_in_use_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let writer = written(folder.path(), 0..2);
-        assert!(matches!(
-            ShardWriter::open(folder.path(), &header()),
-            Err(ShardError::Locked { .. })
-        ));
-        writer.pause().unwrap();
-        for other in [
-            Header {
-                sweep: "other".to_owned(),
-                ..header()
-            },
-            Header {
-                program: "other".to_owned(),
-                ..header()
-            },
-        ] {
-            let refused = ShardWriter::open(folder.path(), &other);
-            assert!(matches!(refused, Err(ShardError::Foreign { .. })), "{refused:?}");
-        }
-    }
-}
+mod tests;

@@ -10,6 +10,7 @@ use crate::arguments::Plan as Arguments;
 use crate::definition::Source;
 use crate::flight;
 use crate::prepared::Prepared;
+use crate::row::Outcome;
 
 /// Flights that are flown to know how long one takes.
 const TRIED: u64 = 4;
@@ -21,33 +22,42 @@ const TRIED: u64 = 4;
 pub(crate) fn plan(arguments: &Arguments) -> Result<(), Failure> {
     let prepared = Prepared::new(Source::read(&arguments.sweep)?)?;
     let plan = &prepared.plan;
-    let sweep = arguments.sweep.display().to_string();
-    let script = script(&sweep, arguments.shards, arguments.cpus);
+    prepared.plan.check_flyable()?;
+    let sweep = quoted(&arguments.sweep.display().to_string());
     if arguments.slurm {
-        print_as_it_is(script);
+        print_as_it_is(script(&sweep, arguments.shards, arguments.cpus));
         return Ok(());
     }
     let flights = plan.samples * plan.entries.len() as u64;
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let begun = Instant::now();
-    let mut tried = 0;
+    let (mut tried, mut refused) = (0, 0);
     for index in (0..plan.samples).take(usize::try_from(TRIED).expect("a few")) {
         for entry in &plan.entries {
-            if flight::fly(plan, &plan.sample(index), entry, &interrupt)?.is_none() {
-                return Ok(());
+            match flight::fly(plan, &plan.sample(index), entry, &interrupt)? {
+                None => return Ok(()),
+                Some(flown) if flown.outcome == Outcome::Refused => refused += 1,
+                Some(_) => tried += 1,
             }
-            tried += 1;
         }
     }
     #[expect(clippy::cast_precision_loss, reason = "for a person")]
     let seconds = begun.elapsed().as_secs_f64() / f64::from(tried.max(1)) * flights as f64;
     let names: Vec<_> = plan.entries.iter().map(|entry| entry.name.as_str()).collect();
     print(format!(
-        "{} samples of {}, each flown with {}: {flights} flights, about {} on one core\n\n",
+        "{} samples of {}, each flown with {}: {flights} flights, about {} on one core\n{}\n",
         plan.samples,
         plan.source.scenario_path.display(),
         names.join(", "),
-        duration(seconds)
+        duration(seconds),
+        if refused > 0 {
+            format!(
+                "{refused} of the first {} flights are refused: their samples cannot be flown\n",
+                tried + refused
+            )
+        } else {
+            String::new()
+        }
     ));
     let columns: Vec<_> = plan.columns().collect();
     for index in 0..plan.samples.min(5) {
@@ -58,9 +68,8 @@ pub(crate) fn plan(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     print(format!(
-        "\nfly it here:            gerono sweep run {sweep}\nfly it on a cluster:    gerono sweep plan {sweep} --slurm > sweep.sh; sh sweep.sh\n\n"
+        "\nfly it here:            gerono sweep run {sweep}\nfly it on a cluster:    gerono sweep plan {sweep} --slurm > sweep.sh; sh sweep.sh\n"
     ));
-    print_as_it_is(script);
     Ok(())
 }
 
@@ -74,21 +83,33 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// The script: an array of shards that may be requeued, and a merge once all are complete.
+/// A text as one word of a shell, whatever it contains.
+fn quoted(text: &str) -> String {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-._/".contains(letter);
+    if text.chars().all(is_plain) && !text.is_empty() {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// The script: an array of shards that may be requeued, and a merge once all are complete. `sweep` is a word of a shell.
 #[must_use]
 pub fn script(sweep: &str, shards: u64, cpus: u64) -> String {
     let last = shards - 1;
     format!(
         "#!/bin/sh\n\
-         # Flies {sweep} as a Slurm job array of {shards} shards, and merges them once all are complete.\n\
+         # Flies $SWEEP as a Slurm job array of {shards} shards, and merges them once all are complete.\n\
          # A task that is killed and requeued goes on where it was; results are in $OUT, on a file system that all nodes share.\n\
          # If a task fails, the merge is cancelled: run this script again, and shards that are complete are not repeated.\n\
          set -eu\n\
+         # What $OUT holds must be of this sweep: shards of another one are refused.\n\
+         SWEEP={sweep}\n\
          OUT=${{OUT:-results}}\n\
-         array=$(sbatch --parsable --requeue --open-mode=append --array=0-{last} --cpus-per-task={cpus} --job-name=gerono \\\n    \
-             --wrap \"exec gerono sweep run '{sweep}' --shard \\$SLURM_ARRAY_TASK_ID/{shards} --jobs \\$SLURM_CPUS_PER_TASK --out '$OUT'\")\n\
-         merge=$(sbatch --parsable --dependency=afterok:\"$array\" --kill-on-invalid-dep=yes --job-name=gerono-merge \\\n    \
-             --wrap \"exec gerono sweep merge '$OUT'\")\n\
+         export SWEEP OUT\n\
+         array=$(sbatch --parsable --export=ALL --requeue --open-mode=append --array=0-{last} --cpus-per-task={cpus} --job-name=gerono \\\n    \
+             --wrap 'exec gerono sweep run \"$SWEEP\" --shard $SLURM_ARRAY_TASK_ID/{shards} --jobs $SLURM_CPUS_PER_TASK --out \"$OUT\"')\n\
+         merge=$(sbatch --parsable --export=ALL --dependency=afterok:\"$array\" --kill-on-invalid-dep=yes --job-name=gerono-merge \\\n    \
+             --wrap 'exec gerono sweep merge \"$OUT\"')\n\
          echo \"array $array, merge $merge\"\n"
     )
 }

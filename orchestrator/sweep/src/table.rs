@@ -38,7 +38,7 @@ impl TableWriter {
                 Kind::Text => (PhysicalType::BYTE_ARRAY, Some(LogicalType::String)),
                 Kind::Flag => (PhysicalType::BOOLEAN, None),
             };
-            let repetition = if column.kind == Kind::Number {
+            let repetition = if matches!(column.kind, Kind::Number | Kind::Flag) {
                 Repetition::OPTIONAL
             } else {
                 Repetition::REQUIRED
@@ -153,8 +153,18 @@ fn write_column<'a>(writer: &mut ColumnWriter<'_>, cells: impl Iterator<Item = &
             writer.write_batch(&values, None, None)?;
         }
         ColumnWriter::BoolColumnWriter(writer) => {
-            let values: Vec<bool> = cells.map(|cell| *cell == Cell::Flag(true)).collect();
-            writer.write_batch(&values, None, None)?;
+            let flags: Vec<Option<bool>> = cells
+                .map(|cell| {
+                    if let Cell::Flag(flag) = cell {
+                        Some(*flag)
+                    } else {
+                        None
+                    }
+                })
+                .collect();
+            let values: Vec<bool> = flags.iter().flatten().copied().collect();
+            let levels: Vec<i16> = flags.iter().map(|flag| i16::from(flag.is_some())).collect();
+            writer.write_batch(&values, Some(&levels), None)?;
         }
         _ => unreachable!("no column has another type"),
     }

@@ -25,12 +25,28 @@ fn operators_bind_as_in_mathematics() {
         ("m < r and r < 4", 1.0),
         ("m > r or not r == 3", 0.0),
         ("not m > r and m != r", 1.0),
-        ("missing < 1 or missing >= 1", 0.0),
-        ("missing != missing", 1.0),
+        ("1 < m < r", 1.0),
+        ("0.001 < m < 0.5", 0.0),
+        ("3 > m < r == 3", 1.0),
+        ("not 1 < m < r", 0.0),
+        ("missing < 1 or m < r", 1.0),
+        ("missing < 1 and m > r", 0.0),
     ] {
         assert!((value(text) - expected).abs() < 1e-15, "{text}: {}", value(text));
     }
-    assert!(value("missing + 1").is_nan());
+    for missing in [
+        "missing + 1",
+        "missing != missing",
+        "missing < 1 or missing >= 1",
+        "not missing > 3",
+        "max(missing, 0.1) < 0.5",
+        "min(0.1, missing)",
+        "missing < 1 and m < r",
+        "1 < missing < 3",
+        "not (missing < 1 or m > r)",
+    ] {
+        assert!(value(missing).is_nan(), "{missing}");
+    }
 }
 
 #[test]
