@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 from collections.abc import Callable
 from typing import Any
@@ -37,7 +38,8 @@ class Controller:
     Numbers and numpy arrays, of the class or of the object, are its state: a flight saves and restores them, so that
     it can be repeated to the bit, and faults and `Simulation.restore` work. They must all be there before the first
     step, and keep their shape. Texts, tuples, functions and modules are taken as constants. A class that keeps its
-    state in anything else overrides `save` and `restore`.
+    state in anything else overrides `save` and `restore`. Now and then a flight gives the saved state to a copy of the
+    object, which takes some of the same steps and must command the same: so state that is forgotten is an error.
 
     `self.telemetry` has room for 32 numbers, recorded under the names that `controller.telemetry` of the scenario
     gives them; `self.adaptation` is the sample of `control/adaptation`.
@@ -119,10 +121,30 @@ def _sample(topic: str, words: np.ndarray) -> Any:
     return words.view(DTYPES[topic])[0]
 
 
+# A trial of the saved state begins at the second step, when there is something to forget, and after so many steps again;
+# it has so many steps.
+_TRIAL_PERIOD, _TRIAL_STEPS = 500, 10
+
+
+def _copy_of(controller: Controller) -> Controller:
+    """Return a controller with the same constants, and a state of its own."""
+    second = copy.copy(controller)
+    for name, value in vars(controller).items():
+        if name not in _PLACES and not _is_constant(value):
+            try:
+                setattr(second, name, copy.deepcopy(value))
+            except Exception as error:
+                raise TypeError(
+                    f"{type(controller).__name__}.{name} cannot be copied ({error}), so that no flight can try whether the "
+                    "saved state is whole: give its type a `__deepcopy__`"
+                ) from error
+    return second
+
+
 class Bridge:
     """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
 
-    def __init__(self, controller: Controller, mode: int = 0) -> None:
+    def __init__(self, controller: Controller, mode: int = 0, has_trials: bool = True) -> None:
         if not isinstance(controller, Controller):
             raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
         self.now_words = np.zeros(3, np.uint64)
@@ -138,9 +160,26 @@ class Bridge:
         self._now = Now()
         self._times = self.now_words.view(np.float64)
         self.state_size = len(controller.save())
+        self._second = Bridge(_copy_of(controller), mode, has_trials=False) if has_trials else None
+        self._steps = 0
 
     def step(self, arrived: int) -> None:
         """Advance the controller; bit i of `arrived` says whether input i has a sample."""
+        second = self._second
+        is_tried = second is not None and 1 <= self._steps % _TRIAL_PERIOD <= _TRIAL_STEPS
+        self._steps += 1
+        if second is None or not is_tried:
+            self._advance(arrived)
+            return
+        before = self._saved()
+        second._take(self)
+        self._advance(arrived)
+        # Last of all: what both share, such as a variable of the module, is then as it would be without the trial.
+        second._controller.restore(before)
+        second._advance(arrived)
+        self._compare(second)
+
+    def _advance(self, arrived: int) -> None:
         now = self._now
         now.tick = int(self.now_words[0])
         now.time = float(self._times[1])
@@ -155,9 +194,36 @@ class Bridge:
             self._errors,
         )
 
+    def _take(self, first: Bridge) -> None:
+        """Take what another bridge gets for the step that comes."""
+        self.now_words[:] = first.now_words
+        own, others = self.input_words + self.output_words, first.input_words + first.output_words
+        for words, given in zip(own, others):
+            words[:] = given
+
+    def _compare(self, second: Bridge) -> None:
+        for topic, words, others in zip(_OUTPUTS, self.output_words, second.output_words):
+            # The header is the host's.
+            if words[3:].tobytes() != others[3:].tobytes():
+                name = type(self._controller).__name__
+                raise RuntimeError(
+                    f"{name} forgets a part of its state: a copy that got the saved state wrote another `{topic}` at tick "
+                    f"{self._now.tick}; let numbers and arrays of the object, or `save` and `restore`, keep all on which "
+                    "a step depends besides its samples"
+                )
+
+    def _saved(self) -> list[float]:
+        numbers = self._controller.save()
+        if len(numbers) != self.state_size:
+            raise RuntimeError(
+                f"the state of {type(self._controller).__name__} has changed its size from {self.state_size} to {len(numbers)} "
+                "numbers: declare all of it before the first step"
+            )
+        return numbers
+
     def pack(self) -> list[float]:
         """Return the controller's state."""
-        return self._controller.save()
+        return self._saved()
 
     def unpack(self, numbers: list[float]) -> None:
         """Restore the controller's state."""

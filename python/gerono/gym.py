@@ -59,6 +59,8 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         reward: Callable[[Observation, np.ndarray], float] = reward_distance,
         set: Settings = None,  # noqa: A002
     ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise TypeError(f"an environment is made of a gerono.Scenario, not of a {type(scenario).__name__}")
         self._scenario, self._observe, self._reward = scenario, observe, reward
         self._set = settings_of(set)
         values = scenario.values(self._set)

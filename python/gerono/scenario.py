@@ -82,7 +82,8 @@ class Scenario:
     ) -> Flight:
         """Fly in this process, as fast as it goes and without Python's lock; return the flight.
 
-        `set` changes keys, as `--set` does: `{"controller.k1": 5.0}`. `controller` flies instead of Gerono's.
+        `set` changes keys, as `--set` does: `{"controller.k1": 5.0}`. `controller` flies instead of Gerono's law, whose
+        gains `set` may not change then.
         `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
         """
         sets = settings_of(set)
@@ -92,6 +93,9 @@ class Scenario:
             own = (bridge_of(controller, values), name_of(controller))
         flown = self._scenario._fly(sets, seed, None if topics is None else list(topics), own)
         return Flight(flown, values)
+
+    def _check_own(self, sets: list[str], varied: list[str]) -> None:
+        self._scenario._check_own(sets, varied)
 
     def start(self, seed: int | None = None, set: Settings = None) -> Simulation:  # noqa: A002
         """Begin a flight that is flown step by step, with commands from outside."""
@@ -164,7 +168,7 @@ class Simulation:
         return self._simulation.save()
 
     def restore(self, snapshot: _gerono.Snapshot) -> None:
-        """Go on from a saved state of this flight, any number of times."""
+        """Go on from a saved state of this flight, any number of times; that of another one is a ValueError."""
         self._simulation.restore(snapshot)
 
     def __enter__(self) -> Simulation:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gerono import _gerono
+from gerono._identity import identity_of, numbers_of
 from gerono.controller import Bridge, Controller
 from gerono.flight import namespace
-from gerono.scenario import Scenario, Settings, bridge_of, settings_of, toml_of
+from gerono.scenario import Scenario, Settings, bridge_of, name_of, settings_of, toml_of
 
 if TYPE_CHECKING:
     import os
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import polars
 
 Vary = Mapping[str, Any]
+Make = Callable[[], Controller]
 
 
 def uniform(low: float, high: float) -> Vary:
@@ -98,26 +100,37 @@ class Sweep:
         return f"<Sweep {self.folder}: {self.summary.samples} samples, {self.rate()} survived>"
 
 
+# Name of what flies where nothing is compared.
+_ONLY = "as stated"
+
+
 def sweep_text(
     scenario: Scenario,
     samples: int | None,
     seed: int,
     method: str,
     vary: Mapping[str, Any],
-    compare: Mapping[str, Settings] | None,
+    compare: Mapping[str, Settings | Make] | None,
     judge: Mapping[str, str] | None,
     require: Sequence[str],
     set: Settings,  # noqa: A002
     logs: str,
+    own: Mapping[str, str] | None = None,
 ) -> str:
-    """Return a sweep as the text of a `sweep.toml`."""
+    """Return a sweep as the text of a `sweep.toml`; `own` has the identities of controllers in Python, by law."""
+    own = own or {}
     lines = [f"scenario = {toml_of(str(scenario.path))}", f"seed = {seed}", f"method = {toml_of(method)}"]
     if samples is not None:
         lines.append(f"samples = {samples}")
     lines += [f"set = {toml_of(settings_of(set))}", f"require = {toml_of(list(require))}"]
+    if not compare and own:
+        lines.append(f"own = {toml_of(own[_ONLY])}")
     lines += ["[vary]", *(f"{toml_of(key)} = {toml_of(value)}" for key, value in vary.items())]
     for name, settings in (compare or {}).items():
-        lines += ["[[compare]]", f"name = {toml_of(name)}", f"set = {toml_of(settings_of(settings))}"]
+        stated = None if callable(settings) else settings
+        lines += ["[[compare]]", f"name = {toml_of(name)}", f"set = {toml_of(settings_of(stated))}"]
+        if name in own:
+            lines.append(f"own = {toml_of(own[name])}")
     lines += ["[judge]", *(f"{toml_of(key)} = {toml_of(value)}" for key, value in (judge or {}).items())]
     lines += ["[keep]", f"logs = {toml_of(logs)}"]
     return "\n".join(lines) + "\n"
@@ -129,11 +142,11 @@ def sweep(
     samples: int | None = None,
     seed: int = 1,
     method: str = "random",
-    compare: Mapping[str, Settings] | None = None,
+    compare: Mapping[str, Settings | Make] | None = None,
     judge: Mapping[str, str] | None = None,
     require: Sequence[str] = (),
     set: Settings = None,  # noqa: A002
-    controller: Callable[[], Controller] | None = None,
+    controller: Make | None = None,
     folder: str | os.PathLike[str] | None = None,
     jobs: int | None = None,
     logs: str = "none",
@@ -142,27 +155,58 @@ def sweep(
 
     The arguments are the keys of `sweep.toml` (docs/sweeps.md), and the rows those of `gerono sweep`. `vary` takes
     `uniform`, `log_uniform`, `normal`, `choice`, a constant, an expression of other varied values, or a list of these;
-    `compare` has settings by name, all flown on the same samples. In a `folder` an interrupted sweep goes on where it
-    was; without one the results live as long as the returned object.
+    `compare` has settings or controllers by name, all flown on the same samples: `{"mine": Mine, "indi":
+    {"controller.law": "indi"}}` has the paired statistics of a class and a law. In a `folder` an interrupted sweep goes
+    on where it was, a complete one is read and not flown again, and one of other values, code or build is refused;
+    without a folder the results live as long as the returned object.
 
-    `controller` makes the controller of each flight: a class, or a function. Flights with one follow each other on
-    one core, as Python's lock wants it; `multiprocessing` with other `seed`s uses more.
+    A controller is made for each flight by a class, or a function; `controller` makes that of every law. Settings that
+    name another one, or gains of Gerono's own law, are refused where it flies. A flight that raises or is interrupted
+    leaves no row. Flights of such a sweep follow each other on one core, as Python's lock wants it; `multiprocessing`
+    with other `seed`s uses more.
     """
+    makes = _makes(controller, compare)
     keep = None
     if folder is None:
         keep = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
         folder = keep.name
-    text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs)
-    if controller is None:
+    if not makes:
+        text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs)
         _gerono.run_sweep(text, scenario.path, scenario.text, Path(folder), jobs)
     else:
-        values = scenario.values(set)
-        make = controller
+        if logs != "none":
+            raise ValueError("flights of a controller in Python keep no logs: fly the sample again and save it")
+        values = {}
+        for law in makes:
+            settings = (compare or {}).get(law)
+            sets = settings_of(set) + settings_of(None if callable(settings) else settings)
+            # What is varied is a setting as well.
+            varied = [f"{key}=0" for key in vary if key.partition(".")[0] == "controller"]
+            scenario._check_own(sets, varied)
+            values[law] = scenario.values(sets)
+        first = {law: make() for law, make in makes.items()}
+        own = {law: identity_of(made) for law, made in first.items()}
+        numbers = {law: numbers_of(made) for law, made in first.items()}
+        text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs, own)
 
-        def bridge() -> Bridge:
-            return bridge_of(make(), values)
+        def make_own(law: str) -> tuple[Bridge, str] | None:
+            if law not in makes:
+                return None
+            made = makes[law]()
+            if numbers_of(made) != numbers[law]:
+                raise RuntimeError(f"the controller of {law!r} is not the same at every call: all its flights are one law's")
+            return bridge_of(made, values[law]), name_of(made)
 
-        _gerono.sweep_with(text, scenario.path, scenario.text, Path(folder), bridge)
+        _gerono.sweep_with(text, scenario.path, scenario.text, Path(folder), make_own)
     results = Sweep(folder)
     results._keep = keep
     return results
+
+
+def _makes(controller: Make | None, compare: Mapping[str, Settings | Make] | None) -> dict[str, Make]:
+    """Return the makers of controllers by the names of their laws."""
+    if controller is None:
+        return {name: entry for name, entry in (compare or {}).items() if callable(entry)}
+    if any(callable(entry) for entry in (compare or {}).values()):
+        raise ValueError("`controller` flies every law: name the classes in `compare` alone, or leave them out of it")
+    return dict.fromkeys(compare or (_ONLY,), controller)

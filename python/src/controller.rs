@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use numpy::{PyArray1, PyArrayMethods};
+use plugin::float_mode::FloatMode;
 use pyo3::prelude::*;
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, ServiceId};
@@ -94,7 +95,17 @@ impl PythonController {
                 write(array.bind(py), bytes)?;
             }
         }
-        self.step.call1(py, (arrived,))?;
+        let mode = FloatMode::current();
+        let stepped = self.step.call1(py, (arrived,));
+        if FloatMode::current() != mode {
+            mode.set();
+            stepped?;
+            return Err(crate::errors::other(
+                "the controller changed the floating-point mode in its step, which would change the last bits of all numbers; \
+                 set it back, or do not flush subnormal numbers to zero",
+            ));
+        }
+        stepped?;
         for (slot, array) in outputs.iter_mut().zip(&self.outputs) {
             if let Some(bytes) = slot.bytes.as_deref_mut() {
                 let array = array.bind(py).try_readonly()?;

@@ -28,6 +28,11 @@ pub(crate) fn of_scenario(error: &scenario_file::ScenarioError) -> PyErr {
     ScenarioError::new_err(text(error))
 }
 
+/// Error of a scenario that cannot be flown as it is asked for.
+pub(crate) fn refused(message: &str) -> PyErr {
+    ScenarioError::new_err(message.to_owned())
+}
+
 /// Error of a command.
 pub(crate) fn of_command(failure: &Failure) -> PyErr {
     use command_line::exit::Exit;

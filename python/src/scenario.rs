@@ -7,8 +7,8 @@ use command_line::progress::Progress;
 use metrics::summary::{Outcome as SummaryOutcome, RunFacts};
 use pyo3::prelude::*;
 use scenario::Programs;
-use shared_types::Topic;
 use shared_types::service::ErasedService;
+use shared_types::{ServiceId, Topic};
 use supervisor::recording_sink::RecordingSink;
 use supervisor::{FlightFailure, Outcome, in_process};
 
@@ -30,6 +30,16 @@ impl Scenario {
     /// Returns the scenario with settings and a seed.
     pub(crate) fn load(&self, sets: &[String], seed: Option<u64>) -> PyResult<scenario::Scenario> {
         scenario_file::load_from(&self.path, &self.text, sets, seed)
+            .map_err(|error| errors::of_scenario(&error))
+    }
+
+    fn refuse_other_controllers(&self, scenario: &scenario::Scenario, sets: &[String]) -> PyResult<()> {
+        if scenario.has_plugin(ServiceId::Controller) {
+            return Err(errors::refused(
+                "a plug-in and a controller of Python cannot both fly: leave `plugins.controller` or the controller out",
+            ));
+        }
+        scenario_file::refuse_own_law(&self.path, &self.text, sets)
             .map_err(|error| errors::of_scenario(&error))
     }
 }
@@ -85,6 +95,7 @@ impl Scenario {
             .transpose()?;
         let mut own = None;
         if let Some((controller, name)) = controller {
+            self.refuse_other_controllers(&scenario, &sets)?;
             // The log says that another controller flew.
             scenario.programs = Some(Programs {
                 controller: Some(vec![name]),
@@ -93,6 +104,12 @@ impl Scenario {
             own = Some(PythonController::new(controller.bind(py))?);
         }
         fly(py, scenario, topics.as_deref(), own)
+    }
+
+    /// Refuses settings, with which a controller of the caller's is to fly, that name another controller or its gains.
+    fn _check_own(&self, sets: Vec<String>, varied: Vec<String>) -> PyResult<()> {
+        let scenario = self.load(&sets, None)?;
+        self.refuse_other_controllers(&scenario, &[sets, varied].concat())
     }
 
     fn _start(&self, sets: Vec<String>, seed: Option<u64>) -> PyResult<Simulation> {

@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use host::in_process::{FlightError, FlightState, InProcess, TickSink};
 use metrics::summary::FlightSummary;
 use numpy::PyArray1;
+use plugin::float_mode::StandardFloatMode;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shared_types::samples::ControlCommand;
 use shared_types::service::{ErasedService, InputView, OutputSlot, seconds};
@@ -23,6 +25,10 @@ pub(crate) struct Simulation {
     judge: FlightSummary,
     tick_ns: u64,
     is_done: bool,
+    /// `true` once a step has failed: the flight stands within a tick, and only a restored state can go on.
+    has_failed: bool,
+    /// The scenario as JSON: a state is one of its flight alone.
+    scenario: Arc<str>,
 }
 
 /// State of a simulation, from which it can go on any number of times.
@@ -31,6 +37,7 @@ pub(crate) struct Snapshot {
     state: FlightState,
     judge: FlightSummary,
     is_done: bool,
+    scenario: Arc<str>,
 }
 
 /// Command that acts until the next step.
@@ -103,6 +110,8 @@ impl Simulation {
             command,
             judge,
             is_done: false,
+            has_failed: false,
+            scenario: serde_json::to_string(scenario).map_err(errors::other)?.into(),
         };
         simulation.advance()?;
         Ok(simulation)
@@ -112,16 +121,30 @@ impl Simulation {
         self.host.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn refuse_failed(&self) -> PyResult<()> {
+        match self.has_failed {
+            true => Err(errors::other(
+                "a step has failed: restore a snapshot, or start another flight",
+            )),
+            false => Ok(()),
+        }
+    }
+
     /// Flies on to the next step of the controller.
     fn advance(&mut self) -> PyResult<()> {
+        let _mode = StandardFloatMode::enter();
         let Self {
-            host, judge, is_done, ..
+            host,
+            judge,
+            is_done,
+            has_failed,
+            ..
         } = self;
         let host = host.get_mut().unwrap_or_else(PoisonError::into_inner);
         match host.fly_to(ServiceId::Controller, &mut Judge(judge)) {
             Ok(goes_on) => *is_done = !goes_on,
             Err(FlightError::NonFinite(found)) => {
-                *is_done = true;
+                (*is_done, *has_failed) = (true, true);
                 return Err(errors::other(found));
             }
             Err(FlightError::Sink(never)) => match never {},
@@ -161,6 +184,7 @@ impl Simulation {
         torque_body: [f64; 3],
         rates_body: [f64; 3],
     ) -> PyResult<()> {
+        self.refuse_failed()?;
         {
             let mut command = self.command.lock().unwrap_or_else(PoisonError::into_inner);
             (command.thrust, command.torque_body, command.rates_body) = (thrust, torque_body, rates_body);
@@ -183,18 +207,27 @@ impl Simulation {
     }
 
     /// Return the state of the whole flight, to the last bit.
-    fn save(&mut self) -> Snapshot {
-        Snapshot {
+    fn save(&mut self) -> PyResult<Snapshot> {
+        self.refuse_failed()?;
+        Ok(Snapshot {
             state: self.host().save(),
             judge: self.judge.clone(),
             is_done: self.is_done,
-        }
+            scenario: Arc::clone(&self.scenario),
+        })
     }
 
-    /// Go back, or forth, to a state of this flight.
-    fn restore(&mut self, snapshot: &Snapshot) {
+    /// Go back, or forth, to a state of this flight: of the same scenario with the same settings and the same seed.
+    fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
+        if snapshot.scenario != self.scenario {
+            return Err(PyValueError::new_err(
+                "the snapshot is of a flight of another scenario, or with other settings or another seed",
+            ));
+        }
+        self.has_failed = false;
         self.host().restore(&snapshot.state);
         self.judge = snapshot.judge.clone();
         self.is_done = snapshot.is_done;
+        Ok(())
     }
 }

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use command_line::failure::Failure;
 use pyo3::prelude::*;
+use sweep::definition::Entry;
 use sweep::flight::OwnController;
 
 use crate::controller::{Error, PythonController};
@@ -25,7 +27,8 @@ pub(crate) fn run_sweep(
     .map_err(|failure| errors::of_command(&failure))
 }
 
-/// As [`run_sweep`], with a controller that `make` makes for every flight.
+/// As [`run_sweep`], with controllers of the caller's: `make` makes that of a flight from the name of its law, and None for a
+/// law of Gerono's own.
 #[pyfunction]
 pub(crate) fn sweep_with(
     py: Python<'_>,
@@ -36,39 +39,45 @@ pub(crate) fn sweep_with(
     make: Py<PyAny>,
 ) -> PyResult<()> {
     let mut raised = None;
+    let mut last: Option<Error> = None;
     let flown = py.detach(|| {
-        let mut last: Option<Error> = None;
-        let mut own = || {
-            // A flight that its controller has failed ends the sweep.
-            if let Some(error) = last.as_ref().and_then(Error::take) {
+        let mut own = |entry: &Entry| {
+            let made = Python::attach(|py| {
+                // Flights of Gerono's own laws run no code of Python, which would see Ctrl-C.
+                py.check_signals()?;
+                make_own(make.bind(py), &entry.name)
+            });
+            let made = made.map_err(|error| {
                 let message = error.to_string();
                 raised.get_or_insert(error);
-                return Err(command_line::failure::Failure::trouble(message));
-            }
-            let made = Python::attach(|py| PythonController::new(make.bind(py).call0()?.as_any()));
-            made.map_err(|error| {
-                let message = error.to_string();
-                raised.get_or_insert(error);
-                command_line::failure::Failure::trouble(message)
-            })
-            .map(|controller| {
+                Failure::trouble(message)
+            })?;
+            Ok(made.map(|(controller, name)| {
                 let error = controller.error();
                 last = Some(error.clone());
                 OwnController {
+                    name,
                     service: Box::new(controller),
                     has_failed: Box::new(move || error.is_set()),
                 }
-            })
+            }))
         };
-        let flown = sweep::library::run_with(text, scenario_path, scenario_text, &folder, &mut own);
-        let failed = last.and_then(|error| error.take());
-        (flown, failed)
+        sweep::library::run_with(text, scenario_path, scenario_text, &folder, &mut own)
     });
-    let (flown, failed) = flown;
-    let raised = raised.or(failed);
-    match (raised, flown) {
+    let failed = last.and_then(|error| error.take());
+    match (raised.or(failed), flown) {
         (Some(error), _) => Err(error),
         (None, Err(failure)) => Err(errors::of_command(&failure)),
         (None, Ok(())) => Ok(()),
     }
+}
+
+/// Calls `make`, which returns None, or a bridge and the name of its controller.
+fn make_own(make: &Bound<'_, PyAny>, law: &str) -> PyResult<Option<(PythonController, String)>> {
+    let made = make.call1((law,))?;
+    if made.is_none() {
+        return Ok(None);
+    }
+    let (bridge, name): (Bound<'_, PyAny>, String) = made.extract()?;
+    Ok(Some((PythonController::new(&bridge)?, name)))
 }

@@ -6,6 +6,7 @@ import sys
 import controller
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 
 import gerono
 
@@ -64,6 +65,84 @@ def test_planned_faults_act_on_a_class(hover, command, tmp_path):
     replay = subprocess.run([command, "replay", tmp_path, "--quiet"], capture_output=True, text=True)
     assert "controller cannot be computed again" in replay.stdout
     assert replay.returncode == 0, replay.stdout + replay.stderr
+
+
+def test_a_cold_start_begins_with_the_state_of_the_class():
+    """The first step of this controller is not at tick 0, and its memory is not that of Gerono's law."""
+    seen = []
+
+    class Known(gerono.Controller):
+        before, mass, sevens = np.full(3, 7.0), 0.19, 7
+
+        def step(self, now, state, reference, command, errors):
+            seen.append((now.tick, self.mass, self.sevens, *self.before))
+            self.sevens += 1
+            command["mode"] = gerono.FAILSAFE
+
+    laboratory = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml")
+    for state in ("warm", "cold"):
+        seen.clear()
+        outage = {"service": "controller", "kind": "off", "at": 0.3, "for": 0.1, "state": state}
+        short = {"duration": 0.6, "vehicle.change": [], "fault": [outage]}
+        laboratory.fly(set=short, controller=Known())
+        first, *rest = dict(zip((step[0] for step in seen), seen)).values()
+        assert first[0] > 0
+        assert first[1:] == (0.19, 7, 7.0, 7.0, 7.0)
+        assert all(step[1] == 0.19 for step in rest)
+        begun_anew = [step[2] for step in rest if step[2] == 7]
+        assert len(begun_anew) == (state == "cold")
+
+
+forgotten = [0.0]
+
+
+class Forgets(controller.Hover):
+    """A controller whose integral is a variable of the module."""
+
+    def step(self, now, state, reference, command, errors):
+        super().step(now, state, reference, command, errors)
+        forgotten[0] += 1e-3
+        command["thrust"] += forgotten[0]
+
+
+class Remembers(Forgets):
+    """The same, which saves the variable."""
+
+    def save(self):
+        return [*super().save(), forgotten[0]]
+
+    def restore(self, numbers):
+        super().restore(numbers[:-1])
+        forgotten[0] = numbers[-1]
+
+
+class ForgetsOfItself(controller.Hover):
+    """A controller whose memory is a constant by its type."""
+
+    last = (0.0,)
+
+    def step(self, now, state, reference, command, errors):
+        super().step(now, state, reference, command, errors)
+        self.last = (self.last[0] + 1e-3,)
+        command["thrust"] += self.last[0]
+
+
+def test_forgotten_state_is_found_in_every_flight(hover):
+    for kind in (Forgets, ForgetsOfItself):
+        forgotten[0] = 0.0
+        with pytest.raises(RuntimeError, match=f"{kind.__name__} forgets a part of its state"):
+            hover.fly(set={"duration": 0.5}, controller=kind())
+    flights = []
+    for _ in range(2):
+        forgotten[0] = 0.0
+        flights.append(hover.fly(set={"duration": 0.5}, controller=Remembers()).digest)
+    assert flights[0] == flights[1]
+
+
+def test_settings_of_another_law_are_refused(hover):
+    for key, value in {"controller.law": "indi", "controller.k1": 5.0}.items():
+        with pytest.raises(gerono.ScenarioError, match="has no effect"):
+            hover.fly(set={key: value, "duration": 0.1}, controller=controller.Hover())
 
 
 def test_classes_are_not_shared_by_flights(hover):

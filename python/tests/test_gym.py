@@ -16,6 +16,11 @@ def test_gymnasium_finds_nothing_wrong(name):
     check_env(gerono.gym.Env(gerono.Scenario(REPOSITORY / "scenarios" / f"{name}.toml")), skip_render_check=True)
 
 
+def test_only_a_scenario_makes_an_environment():
+    with pytest.raises(TypeError, match=r"made of a gerono\.Scenario, not of a str"):
+        gerono.gym.Env("fig1.toml")
+
+
 def test_seeds_count():
     environment = gerono.gym.Env(gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml"))
 

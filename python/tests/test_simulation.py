@@ -43,3 +43,28 @@ def test_a_vehicle_that_falls_is_lost(hover):
         simulation.step(0.0)
     assert "m from the path" in simulation.lost
     assert simulation.time < 3.0
+
+
+def test_a_snapshot_is_of_one_flight(hover, fig1):
+    """Another scenario, other settings or another seed make another flight."""
+    snapshot = hover.start().save()
+    hover.start().restore(snapshot)
+    for other in (fig1.start(), hover.start(seed=99), hover.start(set={"vehicle.mass": 0.21})):
+        with pytest.raises(ValueError, match="of a flight of another scenario"):
+            other.restore(snapshot)
+
+
+def test_a_flight_that_has_failed_goes_on_from_a_snapshot_only(hover):
+    simulation = hover.start()
+    fly(simulation, controller.Hover(), until=0.5)
+    snapshot = simulation.save()
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(RuntimeError, match="not finite"):
+            simulation.step(wrong)
+        for use in (lambda: simulation.step(2.0), simulation.save):
+            with pytest.raises(RuntimeError, match="a step has failed"):
+                use()
+        simulation.restore(snapshot)
+        simulation.step(2.0)
+        assert simulation.time == pytest.approx(0.505)
+        simulation.restore(snapshot)

@@ -1,6 +1,7 @@
 """Sweeps have the rows of the command."""
 
 import subprocess
+import types
 
 import controller
 import pytest
@@ -76,6 +77,113 @@ def test_a_class_is_swept(hover):
     assert flight.summary.metrics.rmse == row["rmse"]
 
 
+class Stiff(controller.Hover):
+    """The hover controller, which pushes a little more."""
+
+    more = 1.05
+
+    def step(self, now, state, reference, command, errors):
+        super().step(now, state, reference, command, errors)
+        command["thrust"] *= self.more
+
+
+HOVER = {"vary": {"vehicle.mass": gerono.uniform(0.19, 0.21)}, "samples": 6, "set": {"duration": 2.0}}
+
+
+def test_classes_and_laws_are_compared_on_the_same_samples(hover):
+    alone = gerono.Scenario(hover.path, hover.text.split("[programs]")[0])
+    compare = {"mine": controller.Hover, "stiff": Stiff, "paper": {}}
+    runs = gerono.sweep(alone, compare=compare, **HOVER)
+    rows = runs.to_pandas()
+    for law, flown in {"mine": controller.Hover, "stiff": Stiff, "paper": None}.items():
+        for row in rows[rows["law"] == law].to_dict("records"):
+            sets = HOVER["set"] | {"vehicle.mass": row["vehicle.mass"]}
+            flight = alone.fly(row["seed"], sets, flown and flown())
+            assert flight.summary.metrics.rmse == row["rmse"]
+    errors = [rows[rows["law"] == law]["rmse"].tolist() for law in compare]
+    assert errors[0] != errors[1] != errors[2]
+    pairs = {(entry.law, entry.reference, entry.pairs) for entry in runs.summary.differences if entry.name == "rmse"}
+    assert pairs == {("stiff", "mine", 6), ("paper", "mine", 6)}
+    # No theorem is about a class.
+    assert rows[rows["law"] == "mine"]["ultimate_bound"].isna().all()
+
+
+def test_what_is_named_flies_or_is_refused(hover):
+    for wrong in ({"compare": {"mine": {}, "indi": {"controller.law": "indi"}}}, {"set": {"controller.k1": 5.0}}):
+        with pytest.raises(gerono.ScenarioError, match="has no effect"):
+            gerono.sweep(hover, controller=controller.Hover, **HOVER | wrong)
+    with pytest.raises(gerono.ScenarioError, match="has no effect"):
+        gerono.sweep(hover, controller=controller.Hover, **HOVER | {"vary": {"controller.k1": gerono.uniform(1.0, 2.0)}})
+    with pytest.raises(ValueError, match="flies every law"):
+        gerono.sweep(hover, controller=controller.Hover, compare={"stiff": Stiff}, **HOVER)
+
+
+def test_a_folder_belongs_to_one_class_and_one_sweep(hover, tmp_path):
+    first = gerono.sweep(hover, controller=controller.Hover, folder=tmp_path, **HOVER).to_pandas()
+    again = gerono.sweep(hover, controller=controller.Hover, folder=tmp_path, **HOVER).to_pandas()
+    assert first.equals(again)
+
+    class Stiffer(Stiff):
+        more = 1.1
+
+    for other in (Stiff, Stiffer, None):
+        with pytest.raises(gerono.ScenarioError, match="of another sweep"):
+            gerono.sweep(hover, controller=other, folder=tmp_path, **HOVER)
+    with pytest.raises(gerono.ScenarioError, match="of another sweep"):
+        gerono.sweep(hover, controller=controller.Hover, folder=tmp_path, **HOVER | {"samples": 7})
+
+
+def test_identities_are_of_code_and_numbers():
+    from gerono._identity import identity_of
+
+    def made(source, **numbers):
+        names = {"Hover": controller.Hover, "__name__": "written"}
+        exec(source, names)  # noqa: S102
+        law = names["Law"]()
+        vars(law).update(numbers)
+        return identity_of(law)
+
+    source = "gain = 2.0\ndef help(x): return gain * x\nclass Law(Hover):\n    k = 1.0\n    def step(self, *all): help(self.k)\n"
+    same = made(source)
+    assert made(source) == same
+    others = [source.replace("2.0", "2.5"), source.replace("gain * x", "gain + x"), source.replace("1.0", "1.5")]
+    assert len({same, made(source, k=3.0), *map(made, others)}) == 5
+
+
+def test_a_flight_that_was_broken_off_leaves_no_row(hover, tmp_path):
+    fails = [True]
+
+    class Fails(controller.Hover):
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            if now.time > 1.0 and fails[0]:
+                raise ZeroDivisionError("at one second")
+
+    whole = gerono.sweep(hover, controller=controller.Hover, **HOVER).to_pandas()
+    with pytest.raises(ZeroDivisionError, match="at one second"):
+        gerono.sweep(hover, controller=Fails, folder=tmp_path, **HOVER)
+    (rows,) = tmp_path.glob("*.rows.partial")
+    assert len(rows.read_text().splitlines()) == 1
+
+    class Interrupted(controller.Hover):
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            stop.steps -= 1
+            if stop.steps == 0:
+                raise KeyboardInterrupt
+
+    # Its numbers are no part of the class, whose rows are to be resumed.
+    stop = types.SimpleNamespace(steps=1000)
+    folder = tmp_path / "interrupted"
+    with pytest.raises(KeyboardInterrupt):
+        gerono.sweep(hover, controller=Interrupted, folder=folder, **HOVER)
+    (rows,) = folder.glob("*.rows.partial")
+    kept = len(rows.read_text().splitlines()) - 1
+    assert 0 < kept < 6
+    resumed = gerono.sweep(hover, controller=Interrupted, folder=folder, **HOVER).to_pandas()
+    assert resumed["rmse"].tolist() == whole["rmse"].tolist()
+
+
 def test_what_is_wrong_is_said(fig1):
     with pytest.raises(gerono.ScenarioError, match="masss"):
         gerono.sweep(fig1, {"vehicle.masss": gerono.uniform(0.1, 0.2)}, samples=2)
@@ -86,4 +194,4 @@ def test_what_is_wrong_is_said(fig1):
         raise LookupError("no controller")
 
     with pytest.raises(LookupError, match="no controller"):
-        gerono.sweep(fig1, VARY, samples=2, set=SHORT, controller=broken)
+        gerono.sweep(fig1, HOVER["vary"], samples=2, set=SHORT, controller=broken)
