@@ -157,7 +157,7 @@ def sweep(
     `uniform`, `log_uniform`, `normal`, `choice`, a constant, an expression of other varied values, or a list of these;
     `compare` has settings or controllers by name, all flown on the same samples: `{"mine": Mine, "indi":
     {"controller.law": "indi"}}` has the paired statistics of a class and a law. In a `folder` an interrupted sweep goes
-    on where it was, a complete one is read and not flown again, and one of other values, code or build is refused;
+    on where it was, a complete one is only read, and one of other values, code or build is refused;
     without a folder the results live as long as the returned object.
 
     A controller is made for each flight by a class, or a function; `controller` makes that of every law. Settings that

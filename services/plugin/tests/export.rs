@@ -10,6 +10,7 @@ use shared_types::samples::ControlTelemetry;
 use shared_types::service::BuildError;
 use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Now, Service, ServiceId};
+use zerocopy::FromZeros;
 
 /// A controller whose functions panic if the scenario says so.
 struct Frail {
@@ -40,7 +41,7 @@ impl Service for Frail {
 
     fn save(&self) -> ControlTelemetry {
         self.pass(1.0);
-        ControlTelemetry::default()
+        ControlTelemetry::new_zeroed()
     }
 
     fn restore(&mut self, _: &ControlTelemetry) {
@@ -68,7 +69,7 @@ fn size_after(panics_in: f64) -> usize {
         parameter_count: 1,
         asked: asked.as_ptr(),
     };
-    let mut state = ControlTelemetry::default();
+    let mut state = ControlTelemetry::new_zeroed();
     let place: *mut c_void = (&raw mut state).cast();
     // SAFETY: every pointer leads to what the interface says, and outlives the calls.
     let size = unsafe {

@@ -50,6 +50,11 @@ fn values_for_no_machine_are_refused() {
         core: Some(1024),
         ..Deployment::default()
     };
+    let of_cameras = Deployment {
+        motion_capture: Some(common.common()),
+        ..Deployment::default()
+    };
+    assert_eq!(deployed(of_cameras).len(), 2, "neither such a process nor such a core");
     assert_only(
         &deployed(common),
         "deployment.core",
@@ -83,30 +88,6 @@ fn values_for_no_machine_are_refused() {
             "give 1e-6",
         );
     }
-}
-
-#[test]
-fn a_table_of_a_process_that_does_not_fly_is_refused() {
-    let of_cameras = |timer_slack| Deployment {
-        motion_capture: Some(ServiceDeployment {
-            timer_slack,
-            ..ServiceDeployment::default()
-        }),
-        ..Deployment::default()
-    };
-    let (key, reason) = (
-        "deployment.motion_capture",
-        "no process is called `motion_capture` in this flight",
-    );
-    assert_only(
-        &deployed(of_cameras(None)),
-        key,
-        reason,
-        "name the table `deployment.plant`",
-    );
-    let problems = deployed(of_cameras(Some(f64::NAN)));
-    let keys: Vec<_> = problems.iter().map(|problem| problem.key.to_string()).collect();
-    assert_eq!(keys, [key, "deployment.motion_capture.timer_slack"]);
 }
 
 #[test]
