@@ -245,7 +245,11 @@ fn a_complete_folder_belongs_to_one_sweep_scenario_and_plug_in() {
         let words = String::from_utf8_lossy(&output.stderr).into_owned();
         (
             output.status.code(),
-            words.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" "),
+            words
+                .split([' ', '\n', '│'])
+                .filter(|word| !word.is_empty())
+                .collect::<Vec<_>>()
+                .join(" "),
         )
     };
     assert_eq!(again().0, Some(0));

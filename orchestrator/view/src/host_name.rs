@@ -22,12 +22,13 @@ pub struct HostNames {
 }
 
 impl HostNames {
-    /// Returns the names of a server that listens at `address`, with `more` that a person has permitted.
+    /// Returns the names of a server that listens at `address`, with `more` that a person has permitted, whose ports do not
+    /// matter.
     #[must_use]
     pub fn of(address: IpAddr, more: &[String]) -> Self {
         let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned(), "[::1]".to_owned()];
         names.push(in_url(address));
-        names.extend(more.iter().cloned());
+        names.extend(more.iter().map(|name| without_port(name).to_owned()));
         Self {
             names,
             has_all_addresses: address.is_unspecified(),
@@ -108,8 +109,16 @@ mod tests {
 
     #[test]
     fn a_server_at_all_addresses_has_them_for_names_and_those_that_were_permitted() {
-        let names = HostNames::of(Ipv4Addr::UNSPECIFIED.into(), &["lab.example".to_owned()]);
-        for host in ["10.1.2.3:8421", "[fe80::1]:8421", "lab.example", "LAB.example:80"] {
+        let permitted = ["lab.example", "desk.example:8443"].map(str::to_owned);
+        let names = HostNames::of(Ipv4Addr::UNSPECIFIED.into(), &permitted);
+        for host in [
+            "10.1.2.3:8421",
+            "[fe80::1]:8421",
+            "lab.example",
+            "LAB.example:80",
+            "desk.example",
+            "desk.example:8443",
+        ] {
             assert!(is_permitted_to(&names, host), "{host}");
         }
         for host in [

@@ -54,7 +54,7 @@ fn values_for_no_machine_are_refused() {
         motion_capture: Some(common.common()),
         ..Deployment::default()
     };
-    assert_eq!(deployed(of_cameras).len(), 2, "neither such a process nor such a core");
+    assert_eq!(deployed(of_cameras).len(), 2, "no process, no core");
     assert_only(
         &deployed(common),
         "deployment.core",
