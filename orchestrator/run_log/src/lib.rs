@@ -23,6 +23,7 @@ mod host_reader;
 mod host_samples;
 mod host_writer;
 mod manifest;
+mod metadata_index;
 mod parts;
 mod reader;
 mod records;

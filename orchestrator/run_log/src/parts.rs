@@ -5,12 +5,12 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use mcap::McapError;
-use mcap::records::{Metadata, Record, op};
+use mcap::records::{Metadata, Record};
 
+use super::reader::{LogReadError, LogReader};
 use super::records::{self, RawRecord, Records};
 
 const NUMBER_KEY: &str = "number";
@@ -18,6 +18,9 @@ const SAMPLES_KEY: &str = "samples_before";
 
 /// Name of the metadata record behind the last sample of a file after which the log goes on.
 pub(super) const GOES_ON: &str = "gerono_goes_on";
+
+/// Begin of the names of the channels of a machine's record.
+const HOST_CHANNELS: &str = "host/";
 
 /// The place of a file in a log that was split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -201,25 +204,48 @@ pub enum Ending {
     GoesOn(u64),
 }
 
-/// Reads a log to its last checksum, and returns its end.
+/// Reads a file to its last checksum, and returns its end: a log of a flight as every command reads it, so that what is whole
+/// for one is whole for all, and the record of a machine by its checksums.
 ///
 /// # Errors
-/// What the system says if the file cannot be read.
-pub fn ending(path: &Path) -> io::Result<Ending> {
-    let file = File::open(path)?;
-    let bytes = file.metadata()?.len();
+/// [`LogReadError`] if the file cannot be read, or is neither.
+pub fn ending(path: &Path) -> Result<Ending, LogReadError> {
+    let mut reader = match LogReader::open_alone(path) {
+        Ok(reader) => reader,
+        Err(LogReadError::Unclosed { .. } | LogReadError::Damaged { .. }) => return Ok(Ending::Broken),
+        Err(error @ LogReadError::Foreign { .. }) => return ending_of_host_log(path).ok_or(error),
+        Err(error) => return Err(error),
+    };
+    loop {
+        match reader.next_sample() {
+            Ok(Some(_)) => {}
+            Ok(None) => return Ok(Ending::Last),
+            Err(LogReadError::MissingPart { missing, .. }) => {
+                return Ok(number_of(&missing).map_or(Ending::Broken, Ending::GoesOn));
+            }
+            Err(error @ LogReadError::Io { .. }) => return Err(error),
+            Err(_) => return Ok(Ending::Broken),
+        }
+    }
+}
+
+/// Returns the end of a record of a machine, or of a file that is not whole; none of a whole file of another program.
+fn ending_of_host_log(path: &Path) -> Option<Ending> {
+    let file = File::open(path).ok()?;
+    let bytes = file.metadata().ok()?.len();
     let mut records = Records::new(BufReader::with_capacity(1 << 16, file), bytes);
     let mut record = RawRecord::default();
-    let mut ending = Ending::Last;
+    let mut is_known = false;
     loop {
         match records.next(&mut record) {
-            Ok(true) if record.opcode == op::METADATA => {
-                ending = next_number(&record).map_or(ending, Ending::GoesOn);
+            Ok(true) => {
+                is_known |= match records::parse(record.opcode, &record.body) {
+                    Ok(Record::Channel(channel)) => channel.topic.starts_with(HOST_CHANNELS),
+                    _ => false,
+                }
             }
-            Ok(true) => {}
-            Ok(false) => return Ok(ending),
-            Err(McapError::Io(error)) => return Err(error),
-            Err(_) => return Ok(Ending::Broken),
+            Ok(false) => return is_known.then_some(Ending::Last),
+            Err(_) => return Some(Ending::Broken),
         }
     }
 }

@@ -7,7 +7,7 @@ use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::records::{Record, op};
+use mcap::records::{Metadata, Record, op};
 use shared_types::sample::CDR_HEADER;
 use shared_types::service::header_of;
 use shared_types::{Header, Published, Topic};
@@ -15,8 +15,9 @@ use zerocopy::IntoBytes;
 
 use super::framing::LAYOUT_KEY;
 use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProblem};
+use super::metadata_index::metadata_by_index;
 use super::parts::{self, Numbered, Part, files_after, next_number};
-use super::records::{self, RawRecord, Records, is_message_index};
+use super::records::{self, RawRecord, Records, is_declaration, is_message_index};
 use super::recovery::Recovery;
 
 /// Reason why a log cannot be read.
@@ -152,6 +153,8 @@ pub struct LogReader {
     following: VecDeque<Numbered>,
     /// `true` if the file says that another one follows.
     goes_on: bool,
+    /// Number of the file that followed when this one was recovered.
+    followed_by: Option<u64>,
     /// `true` if the file before this one was recovered.
     follows_recovered: bool,
     /// `true` if this file was recovered.
@@ -180,11 +183,22 @@ impl LogReader {
     /// # Errors
     /// [`LogReadError`]; in particular [`LogReadError::Layouts`] for the log of a program whose samples differ.
     pub fn open(path: &Path) -> Result<Self, LogReadError> {
+        Self::open_with(path, true)
+    }
+
+    /// Opens a file of a log without those in which the log goes on.
+    pub(super) fn open_alone(path: &Path) -> Result<Self, LogReadError> {
+        Self::open_with(path, false)
+    }
+
+    fn open_with(path: &Path, follows: bool) -> Result<Self, LogReadError> {
         let Opened { records, head } = Opened::open(path)?;
-        let following = head.part.map_or_else(Vec::new, |_| files_after(path));
+        let part = head.part.filter(|_| follows);
+        let following = part.map_or_else(Vec::new, |_| files_after(path));
         let later = following.iter().filter_map(|(_, path)| Opened::open(path).ok());
         let later = later.filter_map(|opened| opened.head.recovery);
         let is_recovered = head.recovery.is_some();
+        let followed_by = followed_by(&head);
         Ok(Self {
             path: path.to_owned(),
             manifest: head.manifest,
@@ -192,6 +206,7 @@ impl LogReader {
             part: head.part,
             following: following.into(),
             goes_on: false,
+            followed_by,
             follows_recovered: false,
             is_recovered,
             opened_at: head.part.map_or(0, |part| part.samples_before),
@@ -308,9 +323,15 @@ impl LogReader {
         let is_there = next
             .as_ref()
             .is_some_and(|(number, _)| *number == part.number + 1);
-        if self.goes_on && !is_there {
+        let missing = if self.goes_on && !is_there {
+            Some(part.number + 1)
+        } else {
+            let found = next.as_ref().map_or(u64::MAX, |(number, _)| *number);
+            self.followed_by.filter(|followed_by| found > *followed_by)
+        };
+        if let Some(missing) = missing {
             return Err(LogReadError::MissingPart {
-                missing: parts::part_beside(&self.path, part.number + 1),
+                missing: parts::part_beside(&self.path, missing),
                 path: self.path.clone(),
                 samples: self.samples,
                 last_tick: self.last_tick,
@@ -336,6 +357,7 @@ impl LogReader {
         };
         self.check_follows(number, &head)?;
         self.is_recovered = head.recovery.is_some();
+        self.followed_by = followed_by(&head);
         self.part = head.part;
         self.records = records;
         self.channels.clear();
@@ -367,13 +389,21 @@ impl LogReader {
             {
                 return Ok(None);
             }
-            // Nothing but what the writer writes: of a chunk whose kind was damaged, the samples would be missing
-            // without a word until the checksum at the end.
+            // Nothing but what MCAP knows: of a chunk whose kind was damaged, the samples would be missing without a word
+            // until the checksum at the end. Programs that copy logs declare channels outside of chunks, and put metadata and
+            // indexes where they like.
             match (self.record.opcode, self.place()) {
                 (op::MESSAGE, Place::Chunk) => return self.take_message().map(Some),
                 (op::CHANNEL | op::SCHEMA, Place::Chunk) => self.take_declaration()?,
+                (op::CHANNEL | op::SCHEMA, Place::Data)
+                    if is_declaration(self.record.opcode, &self.record.body) =>
+                {
+                    self.take_declaration()?;
+                }
                 (op::MESSAGE_INDEX, Place::Data) if is_message_index(&self.record.body) => {}
-                (op::METADATA, Place::Data) if next_number(&self.record).is_some() => self.goes_on = true,
+                (op::METADATA, Place::Data) if is_declaration(op::METADATA, &self.record.body) => {
+                    self.goes_on |= next_number(&self.record).is_some();
+                }
                 (op::DATA_END, Place::Data) => self.is_in_summary = true,
                 (
                     op::CHANNEL
@@ -468,6 +498,10 @@ impl LogReader {
     }
 }
 
+fn followed_by(head: &LogHead) -> Option<u64> {
+    head.recovery.as_ref().and_then(|recovery| recovery.goes_on_in)
+}
+
 /// Part of a log.
 #[derive(Clone, Copy)]
 enum Place {
@@ -503,20 +537,81 @@ impl Opened {
         let file = File::open(path).map_err(failed)?;
         let file_bytes = file.metadata().map_err(failed)?.len();
         let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
-        let head = read_head(path, &mut records)?;
+        if let Some(head) = read_head(path, &mut records)? {
+            return Ok(Self { records, head });
+        }
+        // Another program has moved the facts behind the samples, where the summary names them.
+        let mut gathered = HeadGatherer::new(path);
+        let mut head = None;
+        for metadata in metadata_by_index(path).map_err(failed)? {
+            head = head.or(gathered.take(&metadata)?);
+        }
+        let head = head.ok_or_else(|| gathered.foreign("it holds no manifest of a flight"))?;
+        let file = File::open(path).map_err(failed)?;
+        let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
+        // Its header, which the first look has found.
+        let mut header = RawRecord::default();
+        records
+            .next(&mut header)
+            .map_err(|error| explain(path, error, 0, None))?;
         Ok(Self { records, head })
     }
 }
 
-/// Reads up to the manifest, which precedes all samples, and what stands before it of a recovery and of a split.
-fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<LogHead, LogReadError> {
-    let foreign = |reason| LogReadError::Foreign {
-        path: path.to_owned(),
-        reason,
-    };
-    let mut part = None;
+/// Gathers the facts of a file from its metadata, in which the manifest comes last.
+struct HeadGatherer<'a> {
+    path: &'a Path,
+    recovery: Option<Recovery>,
+    part: Option<Part>,
+}
+
+impl<'a> HeadGatherer<'a> {
+    fn new(path: &'a Path) -> Self {
+        Self {
+            path,
+            recovery: None,
+            part: None,
+        }
+    }
+
+    fn foreign(&self, reason: &'static str) -> LogReadError {
+        LogReadError::Foreign {
+            path: self.path.to_owned(),
+            reason,
+        }
+    }
+
+    /// Takes a record, and returns the facts if it is the manifest. Metadata of other programs are passed over.
+    fn take(&mut self, metadata: &Metadata) -> Result<Option<LogHead>, LogReadError> {
+        let facts = &metadata.metadata;
+        match metadata.name.as_str() {
+            Recovery::RECORD_NAME => {
+                let senseless = || self.foreign("what it says of its recovery makes no sense");
+                self.recovery = Some(Recovery::from_metadata(facts).ok_or_else(senseless)?);
+            }
+            Part::RECORD_NAME => {
+                let senseless = || self.foreign("what it says of its place in the log makes no sense");
+                self.part = Some(Part::from_metadata(facts).ok_or_else(senseless)?);
+            }
+            Manifest::RECORD_NAME => {
+                let manifest = Manifest::from_metadata(facts);
+                return Ok(Some(LogHead {
+                    manifest: manifest.map_err(|problem| explain_manifest(self.path, problem))?,
+                    recovery: self.recovery.take(),
+                    part: self.part,
+                }));
+            }
+            COPY_RECORD_NAME => return Err(self.foreign("it is a copy for viewers")),
+            _ => {}
+        }
+        Ok(None)
+    }
+}
+
+/// Reads up to the manifest, and what stands before it of a recovery and of a split; none if samples come first.
+fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<Option<LogHead>, LogReadError> {
+    let mut gathered = HeadGatherer::new(path);
     let mut record = RawRecord::default();
-    let mut recovery = None;
     while records
         .next(&mut record)
         .map_err(|error| explain(path, error, 0, None))?
@@ -526,34 +621,14 @@ fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<LogH
         }
         let metadata = match records::parse(record.opcode, &record.body) {
             Ok(Record::Metadata(metadata)) => metadata,
-            Ok(_) => break,
+            Ok(_) => return Ok(None),
             Err(error) => return Err(explain(path, error, 0, None)),
         };
-        match metadata.name.as_str() {
-            Recovery::RECORD_NAME => {
-                let found = Recovery::from_metadata(&metadata.metadata);
-                recovery = Some(found.ok_or_else(|| foreign("what it says of its recovery makes no sense"))?);
-            }
-            Part::RECORD_NAME => {
-                let found = Part::from_metadata(&metadata.metadata);
-                part = Some(
-                    found.ok_or_else(|| foreign("what it says of its place in the log makes no sense"))?,
-                );
-            }
-            Manifest::RECORD_NAME => {
-                let manifest = Manifest::from_metadata(&metadata.metadata);
-                let manifest = manifest.map_err(|problem| explain_manifest(path, problem))?;
-                return Ok(LogHead {
-                    manifest,
-                    recovery,
-                    part,
-                });
-            }
-            COPY_RECORD_NAME => return Err(foreign("it is a copy for viewers")),
-            _ => return Err(foreign("its first metadata is not the manifest of a flight")),
+        if let Some(head) = gathered.take(&metadata)? {
+            return Ok(Some(head));
         }
     }
-    Err(foreign("it does not begin with the manifest of a flight"))
+    Err(gathered.foreign("it holds no manifest of a flight"))
 }
 
 fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {

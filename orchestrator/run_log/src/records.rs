@@ -278,3 +278,21 @@ pub(super) fn is_message_index(body: &[u8]) -> bool {
     };
     u32::from_le_bytes(*length) as usize == pairs.len() && pairs.len().is_multiple_of(PAIR_BYTES)
 }
+
+/// Returns whether these bytes can be a schema, a channel or metadata: numbers, and fields whose lengths fill the rest. Other
+/// kinds are none of them.
+pub(super) fn is_declaration(opcode: u8, body: &[u8]) -> bool {
+    let (numbers_bytes, fields) = match opcode {
+        op::SCHEMA => (2, 3),
+        op::CHANNEL => (4, 3),
+        op::METADATA => (0, 2),
+        _ => return false,
+    };
+    let mut rest = body.get(numbers_bytes..);
+    for _ in 0..fields {
+        rest = rest
+            .and_then(<[u8]>::split_first_chunk)
+            .and_then(|(length, rest)| rest.get(u32::from_le_bytes(*length) as usize..));
+    }
+    rest.is_some_and(<[u8]>::is_empty)
+}

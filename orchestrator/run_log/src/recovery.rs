@@ -26,7 +26,8 @@ use self::scan::{Chunk, Piece, Scan};
 use super::compression::Compression;
 use super::framing::{Content, LogError, McapFile};
 use super::manifest::{Manifest, ManifestProblem, topics_of};
-use super::parts::{Ending, Part, ending};
+use super::parts::{Ending, Part, ending, files_after};
+use super::reader::LogReadError;
 
 pub use self::report::{Gap, Recovery, SampleTime};
 
@@ -55,6 +56,12 @@ pub enum RecoverError {
     /// The file is empty.
     #[error("{} is empty: the run ended before its first chunk was written; there is nothing to recover", .0.display())]
     Empty(PathBuf),
+    /// The file is whole, and another program's.
+    #[error(transparent)]
+    Other(LogReadError),
+    /// Nothing in the file is of a flight.
+    #[error("{} is not a run log: no part of it is one of a flight; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
+    NoFlight(PathBuf),
     /// The file is none that a run writes.
     #[error("{} is no log: it does not begin as an MCAP file does, and no part of it is one; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
     Foreign(PathBuf),
@@ -87,8 +94,8 @@ pub enum RecoverError {
 /// Returns whether a log is complete to its last checksum.
 ///
 /// # Errors
-/// What the system says if the file cannot be read.
-pub fn is_whole(path: &Path) -> io::Result<bool> {
+/// [`LogReadError`] if the file cannot be read, or is no log of ours.
+pub fn is_whole(path: &Path) -> Result<bool, LogReadError> {
     Ok(ending(path)? != Ending::Broken)
 }
 
@@ -115,7 +122,10 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     let mut kinds = kinds();
     let survey = Survey::of(source, &kinds)?;
     let part = survey.part;
-    let (manifest, recovery) = survey.finish(source, scenario)?;
+    let (manifest, mut recovery) = survey.finish(source, scenario)?;
+    // So that the file is missed if it is lost later: the source's own word may have been in the damage.
+    let next = part.and_then(|_| files_after(source).into_iter().next());
+    recovery.goes_on_in = next.map(|(number, _)| number);
     if let Some(manifest) = &manifest {
         channels::name_telemetry(&mut kinds, &manifest.scenario);
     }
@@ -309,7 +319,13 @@ impl<'a> Survey<'a> {
         }
         let samples = self.recovery.kept();
         if samples == 0 {
-            return Err(nothing_in(path));
+            let has_other =
+                self.recovery.strange > 0 && matches!(self.manifest, Err(ManifestProblem::Absent));
+            return Err(if has_other {
+                RecoverError::NoFlight(path)
+            } else {
+                nothing_in(path)
+            });
         }
         let has_flown = Topic::ALL
             .iter()

@@ -13,8 +13,8 @@ use evaluation::{info, plot};
 use result_file::ResultFile;
 use run_log::run_folder::log_meant_by;
 use run_log::{
-    Ending, ExportError, LogReader, RecoverError, ViewError, ending, files_of_log, host_log_beside, is_whole,
-    number_of, recovered_path, written_files,
+    Ending, ExportError, LogReadError, LogReader, RecoverError, ViewError, ending, files_of_log,
+    host_log_beside, is_whole, number_of, recovered_path, written_files,
 };
 
 /// `gerono plot`.
@@ -208,11 +208,14 @@ fn recover_all(
 }
 
 fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {
-    if is_whole(log).unwrap_or(false) {
-        print(format!("{} is whole: nothing to recover\n", log.display()));
-        return Ok(());
+    match is_whole(log) {
+        Ok(true) => {
+            print(format!("{} is whole: nothing to recover\n", log.display()));
+            Ok(())
+        }
+        Err(error @ LogReadError::Foreign { .. }) => Err(RecoverError::Other(error)),
+        Ok(false) | Err(_) => recover_broken(log, target, scenario),
     }
-    recover_broken(log, target, scenario)
 }
 
 fn recover_broken(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {

@@ -265,6 +265,64 @@ fn a_log_without_its_scenario_is_refused() {
     }
 }
 
+/// The records of a log as a program writes them that puts the facts behind the samples.
+fn with_facts_last(log: &[u8]) -> Vec<u8> {
+    let mut written = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut written).unwrap();
+    for message in mcap::MessageStream::new(log).unwrap() {
+        writer.write(&message.unwrap()).unwrap();
+    }
+    for record in mcap::read::LinearReader::new(log).unwrap() {
+        if let Record::Metadata(metadata) = record.unwrap() {
+            writer.write_metadata(&metadata).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    written.into_inner()
+}
+
+/// The same log with copies of its schemas and channels before the first chunk, and without a checksum of all data.
+fn with_declarations_outside(log: &[u8]) -> Vec<u8> {
+    const FRAME: usize = 9;
+    let first = chunk_offsets(log)[0];
+    // Times, size, checksum and the length of an empty name precede the length and the records of a chunk.
+    let mut at = first + FRAME + 8 + 8 + 8 + 4 + 4 + 8;
+    let mut declarations = Vec::new();
+    while matches!(log[at], op::SCHEMA | op::CHANNEL) {
+        let length: [u8; 8] = log[at + 1..at + FRAME].try_into().unwrap();
+        let end = at + FRAME + u64::from_le_bytes(length) as usize;
+        declarations.extend_from_slice(&log[at..end]);
+        at = end;
+    }
+    assert!(!declarations.is_empty());
+    let mut changed = [&log[..first], &declarations, &log[first..]].concat();
+    let data_end = [op::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0];
+    let place = changed
+        .windows(FRAME)
+        .rposition(|frame| frame == data_end)
+        .unwrap();
+    changed[place + FRAME..place + FRAME + 4].fill(0);
+    changed
+}
+
+#[test]
+fn a_log_that_another_program_has_copied_is_read_as_the_one_that_was_written() {
+    let log = recorded(Compression::None);
+    for copy in [with_facts_last(&log.file), with_declarations_outside(&log.file)] {
+        let (found, end) = log.read(&copy);
+        end.unwrap();
+        assert_eq!(found, log.samples());
+        let path = log.folder.path().join("other.mcap");
+        assert!(crate::is_whole(&path).unwrap());
+        let manifest = LogReader::open(&path).unwrap();
+        assert_eq!(manifest.manifest().scenario, log.scenario);
+        // A copy that is cut is not whole for anybody.
+        fs::write(&path, &copy[..copy.len() / 2]).unwrap();
+        assert!(!crate::is_whole(&path).is_ok_and(|is_whole| is_whole));
+    }
+}
+
 #[test]
 fn a_log_of_another_program_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -281,6 +339,10 @@ fn a_log_of_another_program_is_refused() {
     writer.finish().unwrap();
     let error = LogReader::open(&path).map(|_| ()).unwrap_err();
     assert!(matches!(error, LogReadError::Foreign { .. }), "{error}");
+    let error = crate::is_whole(&path).unwrap_err();
+    assert!(matches!(error, LogReadError::Foreign { .. }), "{error}");
+    let error = crate::recover(&path, &folder.path().join("saved.mcap"), None).unwrap_err();
+    assert!(error.to_string().contains("is not a run log"), "{error}");
 }
 
 #[test]

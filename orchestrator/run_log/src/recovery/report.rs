@@ -31,6 +31,9 @@ pub struct Recovery {
     pub planned_last_tick: Option<u64>,
     /// `true` if the manifest was damaged, so that the scenario was given again.
     pub is_scenario_restated: bool,
+    /// Number of the file in which the log goes on, if it was split and there was one beside the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goes_on_in: Option<u64>,
     /// If the source itself was a recovered log, what that lacked.
     pub earlier: Option<Box<Recovery>>,
 }

@@ -194,6 +194,34 @@ fn a_file_that_is_missing_is_named_and_behind_a_recovered_one_passed_over() {
 }
 
 #[test]
+fn a_file_that_is_lost_behind_a_recovered_one_is_named() {
+    let parts = Recorded::of(&after_seconds(2.0));
+    let damaged = parts.path("run.1.mcap");
+    let mut content = fs::read(&damaged).unwrap();
+    let middle = content.len() / 2;
+    content[middle] ^= 1;
+    fs::write(&damaged, content).unwrap();
+    recover(&damaged, &recovered_path(&damaged), None).unwrap();
+    read(&parts.first).1.unwrap();
+    let kept = fs::read(parts.path("run.2.mcap")).unwrap();
+    for later_is_lost in [false, true] {
+        if later_is_lost {
+            for name in ["run.3.mcap", "run.4.mcap", "run.5.mcap"] {
+                let _ = fs::remove_file(parts.path(name));
+            }
+        }
+        let missing = parts.path("run.2.mcap");
+        fs::remove_file(&missing).unwrap();
+        let error = read(&parts.first).1.unwrap_err();
+        assert!(
+            matches!(&error, LogReadError::MissingPart { missing: found, .. } if *found == missing),
+            "{error}"
+        );
+        fs::write(&missing, &kept).unwrap();
+    }
+}
+
+#[test]
 fn a_file_of_another_flight_is_refused() {
     let parts = Recorded::of(&after_seconds(4.0));
     let mut other = after_seconds(4.0);
