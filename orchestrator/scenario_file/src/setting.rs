@@ -1,6 +1,7 @@
 //! The `--set section.key=value` arguments: values in place of the file's own, or beside them.
 
 use std::borrow::Cow;
+use std::net::{IpAddr, SocketAddr};
 use std::ops::Range;
 
 use scenario::Key;
@@ -188,11 +189,12 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
     ))
 }
 
-/// Returns whether a value that TOML does not understand is plainly meant as a string: a word or a path.
+/// Returns whether a value that TOML does not understand is plainly meant as a string: a word, a path or an address.
 fn is_word(text: &str) -> bool {
     let is_punctuation = |character| matches!(character, '"' | '\'' | '[' | ']' | '{' | '}' | '=');
+    let is_address = text.parse::<IpAddr>().is_ok() || text.parse::<SocketAddr>().is_ok();
     let is_path = ["/", "./", "../"].iter().any(|begin| text.starts_with(begin));
-    (is_path || text.starts_with(char::is_alphabetic)) && !text.contains(is_punctuation)
+    is_address || (is_path || text.starts_with(char::is_alphabetic)) && !text.contains(is_punctuation)
 }
 
 fn assign_in_table<'i>(

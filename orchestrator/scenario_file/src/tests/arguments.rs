@@ -72,7 +72,14 @@ fn a_word_needs_no_quotes() {
     );
     assert_eq!(flown(&["description=a second try"]).description, "a second try");
     assert_eq!(flown(&["description=Übung"]).description, "Übung");
-    for path in ["../build", "./build", "/home/me/build"] {
+    for path in [
+        "../build",
+        "./build",
+        "/home/me/build",
+        "0.0.0.0",
+        "10.0.0.1:1510",
+        "::1",
+    ] {
         assert_eq!(flown(&[&format!("description={path}")]).description, path);
     }
 }
