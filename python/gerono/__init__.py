@@ -2,7 +2,7 @@
 
     import gerono
     flight = gerono.Scenario("scenarios/fig1.toml").fly(seed=7, set={"controller.k1": 5.0})
-    print(flight.summary.metrics.rmse, flight.digest)
+    print(flight.summary.steady.rmse, flight.digest)
     z1 = flight["control/errors"]["z1"]  # m, a numpy array of shape (60001, 3)
 
 `Scenario.fly` flies at once, `Scenario.start` step by step; `Controller` is the base of own controllers; `sweep` flies

@@ -89,8 +89,8 @@ class Flight(Tables):
         return self._flown.save(Path(folder))
 
     def __repr__(self) -> str:
-        metrics = self.summary.metrics
-        distance = f"{100 * metrics.rmse:.4g} cm from the path (root mean square)" if metrics else "no distance"
+        steady = self.summary.steady
+        distance = f"{100 * steady.rmse:.4g} cm from the path in steady state" if steady else "no steady state"
         return f"<Flight: {self.summary.outcome}, {distance}>"
 
 

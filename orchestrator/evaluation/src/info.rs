@@ -69,7 +69,9 @@ pub struct Judged {
     pub lost: Option<Loss>,
     /// The source of its position.
     pub source: StateSource,
-    /// Its distance from the path; none if it never flew along it.
+    /// Its distance from the path in steady state, by which the flight is judged; none if that was not flown.
+    pub steady: Option<Metrics>,
+    /// Its distance from the path in all of the flight; none if it never flew along it.
     pub metrics: Option<Metrics>,
 }
 
@@ -78,6 +80,7 @@ impl Judged {
         Self {
             lost: summary.lost,
             source: summary.source,
+            steady: summary.steady,
             metrics: summary.metrics,
         }
     }

@@ -20,8 +20,8 @@ pub struct Base {
     path: Option<PathBuf>,
 }
 
-/// Length of a flight of the scenario that is flown unless another is named, s: 20 s after the coins are judged, from
-/// 10 s after them on.
+/// Length of a flight of the scenario that is flown unless another is named, s: its steady state is of the last 20 s, from
+/// 10 s after the coins on.
 const DURATION: &str = "duration=60.0";
 
 impl Base {
@@ -94,13 +94,13 @@ pub struct Cell {
     pub law: String,
     /// Name of the condition.
     pub condition: String,
-    /// Root mean square of the distance from the path in the last 20 s, m: median over the seeds.
+    /// Root mean square of the distance from the path in steady state, as a summary has it, m: median over the seeds.
     pub rms: Option<f64>,
     /// That of the worst seed, m.
     pub worst_rms: Option<f64>,
-    /// Largest distance between the change of the vehicle and the last 20 s, m: median.
+    /// Largest distance in the transient of the last phase, m: median.
     pub peak: Option<f64>,
-    /// Root mean square of the body rates in the last 20 s, rad/s: median.
+    /// Root mean square of the body rates in steady state, rad/s: median.
     pub body_rate: Option<f64>,
     /// The same RMS seed by seed, m; none of a flight that was lost.
     pub by_seed: Vec<Option<f64>>,
@@ -165,12 +165,13 @@ impl Cell {
         };
         let (mut peaks, mut rates) = (Vec::new(), Vec::new());
         for (seed, result) in results {
-            cell.by_seed
-                .push(result.as_ref().ok().map(|measured| measured.error.rmse()));
+            let measured = result.as_ref().ok();
+            let steady = measured.and_then(|measured| measured.steady);
+            cell.by_seed.push(steady.map(|steady| steady.rmse));
             match result {
                 Ok(measured) => {
-                    peaks.push(measured.error_transient.max());
-                    rates.push(measured.rate.rmse());
+                    peaks.extend(measured.transient.map(|transient| transient.max));
+                    rates.extend(steady.map(|steady| steady.body_rate_rms));
                 }
                 Err(reason) => cell.lost.push(LostFlight {
                     seed: *seed,

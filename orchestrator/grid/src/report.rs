@@ -85,16 +85,16 @@ impl GridReport {
         let seeds = self.seeds.len();
         let mut tables = vec![
             self.by_condition(
-                format!("RMS distance from the path in the last 20 s, cm: median of {seeds} seeds, and flights lost"),
+                format!("RMS distance from the path in steady state, cm: median of {seeds} seeds, and flights lost"),
                 |cell| with_losses(centimetres(cell.rms), cell),
             ),
             self.by_condition("The same of the worst seed, cm".to_owned(), |cell| {
                 with_losses(centimetres(cell.worst_rms), cell)
             }),
-            self.by_condition("Largest distance after the mass changes, cm: median".to_owned(), |cell| {
+            self.by_condition("Largest distance in the transient before it, cm: median".to_owned(), |cell| {
                 centimetres(cell.peak)
             }),
-            self.by_condition("Body rates in the last 20 s, rms, rad/s: median".to_owned(), |cell| {
+            self.by_condition("Body rates in steady state, rms, rad/s: median".to_owned(), |cell| {
                 cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}"))
             }),
         ];

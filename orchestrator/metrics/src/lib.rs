@@ -4,6 +4,7 @@
 //! * [`path_clock`]: where the path was at any moment;
 //! * [`tracker`]: the vehicle beside it, as the truth has it, or the estimator where nobody knows the truth;
 //! * [`stretch`]: the numbers of a stretch of the flight;
+//! * [`steady`]: the phases of the flight, each a transient and a steady state;
 //! * [`loss`]: whether the vehicle was lost;
 //! * [`statistics`], [`percentiles`]: a stream of numbers in fixed memory.
 //!
@@ -14,6 +15,7 @@ pub mod loss;
 pub mod path_clock;
 pub mod percentiles;
 pub mod statistics;
+pub mod steady;
 pub mod stretch;
 pub mod summary;
 pub mod tracker;

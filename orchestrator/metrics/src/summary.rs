@@ -126,7 +126,10 @@ pub struct Summary {
     pub lost: Option<Loss>,
     /// The source of the vehicle's position: the truth, or in a laboratory the estimator.
     pub source: StateSource,
-    /// The vehicle's distance from the path in all of the flight; none if it never flew along it.
+    /// The vehicle's distance from the path in the steady state of the last phase, by which a flight is judged; none if that
+    /// was not flown.
+    pub steady: Option<Metrics>,
+    /// The same in all of the flight; none if it never flew along its path.
     pub metrics: Option<Metrics>,
     /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller
     /// than Gerono's own.
@@ -157,6 +160,10 @@ pub struct Phase {
     pub is_complete: bool,
     /// The vehicle's distance from the path; none if it did not fly along it.
     pub metrics: Option<Metrics>,
+    /// The same in the transient: before the steady state.
+    pub transient: Option<Metrics>,
+    /// The same in the steady state, from `judge.steady_after` on.
+    pub steady: Option<Metrics>,
     /// Largest distance from the path in the last [`ULTIMATE_WINDOW`](crate::ULTIMATE_WINDOW) of the phase, m; in all of it, if it is shorter. Only
     /// of a complete phase, and only if the vehicle flew along the path there: not of one that stands on the ground by then.
     pub ultimate: Option<f64>,
@@ -356,7 +363,7 @@ impl FlightSummary {
     fn observe_frame(&mut self, frame: &RcFrame) {
         self.loss.observe_frame(frame);
         if self.is_on_path {
-            self.phases.at(frame.header.tick).stretch.observe_frame(frame);
+            self.phases.at(frame.header.tick).parts.observe_frame(frame);
         }
     }
 
@@ -388,7 +395,7 @@ impl FlightSummary {
         self.phases
             .all()
             .iter()
-            .for_each(|phase| whole.join(&phase.stretch));
+            .for_each(|phase| whole.join(&phase.parts.whole()));
         let flown = self.phases.all().iter().filter(|phase| phase.last_tick.is_some());
         let phases: Vec<Phase> = flown
             .map(|phase| phase.finish(&self.schedule, source.topic(), self.bound))
@@ -406,6 +413,7 @@ impl FlightSummary {
                 0.0
             },
             source,
+            steady: phases.last().and_then(|phase| phase.steady),
             metrics: whole.finish(),
             ultimate_bound: self.bound,
             at_bound: at_bound.collect(),

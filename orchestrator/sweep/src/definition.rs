@@ -44,8 +44,8 @@ pub struct Definition {
     /// Criteria on the results of a flight, by name.
     #[serde(default)]
     pub judge: BTreeMap<String, String>,
-    /// Result by which the entries are ranked, the smaller the better [default: `rmse`].
-    #[serde(default = "rmse")]
+    /// Result by which the entries are ranked, the smaller the better [default: `steady_rmse`].
+    #[serde(default = "steady_rmse")]
     pub rank: String,
     /// What is kept of a flight beside its row.
     #[serde(default)]
@@ -59,8 +59,8 @@ fn first_seed() -> u64 {
     1
 }
 
-fn rmse() -> String {
-    "rmse".to_owned()
+fn steady_rmse() -> String {
+    "steady_rmse".to_owned()
 }
 
 /// Method by which samples fill the space.

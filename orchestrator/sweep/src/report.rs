@@ -54,16 +54,18 @@ impl Shown {
     fn of(definition: &Definition) -> Vec<Self> {
         let rank = definition.rank.as_str();
         let title = match rank {
-            "rmse" => "RMS distance, cm".to_owned(),
+            "steady_rmse" => "RMS distance in steady state, cm".to_owned(),
+            "rmse" => "RMS distance in all of the flight, cm".to_owned(),
             _ if rank.ends_with("rmse") => format!("RMS distance, {rank}, cm"),
             _ => rank.to_owned(),
         };
         let others = [
+            ("steady_p95", "95 % of the distances in steady state, cm"),
+            ("transient_max", "largest distance in the transient, cm"),
             ("max", "largest distance, cm"),
-            ("p95", "95 % of the distances, cm"),
             ("ultimate", "largest of the last 5 s, cm"),
-            ("settling_time", "settling time, s"),
-            ("body_rate_rms", "body rates, rad/s"),
+            ("settling_time", "settling time of the last phase, s"),
+            ("steady_body_rate_rms", "body rates in steady state, rad/s"),
             ("energy", "energy of a hover"),
         ];
         let mut shown = vec![Self::new(rank, &title)];
@@ -515,8 +517,8 @@ impl Report {
                 format!("{:+.3}", factor * difference.median),
                 format!("{low:+.3} to {high:+.3}"),
                 format!("{} / {} / {}", difference.won, difference.lost, difference.tied),
-                format!("{:.2e}", difference.sign_p),
-                format!("{:.2e}", difference.wilcoxon_p),
+                probability(difference.sign_p),
+                probability(difference.wilcoxon_p),
                 format!(
                     "{} / {}",
                     difference.only_law_failed, difference.only_reference_failed
@@ -704,6 +706,15 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
         }
     }
     differences
+}
+
+/// Returns a p-value, none of which is 0.
+fn probability(p: f64) -> String {
+    if p < f64::MIN_POSITIVE {
+        "< 1e-300".to_owned()
+    } else {
+        format!("{p:.2e}")
+    }
 }
 
 fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {

@@ -97,6 +97,22 @@ macro_rules! of_metrics {
     ($($name:ident),+ $(,)?) => { [$((stringify!($name), |summary: &Summary| summary.metrics.map(|metrics: Metrics| metrics.$name))),+] };
 }
 
+macro_rules! of_part {
+    ($($name:literal: $part:ident.$metric:ident),+ $(,)?) => {
+        [$(($name, |summary: &Summary| summary.phases.last()?.$part.map(|metrics: Metrics| metrics.$metric))),+]
+    };
+}
+
+/// Results of the last phase's steady state, and of the transient before it.
+const PARTS: [FlightResult; 6] = of_part![
+    "steady_rmse": steady.rmse,
+    "steady_p95": steady.p95,
+    "steady_max": steady.max,
+    "steady_body_rate_rms": steady.body_rate_rms,
+    "transient_rmse": transient.rmse,
+    "transient_max": transient.max,
+];
+
 /// Results over all of the flight.
 const METRICS: [FlightResult; 10] = of_metrics![
     rmse,
@@ -113,7 +129,9 @@ const METRICS: [FlightResult; 10] = of_metrics![
 
 /// Further results; those of the estimates are of the end.
 const RESULTS: [FlightResult; 10] = [
-    ("settling_time", |summary| summary.metrics?.settling_time),
+    ("settling_time", |summary| {
+        summary.phases.last()?.metrics?.settling_time
+    }),
     ("saturated_share", |summary| summary.metrics?.saturated_share),
     ("ultimate", |summary| summary.phases.last()?.ultimate),
     ("ultimate_bound", |summary| summary.ultimate_bound),
@@ -131,12 +149,18 @@ const RESULTS: [FlightResult; 10] = [
 type PhaseResult = (&'static str, fn(&Phase) -> Option<f64>);
 
 /// Results of each phase of a flight that has several.
-const OF_PHASE: [PhaseResult; 4] = [
+const OF_PHASE: [PhaseResult; 5] = [
+    ("steady_rmse", |phase| Some(phase.steady?.rmse)),
     ("rmse", |phase| Some(phase.metrics?.rmse)),
     ("max", |phase| Some(phase.metrics?.max)),
     ("settling_time", |phase| phase.metrics?.settling_time),
     ("ultimate", |phase| phase.ultimate),
 ];
+
+/// Returns the results of a flight in the order of their columns.
+fn results() -> impl Iterator<Item = &'static FlightResult> {
+    PARTS.iter().chain(&METRICS).chain(&RESULTS)
+}
 
 fn estimate(summary: &Summary, axis: usize) -> Option<f64> {
     Some(summary.phases.last()?.parameters.disturbance_estimate?[axis])
@@ -205,7 +229,7 @@ impl Layout {
             columns.push(column(name, kind));
         }
         columns.extend([column("outcome", Kind::Text), column("reason", Kind::Text)]);
-        let results = METRICS.iter().chain(&RESULTS).map(|(name, _)| (*name).to_owned());
+        let results = results().map(|(name, _)| (*name).to_owned());
         let of_phases = (1..=phases).filter(|_| phases > 1).flat_map(|phase| {
             let names = OF_PHASE
                 .iter()
@@ -284,8 +308,7 @@ impl Layout {
         ]);
         row.push(number(summary.map(|summary| summary.simulated_seconds)));
         row.push(number(flown.energy));
-        let results = METRICS.iter().chain(&RESULTS);
-        row.extend(results.map(|(_, result)| number(summary.and_then(result))));
+        row.extend(results().map(|(_, result)| number(summary.and_then(result))));
         for phase in (0..self.phases).filter(|_| self.phases > 1) {
             let phase = summary.and_then(|summary| summary.phases.get(phase));
             row.extend(OF_PHASE.iter().map(|(_, result)| number(phase.and_then(result))));

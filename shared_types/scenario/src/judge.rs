@@ -24,6 +24,9 @@ pub struct Judge {
     /// Speed above which the vehicle is lost when it touches the ground, m/s; 1 m/s above `flight.landing_speed` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub impact_speed_max: Option<f64>,
+    /// Time from the start of a phase, or of the flight along the path, until its steady state, s; 10 s, or half of a shorter phase, unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steady_after: Option<f64>,
     /// `true` if a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
     pub end_when_lost: bool,
 }
@@ -34,6 +37,7 @@ impl Default for Judge {
             distance_max: 5.0,
             tilt_max: FRAC_PI_2,
             impact_speed_max: None,
+            steady_after: None,
             end_when_lost: false,
         }
     }

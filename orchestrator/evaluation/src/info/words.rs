@@ -128,9 +128,18 @@ fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
             StateSource::Truth => "",
             StateSource::Estimate => ", as estimated",
         };
+        if let Some(steady) = &judged.steady {
+            let [from, to] = steady.span;
+            writeln!(
+                formatter,
+                "distance from the path{estimated}, in steady state ({from:.1} to {to:.1} s): RMS {:.3} cm, 95 % {:.3} cm",
+                100.0 * steady.rmse,
+                100.0 * steady.p95
+            )?;
+        }
         writeln!(
             formatter,
-            "distance from the path{estimated}: RMSE {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
+            "distance from the path{estimated}, in all of the flight: RMS {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
             100.0 * metrics.rmse,
             100.0 * metrics.p95,
             100.0 * metrics.max,

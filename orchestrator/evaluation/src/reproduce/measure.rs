@@ -19,6 +19,8 @@ use metrics::loss::{Loss, LossWatch};
 use metrics::path_clock::Demand;
 use metrics::read;
 use metrics::statistics::Statistics;
+use metrics::steady::PhaseParts;
+use metrics::stretch::Metrics;
 use metrics::tracker::StateSource;
 
 /// The results of a flight; SI units.
@@ -32,7 +34,11 @@ pub struct Measured {
     pub error_ultimate: Statistics,
     /// The same from the first event to the judged part, m.
     pub error_transient: Statistics,
-    /// The same while the yaw is on its way after a step, m.
+    /// The transient of the last phase, between the changes of the vehicle, as every summary has it.
+    pub transient: Option<Metrics>,
+    /// The steady state after it.
+    pub steady: Option<Metrics>,
+    /// ‖p − pd(γ)‖ while the yaw is on its way after a step, m.
     pub error_while_yawing: Statistics,
     /// The same in all of the flight, m.
     pub error_ever: Statistics,
@@ -71,6 +77,7 @@ pub struct Meter {
     latest: Latest,
     loss: LossWatch,
     has_observer: bool,
+    last_phase: PhaseParts,
     /// γ at the first and the last judged tick.
     judged_gamma: Option<(f64, f64)>,
     measured: Measured,
@@ -86,6 +93,9 @@ impl Meter {
             latest: Latest::new(schedule, scenario.flight.is_some()),
             loss: LossWatch::new(scenario, StateSource::of(schedule)),
             has_observer: scenario.controller.observer_gain.is_some(),
+            last_phase: PhaseParts::all(scenario, schedule)
+                .pop()
+                .expect("a flight has a phase"),
             judged_gamma: None,
             measured: Measured::default(),
         }
@@ -105,6 +115,8 @@ impl Meter {
         let way = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
         Ok(Measured {
             progress: way / self.nominal_way,
+            transient: self.last_phase.transient().finish(),
+            steady: self.last_phase.steady().finish(),
             ..self.measured
         })
     }
@@ -118,6 +130,10 @@ impl Meter {
         } = known;
         let tick = moment.vehicle.tick;
         self.loss.observe(moment);
+        let [begin_tick, _] = self.last_phase.ticks();
+        if tick >= begin_tick {
+            self.last_phase.observe(moment);
+        }
         self.watch(tick, truth);
         if let (Some(demand), Some(error)) = (&moment.path, moment.distance) {
             self.compare(tick, truth, demand, error);

@@ -6,20 +6,17 @@ use shared_types::{Schedule, Topic};
 
 use super::{AgainstBound, Parameters, Phase};
 use crate::ULTIMATE_WINDOW;
-use crate::stretch::Stretch;
+use crate::steady::PhaseParts;
 use crate::tracker::Moment;
 
 /// A phase while it is flown.
 #[derive(Clone, Debug)]
 pub(super) struct PhaseRecord {
-    begin_tick: u64,
-    /// First tick after the phase.
-    pub(super) end_tick: u64,
     /// First tick of the part that counts as ultimate.
     window_tick: u64,
     /// Last tick of which it is known where the vehicle was.
     pub(super) last_tick: Option<u64>,
-    pub(super) stretch: Stretch,
+    pub(super) parts: PhaseParts,
     /// `None` as long as the vehicle did not fly along the path in that part.
     ultimate: Option<f64>,
     pub(super) parameters: Parameters,
@@ -36,20 +33,9 @@ pub(super) struct PhaseRecords {
 impl PhaseRecords {
     /// Those of a scenario.
     pub(super) fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
-        let end = schedule.last_tick() + 1;
-        let changes = scenario.vehicle.change.iter();
-        let mut bounds: Vec<u64> = changes
-            .map(|change| scenario.tick_of(change.at))
-            .filter(|tick| (1..end).contains(tick))
-            .chain([0, end])
-            .collect();
-        bounds.sort_unstable();
-        bounds.dedup();
-        let pairs = bounds.windows(2);
+        let phases = PhaseParts::all(scenario, schedule).into_iter();
         Self {
-            all: pairs
-                .map(|pair| PhaseRecord::new(pair[0], pair[1], schedule))
-                .collect(),
+            all: phases.map(|parts| PhaseRecord::new(parts, schedule)).collect(),
             current: 0,
         }
     }
@@ -57,7 +43,7 @@ impl PhaseRecords {
     /// The phase of a tick, which comes no earlier than the one before.
     #[inline]
     pub(super) fn at(&mut self, tick: u64) -> &mut PhaseRecord {
-        while tick >= self.all[self.current].end_tick && self.current + 1 < self.all.len() {
+        while tick >= self.all[self.current].end_tick() && self.current + 1 < self.all.len() {
             self.current += 1;
         }
         &mut self.all[self.current]
@@ -69,24 +55,28 @@ impl PhaseRecords {
 }
 
 impl PhaseRecord {
-    fn new(begin_tick: u64, end_tick: u64, schedule: &Schedule) -> Self {
+    fn new(parts: PhaseParts, schedule: &Schedule) -> Self {
         let window_ticks = nanoseconds(ULTIMATE_WINDOW) / schedule.tick_ns();
+        let [begin_tick, end_tick] = parts.ticks();
         Self {
-            begin_tick,
-            end_tick,
             window_tick: end_tick.saturating_sub(window_ticks).max(begin_tick),
             last_tick: None,
-            stretch: Stretch::default(),
+            parts,
             ultimate: None,
             parameters: Parameters::default(),
             gamma: None,
         }
     }
 
+    fn end_tick(&self) -> u64 {
+        let [_, end_tick] = self.parts.ticks();
+        end_tick
+    }
+
     /// Takes a moment into account.
     #[inline]
     pub(super) fn observe(&mut self, moment: &Moment) {
-        self.stretch.observe(moment);
+        self.parts.observe(moment);
         if let Some(distance) = moment.distance_on_path()
             && moment.vehicle.tick >= self.window_tick
         {
@@ -97,19 +87,22 @@ impl PhaseRecord {
     /// The phase as reported, of a flight whose vehicle is told by `topic`, with the theorem's `bound` (m) if there is one.
     pub(super) fn finish(&self, schedule: &Schedule, topic: Topic, bound: Option<f64>) -> Phase {
         let time = |tick| seconds(schedule.time_ns(tick));
-        let last_due = schedule.publications(topic).last_at_or_before(self.end_tick - 1);
+        let [begin_tick, end_tick] = self.parts.ticks();
+        let last_due = schedule.publications(topic).last_at_or_before(end_tick - 1);
         let is_complete = self.last_tick >= last_due;
         let ultimate = self.ultimate.filter(|_| is_complete);
-        let last_tick = self.last_tick.unwrap_or(self.begin_tick);
+        let last_tick = self.last_tick.unwrap_or(begin_tick);
         Phase {
-            begins: time(self.begin_tick),
+            begins: time(begin_tick),
             ends: time(if is_complete {
-                self.end_tick.min(schedule.last_tick())
+                end_tick.min(schedule.last_tick())
             } else {
                 last_tick
             }),
             is_complete,
-            metrics: self.stretch.finish(),
+            metrics: self.parts.whole().finish(),
+            transient: self.parts.transient().finish(),
+            steady: self.parts.steady().finish(),
             ultimate,
             against_bound: ultimate
                 .zip(bound)

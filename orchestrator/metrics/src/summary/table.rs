@@ -85,8 +85,26 @@ impl Summary {
         if let Some(loss) = &self.lost {
             let text = format!("LOST at {} s: {loss}", loss.time);
             writeln!(formatter, "{}", wrapped(&text))?;
+        } else if self.metrics.is_some() {
+            let text = self.headline();
+            writeln!(formatter, "{}", wrapped(&text))?;
         }
         Ok(())
+    }
+
+    /// The number that a flight is judged by, in words.
+    #[must_use]
+    pub fn headline(&self) -> String {
+        let Some(steady) = &self.steady else {
+            return "No steady state was flown after the last change of the vehicle.".to_owned();
+        };
+        let [from, to] = steady.span;
+        let source = match self.source {
+            StateSource::Truth => "",
+            StateSource::Estimate => ", as estimated",
+        };
+        let distance = length(steady.rmse);
+        format!("{distance} from the path in steady state (root mean square, {from:.1} to {to:.1} s{source})")
     }
 
     /// That the machine was late in a flight that was lost.
@@ -175,10 +193,24 @@ fn metric(column: &Column<'_>, of: fn(&Metrics) -> f64) -> Option<String> {
     column.metrics.as_ref().map(|metrics| length(of(metrics)))
 }
 
-const ROWS: [Row; 17] = [
-    ("  root mean square", |column| {
-        metric(column, |metrics| metrics.rmse)
+fn steady(column: &Column<'_>, of: fn(&Metrics) -> f64) -> Option<String> {
+    column.phase?.steady.as_ref().map(|metrics| length(of(metrics)))
+}
+
+const ROWS: [Row; 22] = [
+    ("steady state, from", |column| {
+        let [from, _] = column.phase?.steady?.span;
+        Some(format!("{from:.3} s"))
     }),
+    ("  root mean square", |column| {
+        steady(column, |metrics| metrics.rmse)
+    }),
+    ("  95 %", |column| steady(column, |metrics| metrics.p95)),
+    ("  largest", |column| steady(column, |metrics| metrics.max)),
+    ("transient, rms", |column| {
+        Some(length(column.phase?.transient?.rmse))
+    }),
+    ("whole, rms", |column| metric(column, |metrics| metrics.rmse)),
     ("  standard deviation", |column| {
         metric(column, |metrics| metrics.deviation)
     }),
@@ -201,7 +233,8 @@ const ROWS: [Row; 17] = [
         Some(column.phase?.against_bound?.to_string())
     }),
     ("  below 2 cm after", |column| {
-        let settled = column.metrics?.settling_time;
+        // Of the whole flight it would count from the start to the end of the last phase's transient.
+        let settled = column.phase?.metrics?.settling_time;
         Some(settled.map_or_else(|| "not settled".to_owned(), |time| format!("{time:.3} s")))
     }),
     ("thrust, mean", |column| {

@@ -33,6 +33,9 @@ impl Judge {
                 "give an angle up to π = 3.141592653589793, with which no attitude counts as lost",
             );
         }
+        if let Some(time) = self.steady_after {
+            found.positive(&at.then("steady_after"), "the time", time);
+        }
         if let Some(speed) = self.impact_speed_max {
             found.positive(&at.then("impact_speed_max"), "the speed", speed);
         }

@@ -379,6 +379,10 @@ function drawHead() {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
       `${named(flight)}the vehicle was LOST at ${label(flight.lost.time)} s: ${flight.lost.words}.`));
   }
+  for (const flight of flights.filter(({ lost, steady }) => lost === null && steady !== null)) {
+    byId("headlines").append(element("p", {},
+      `${named(flight)}${centimetres(flight.steady.rmse)} cm from the path in steady state (root mean square, ${label(flight.steady.span[0])} to ${label(flight.steady.span[1])} s${flight.source === "estimate" ? ", as estimated" : ""}).`));
+  }
   for (const flight of flights.filter(({ broken }) => broken !== null)) {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
       `${named(flight)}only a part of this flight could be read, up to ${inDigits(flight.flown)} s of ${inDigits(flight.duration)} s. ${flight.broken}`));
@@ -413,8 +417,14 @@ const ofMetrics = (show) => ({ metrics }) => (metrics ? show(metrics) : "–");
 /** The numbers of a flight's phases, and of all of it. */
 function drawPhases(flight) {
   const ofPhase = (show) => (stretch) => (stretch.parameters ? show(stretch) : "");
+  const ofSteady = (show) => ofPhase(({ steady }) => (steady ? show(steady) : "–"));
   const rows = [
-    ["distance from the path: RMSE, cm", ofMetrics(({ rmse }) => centimetres(rmse))],
+    ["distance from the path in steady state: RMS, cm", ofSteady(({ rmse }) => centimetres(rmse))],
+    ["from, s", ofSteady(({ span: [from] }) => number(from, 3))],
+    ["95 %, cm", ofSteady(({ p95 }) => centimetres(p95))],
+    ["largest, cm", ofSteady(({ max }) => centimetres(max))],
+    ["in the transient: RMS, cm", ofPhase(({ transient }) => (transient ? centimetres(transient.rmse) : "–"))],
+    ["in the whole: RMS, cm", ofMetrics(({ rmse }) => centimetres(rmse))],
     ["standard deviation, cm", ofMetrics(({ deviation }) => centimetres(deviation))],
     ["median, cm", ofMetrics(({ p50 }) => centimetres(p50))],
     ["95 %, cm", ofMetrics(({ p95 }) => centimetres(p95))],
@@ -422,7 +432,7 @@ function drawPhases(flight) {
     ["largest, cm", ofMetrics(({ max, time_of_max: time }) => `${centimetres(max)} at ${label(time)} s`)],
     ["largest in the last 5 s, cm", ofPhase(({ ultimate, is_complete: isComplete }) => (ultimate === null ? (isComplete ? "not on the path" : "not flown to its end") : centimetres(ultimate)))],
     ["against the theorem", ofPhase(({ against_bound: verdict }) => (verdict ? element("span", { class: verdict }, AGAINST_BOUND[verdict]) : "–"))],
-    ["below 2 cm after, s", ofMetrics(({ settling_time: time }) => (time === null ? "not settled" : number(time, 3)))],
+    ["below 2 cm after, s", ofPhase(({ metrics }) => (metrics === null ? "–" : metrics.settling_time === null ? "not settled" : number(metrics.settling_time, 3)))],
     ["mean thrust, N", ofMetrics(({ thrust_mean: thrust }) => number(thrust, 3))],
     ["body rate, root mean square, rad/s", ofMetrics(({ body_rate_rms: rate }) => number(rate, 3))],
     ["frames at a limit, %", ofMetrics(({ saturated_share: share }) => (share === null ? "–" : inDigits(100 * share)))],

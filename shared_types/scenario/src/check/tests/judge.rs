@@ -37,6 +37,12 @@ fn limits_that_nothing_could_keep_are_refused() {
         "no attitude counts as lost",
     );
     refused(
+        judged(|judge| judge.steady_after = Some(0.0)),
+        "judge.steady_after",
+        "is not above 0",
+        "above 0",
+    );
+    refused(
         judged(|judge| judge.impact_speed_max = Some(1.0)),
         "judge.impact_speed_max",
         "no ground",
