@@ -41,7 +41,7 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
     (
         "fig3_6",
         &rig::ALL_OF_THE_RIG,
-        "affd01f0954852ed5a689d18746368278b9673d956bc183588c1cc41f876d297",
+        "b4c7f7e492e3b0bcdae1185357369c7e8c43db600a1d41065dd4f8114301c86a",
     ),
 ];
 

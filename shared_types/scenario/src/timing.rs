@@ -36,7 +36,7 @@ pub struct Timing {
     pub period: BTreeMap<String, f64>,
     /// First step of a service or first sample of a topic, by name, s; 0 unless stated.
     pub phase: BTreeMap<String, f64>,
-    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated.
+    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated. That of `"rc/frame -> plant"` is the time from the sending of a frame until it acts, 0 unless stated.
     pub latency: BTreeMap<String, f64>,
 }
 
@@ -166,7 +166,11 @@ impl Timing {
             let key = key_of("latency", name);
             match names::EdgeName::find(name) {
                 Some(edge) => {
-                    latencies[edge.service.index()][edge.input] = reader.read(&key, time, 0..=LONGEST_DELAY);
+                    // The vehicle's step of a tick covers the time since the tick before, so a frame acts from the tick before
+                    // its delivery on.
+                    let acts_before = u64::from(edge.service == ServiceId::Plant);
+                    let ticks = reader.read(&key, time, 0..=LONGEST_DELAY - acts_before);
+                    latencies[edge.service.index()][edge.input] = ticks + acts_before;
                 }
                 None => reader.refuse(names::unknown_edge(key, name)),
             }

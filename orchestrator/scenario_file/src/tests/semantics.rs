@@ -215,10 +215,10 @@ fn waypoints_that_coincide() {
 
 #[test]
 fn an_edge_without_delay_and_one_that_is_not_there() {
-    let text = fig1() + "\n[schedule.latency]\n\"rc/frame -> plant\" = 0.0\n";
+    let text = fig1() + "\n[schedule.latency]\n\"rc/frame -> estimator\" = 0.0\n";
     refused_on_line(
         &text,
-        line_of(&text, "\"rc/frame -> plant\""),
+        line_of(&text, "\"rc/frame -> estimator\""),
         &[
             "wait for each other within one tick",
             "help: give this edge a latency",

@@ -51,7 +51,8 @@ fn stated_times_become_ticks_where_they_belong() {
         Rate { period: 10, phase: 0 }
     );
     assert_eq!(schedule.service_rate(ServiceId::Plant), Rate::EVERY_TICK);
-    assert_eq!(schedule.latency(ServiceId::Plant, 0), 5);
+    // A step of the vehicle begins one tick before its own: the frame acts 5 ms after it was sent.
+    assert_eq!(schedule.latency(ServiceId::Plant, 0), 6);
 }
 
 #[test]
@@ -150,8 +151,11 @@ fn an_unknown_edge_is_refused_and_its_key_stays_whole() {
 
 #[test]
 fn a_cycle_without_delay_is_refused_at_the_latency_that_makes_it() {
-    let problem = only_problem(&with_latency("rc/frame -> plant", 0.0));
-    assert_eq!(problem.key.to_string(), "schedule.latency.\"rc/frame -> plant\"");
+    let problem = only_problem(&with_latency("rc/frame -> estimator", 0.0));
+    assert_eq!(
+        problem.key.to_string(),
+        "schedule.latency.\"rc/frame -> estimator\""
+    );
     assert!(
         problem.reason.contains("wait for each other within one tick"),
         "{problem}"
