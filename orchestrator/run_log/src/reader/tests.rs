@@ -315,8 +315,8 @@ fn a_log_that_another_program_has_copied_is_read_as_the_one_that_was_written() {
         assert_eq!(found, log.samples());
         let path = log.folder.path().join("other.mcap");
         assert!(crate::is_whole(&path).unwrap());
-        let manifest = LogReader::open(&path).unwrap();
-        assert_eq!(manifest.manifest().scenario, log.scenario);
+        let reader = LogReader::open(&path).unwrap();
+        assert_eq!(*reader.manifest(), Manifest::new(&log.scenario));
         // A copy that is cut is not whole for anybody.
         fs::write(&path, &copy[..copy.len() / 2]).unwrap();
         assert!(!crate::is_whole(&path).is_ok_and(|is_whole| is_whole));
