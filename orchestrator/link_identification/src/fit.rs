@@ -5,6 +5,12 @@ use serde::Serialize;
 /// Points below which there is no line.
 const FEWEST: usize = 10;
 
+/// Neighbouring points whose residuals may depend on each other.
+const CLUSTER: usize = 10;
+
+/// Half-width of a 95 % interval, standard errors.
+const INTERVAL: f64 = 2.1;
+
 /// value = offset + slope · travel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Fit {
@@ -12,7 +18,8 @@ pub struct Fit {
     pub offset: f64,
     /// Value per unit of travel, N or rad/s.
     pub slope: f64,
-    /// Standard errors of offset and slope, if the residuals are independent of each other and of the stick.
+    /// Half-widths of the 95 % intervals of offset and slope: of independent residuals, or of clusters of neighbours where these
+    /// are wider, because windows overlap and gusts last.
     pub errors: [f64; 2],
     /// Standard deviation of what the line does not explain, N or rad/s.
     pub residual: f64,
@@ -43,13 +50,13 @@ impl Fit {
         let slope = xy / xx;
         let unexplained = (yy - slope * xy).max(0.0);
         let variance = unexplained / (count - 2.0);
+        let independent = [variance * (1.0 / count + mean[0] * mean[0] / xx), variance / xx];
+        let clustered = clustered_variances(points, mean, slope, xx);
+        let errors = [0, 1].map(|of| INTERVAL * independent[of].max(clustered[of]).sqrt());
         let fit = Self {
             offset: mean[1] - slope * mean[0],
             slope,
-            errors: [
-                (variance * (1.0 / count + mean[0] * mean[0] / xx)).sqrt(),
-                (variance / xx).sqrt(),
-            ],
+            errors,
             residual: variance.sqrt(),
             explained: 1.0 - unexplained / yy,
             travel_deviation: (xx / count).sqrt(),
@@ -58,6 +65,27 @@ impl Fit {
         let is_whole = xx > 0.0 && yy > 0.0 && fit.slope.is_finite() && fit.errors[0].is_finite();
         is_whole.then_some(fit)
     }
+}
+
+/// Returns the variances of offset and slope if the residuals of [`CLUSTER`] neighbours depend on each other: the sandwich
+/// estimate.
+fn clustered_variances(points: &[[f64; 2]], mean: [f64; 2], slope: f64, xx: f64) -> [f64; 2] {
+    let count = points.len() as f64;
+    let clusters = points.chunks(CLUSTER);
+    let freedom = (clusters.len() as f64 - 2.0).max(1.0);
+    let factor = clusters.len() as f64 / freedom;
+    let mut variances = [0.0; 2];
+    for cluster in clusters {
+        let (mut offset, mut slopes) = (0.0, 0.0);
+        for [x, y] in cluster {
+            let residual = (y - mean[1]) - slope * (x - mean[0]);
+            offset += residual * (1.0 / count - mean[0] * (x - mean[0]) / xx);
+            slopes += residual * (x - mean[0]) / xx;
+        }
+        variances[0] += factor * offset * offset;
+        variances[1] += factor * slopes * slopes;
+    }
+    variances
 }
 
 #[cfg(test)]
@@ -83,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn the_standard_error_is_that_of_the_spread() {
+    fn the_interval_is_that_of_the_spread() {
         // Values ±1 around a line: the variance of the slope is 1/Σx².
         let points: Vec<_> = (0..400)
             .map(|at| {
@@ -95,6 +123,6 @@ mod tests {
             .collect();
         let fit = Fit::of(&points).unwrap();
         let xx: f64 = points.iter().map(|[x, _]| x * x).sum();
-        assert!(fit.slope.abs() < 1e-9 && (fit.errors[1] * xx.sqrt() - 1.0).abs() < 0.01);
+        assert!(fit.slope.abs() < 1e-9 && (fit.errors[1] * xx.sqrt() - INTERVAL).abs() < 0.03);
     }
 }

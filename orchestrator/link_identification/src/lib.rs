@@ -30,6 +30,9 @@ use run_log::{LogReadError, LogReader};
 /// Share of what was measured that a stick must explain for its fit to be used.
 pub const EXPLAINS: f64 = 0.8;
 
+/// Share of a slope by which a calibration may be wrong before it matters.
+pub const MATTERS: f64 = 0.03;
+
 /// Names of the sticks in the order of a frame's channels.
 pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
 
@@ -70,6 +73,20 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Returns whether the flight shows another calibration than the stated one: by more than chance, and by more than
+    /// [`MATTERS`] of what the stick commands.
+    #[must_use]
+    pub fn differs(&self) -> bool {
+        self.usable().is_some_and(|fit| {
+            let [offset, slope] = self.stated;
+            let beyond = |by: f64, error: f64| by.abs() > error.max(MATTERS * slope.abs());
+            let [of_offset, of_slope] = fit.errors;
+            // A rate of 0 at the middle is no key of a scenario.
+            let has_offset = self.stick == STICKS[0];
+            beyond(fit.slope - slope, of_slope) || has_offset && beyond(fit.offset - offset, of_offset)
+        })
+    }
+
     /// The fit, if the stick explains enough of what was measured.
     #[must_use]
     pub fn usable(&self) -> Option<Fit> {

@@ -68,9 +68,9 @@ fn the_poses_of_figure_7_give_the_sticks_back_that_moved_and_say_which_did_not()
     let [thrust, roll, pitch, yaw] = found.sticks;
     for (calibration, [offset, slope]) in [roll, pitch].iter().zip([TRUE[1], TRUE[2]]) {
         let fit = calibration.usable().unwrap();
-        assert!((fit.slope - slope).abs() < 4.0 * fit.errors[1], "{fit:?}");
-        assert!((fit.offset - offset).abs() < 4.0 * fit.errors[0], "{fit:?}");
-        assert!(fit.errors[1] < 0.02 * slope.abs());
+        assert!((fit.slope - slope).abs() < 2.0 * fit.errors[1], "{fit:?}");
+        assert!((fit.offset - offset).abs() < 2.0 * fit.errors[0], "{fit:?}");
+        assert!(fit.errors[1] < 0.04 * slope.abs());
     }
     // In hover the yaw stick rests, and the thrust stick moves against gusts.
     assert_eq!([thrust.usable(), yaw.usable()], [None, None]);

@@ -17,7 +17,7 @@ pub enum RcCommand {
     Probe(RcProbe),
     /// Fit the calibration of the link that a log was flown with: thrust and body rates against the travel of the sticks.
     ///
-    /// Least squares, with standard errors and residuals. A stick that hardly moved, or that moved against gusts only,
+    /// Least squares, with 95 % intervals and residuals. A stick that hardly moved, or that moved against gusts only,
     /// explains little of what was measured; the part of a scenario that is printed then keeps what was stated.
     Identify(RcIdentify),
 }

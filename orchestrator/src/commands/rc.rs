@@ -15,7 +15,7 @@ use super::{Failure, load, log_path, print};
 use crate::cli::{RcIdentify, RcProbe};
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
-use link_identification::{EXPLAINS, Identification, STICKS};
+use link_identification::{Calibration, EXPLAINS, Identification, STICKS};
 
 /// The period at which the sticks are moved on and given to the sender, s.
 const STEP: f64 = 0.01;
@@ -188,7 +188,7 @@ fn table(found: &Identification) -> String {
         "stick",
         "stated",
         "fitted",
-        "standard errors",
+        "95 % intervals, ±",
         "residual",
         "explained",
         "travel",
@@ -218,32 +218,35 @@ fn table(found: &Identification) -> String {
     format!("{table}\n\nvalue = offset + slope · travel s, N and rad/s{mass}\n\n")
 }
 
-/// The part of a scenario that states what was found.
+/// The part of a scenario that states what differs, and which sticks tell nothing.
 fn snippet(found: &Identification) -> String {
-    let mut text = "[rc_output]\n".to_owned();
     let [thrust, rates @ ..] = found.sticks;
-    let mut unsure = Vec::new();
-    if let Some(fit) = thrust.usable() {
+    let mut text = String::new();
+    if let Some(fit) = thrust.usable().filter(|_| thrust.differs()) {
         let _ = write!(
             text,
             "thrust_offset = {:.4}\nthrust_slope = {:.4}\n",
             fit.offset, fit.slope
         );
-    } else {
-        unsure.push(thrust.stick);
     }
-    let slopes = rates.map(|rate| rate.usable().map_or(rate.stated[1], |fit| fit.slope));
-    let _ = writeln!(
-        text,
-        "rate_slope = [{:.4}, {:.4}, {:.4}]",
-        slopes[0], slopes[1], slopes[2]
-    );
-    unsure.extend(
-        rates
-            .iter()
-            .filter(|rate| rate.usable().is_none())
-            .map(|rate| rate.stick),
-    );
+    if rates.iter().any(Calibration::differs) {
+        let slopes = rates.map(|rate| {
+            let fit = rate.usable().filter(|_| rate.differs());
+            fit.map_or(rate.stated[1], |fit| fit.slope)
+        });
+        let _ = writeln!(
+            text,
+            "rate_slope = [{:.4}, {:.4}, {:.4}]",
+            slopes[0], slopes[1], slopes[2]
+        );
+    }
+    if text.is_empty() {
+        text += "Nothing differs from what is stated.\n";
+    } else {
+        text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
+    }
+    let unsure = found.sticks.iter().filter(|stick| stick.usable().is_none());
+    let unsure: Vec<_> = unsure.map(|stick| stick.stick).collect();
     if !unsure.is_empty() {
         let _ = write!(
             text,
