@@ -5,24 +5,24 @@
 //!
 //! * [`recording`]: the poses and frames of a log, in the order in which the estimator has them;
 //! * [`noise`]: the scatter of the captures, from their third differences, which smooth motion hardly has;
-//! * [`delay`]: the time from the sending of a frame to its acting that makes the filter's innovations smallest;
-//! * the marker offset, which the filter estimates with that noise and delay;
+//! * [`delay`]: roughly, the time from the sending of a frame to its acting that makes the filter's innovations smallest;
+//! * [`refine`]: from there the marker offset and the delay, with intervals;
 //! * [`report`]: what was found beside what the scenario states, and the lines to put into it.
 
 pub mod arguments;
 pub mod delay;
 pub mod noise;
 pub mod recording;
+pub mod refine;
 pub mod report;
 
 use command_line::failure::Failure;
 use command_line::output::{log_path, print};
-use estimator::kalman::error_state::MARKER_OFFSET;
 use run_log::LogReadError;
 
 use arguments::Identify;
 use recording::Recording;
-use report::{Identification, MARKER_OFFSET_DEVIATION, OFFSET_SYSTEMATIC, Quantity};
+use report::{Identification, MARKER_OFFSET_DEVIATION, Quantity};
 
 /// Reason why nothing can be identified.
 #[derive(Debug, thiserror::Error)]
@@ -79,21 +79,17 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
     believed.kalman.marker_offset_deviation = MARKER_OFFSET_DEVIATION;
     believed.kalman.marker_offset_drift = 0.0;
     let delay = delay::search(recording, &believed)?;
-    believed.model.radio_latency = delay.found;
+    believed.model.radio_latency = delay;
     let filter = recording.filtered(&believed)?.filter;
     let state = filter.state().ok_or(IdentifyError::TooShort {
         captures: 0,
         frames: 0,
     })?;
-    let variance = |axis: usize| state.covariance[(MARKER_OFFSET + axis, MARKER_OFFSET + axis)];
-    let offset = state.nominal.marker_offset_body;
+    believed.model.marker_offset = state.nominal.marker_offset_body.into();
+    let (marker_offset, radio_latency) = refine::beside(&stated, refine::refine(recording, &believed)?);
     Ok(Identification {
-        marker_offset: [0, 1, 2].map(|axis| Quantity {
-            stated: stated.model.marker_offset[axis],
-            found: offset[axis],
-            error: (variance(axis).max(0.0) + OFFSET_SYSTEMATIC * OFFSET_SYSTEMATIC).sqrt(),
-        }),
-        radio_latency: delay,
+        marker_offset,
+        radio_latency,
         position_deviation: Quantity {
             stated: stated.kalman.position_deviation,
             ..position

@@ -17,6 +17,13 @@ const MEDIAN_MAGNITUDE: f64 = 0.674_489_750_196_081_7;
 /// Variance of a third difference of independent variables of variance 1.
 const OF_THIRD_DIFFERENCE: f64 = 20.0;
 
+/// Parts of a flight whose medians are compared, and the half-width of a 95 % interval of their mean in standard errors.
+const PARTS: usize = 16;
+const OF_MEAN: f64 = 2.13;
+
+/// Share of the deviation that the motion of a vehicle may add or hide: it bends within a capture's spacing.
+const BY_MOTION: f64 = 0.05;
+
 /// Part by which intervals between captures may differ and count as equal.
 const EQUAL: f64 = 0.2;
 
@@ -49,18 +56,32 @@ fn are_equally_spaced(captures: &[&MocapPose; 4]) -> bool {
         && mean > 0.0
 }
 
-/// Returns the deviation of what third differences were taken of, with its standard error.
-fn deviation(mut differences: Vec<f64>) -> Quantity {
-    for difference in &mut differences {
-        *difference = difference.abs();
-    }
-    differences.sort_by(f64::total_cmp);
-    let median = differences.get(differences.len() / 2).copied().unwrap_or(0.0);
-    let found = median / (MEDIAN_MAGNITUDE * OF_THIRD_DIFFERENCE.sqrt());
+/// Returns the deviation of what third differences were taken of, with its 95 % interval.
+///
+/// The flight is divided into parts, each with a median of its own: their scatter tells how well the median of all is known,
+/// however far neighbours depend on each other. Beside it stands what the motion may add.
+fn deviation(differences: Vec<f64>) -> Quantity {
+    let sizes: Vec<f64> = differences.into_iter().map(f64::abs).collect();
+    let found = of_median(&sizes);
+    let parts: Vec<f64> = sizes
+        .chunks(sizes.len().div_ceil(PARTS).max(1))
+        .map(of_median)
+        .collect();
+    let count = parts.len().max(1) as f64;
+    let mean = parts.iter().sum::<f64>() / count;
+    let squares: f64 = parts.iter().map(|part| (part - mean) * (part - mean)).sum();
+    let by_chance = OF_MEAN * (squares / (count * (count - 1.0).max(1.0))).sqrt();
     Quantity {
         stated: 0.0,
         found,
-        // Of a median's: some 1.2 times σ/√n, and neighbours are not independent.
-        error: 2.0 * found / (differences.len().max(1) as f64).sqrt(),
+        error: by_chance.hypot(BY_MOTION * found),
     }
+}
+
+/// Returns the deviation that the median of the magnitudes of third differences tells.
+fn of_median(sizes: &[f64]) -> f64 {
+    let mut sorted = sizes.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    median / (MEDIAN_MAGNITUDE * OF_THIRD_DIFFERENCE.sqrt())
 }

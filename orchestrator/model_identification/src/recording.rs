@@ -4,10 +4,11 @@ use std::path::Path;
 
 use estimator::kalman::{KalmanFilter, Outcome};
 use metrics::read;
+use nalgebra::SVector;
 use run_log::LogReader;
 use scenario::{Kalman, Model, Scenario};
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::service::header_of;
+use shared_types::service::{header_of, nanoseconds, seconds};
 use shared_types::{ServiceId, Topic};
 
 use crate::IdentifyError;
@@ -23,6 +24,9 @@ pub struct Believed {
     /// The weights.
     pub kalman: Kalman,
 }
+
+/// Whitened innovation of a capture: position and attitude.
+pub type Whitened = SVector<f64, 6>;
 
 /// A sample as the estimator received it.
 enum Arrival {
@@ -102,8 +106,7 @@ impl Recording {
         // A step hears frames before it sees poses.
         self.arrivals
             .sort_by_key(|(at_ns, arrival)| (*at_ns, matches!(arrival, Arrival::Pose(_))));
-        let captures = self.poses().filter(|pose| pose.tracked.is_set()).count();
-        let frames = self.arrivals.len() - self.poses().count();
+        let (captures, frames) = (self.captures(), self.frames());
         if captures < ENOUGH || frames < ENOUGH {
             return Err(IdentifyError::TooShort { captures, frames });
         }
@@ -124,18 +127,78 @@ impl Recording {
         })
     }
 
+    /// Returns the number of captures that show the vehicle.
+    #[must_use]
+    pub fn captures(&self) -> usize {
+        self.poses().filter(|pose| pose.tracked.is_set()).count()
+    }
+
+    /// Returns the number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.arrivals.len() - self.poses().count()
+    }
+
+    /// Returns the time of the first arrival and that of the last one, ns.
+    #[must_use]
+    pub fn span_ns(&self) -> [u64; 2] {
+        [self.arrivals.first(), self.arrivals.last()].map(|arrival| arrival.map_or(0, |(at_ns, _)| *at_ns))
+    }
+
+    /// Runs a filter that begins at a time over the arrivals up to another one, and returns for each capture that shows the
+    /// vehicle its arrival and its whitened innovation; none of one that the filter begins with or refuses.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Scenario`] if more frames are under way than a filter remembers.
+    pub fn innovations(
+        &self,
+        believed: &Believed,
+        from_ns: u64,
+        to_ns: u64,
+    ) -> Result<Vec<(u64, Option<Whitened>)>, IdentifyError> {
+        let (mut filter, later_ns) = self.filter(believed)?;
+        let from = self.arrivals.partition_point(|(at_ns, _)| *at_ns < from_ns);
+        let arrivals = self.arrivals[from..].iter();
+        let mut innovations = Vec::new();
+        for (at_ns, arrival) in arrivals.take_while(|(at_ns, _)| *at_ns < to_ns) {
+            match arrival {
+                Arrival::Frame(frame) => filter.hear(*at_ns, &stamped_later(frame, later_ns)),
+                Arrival::Pose(pose) if pose.tracked.is_set() => {
+                    let innovation = match filter.see(*at_ns, pose) {
+                        Outcome::Used(whitened) => Some(whitened),
+                        Outcome::Refused | Outcome::Started | Outcome::Ignored => None,
+                    };
+                    innovations.push((*at_ns, innovation));
+                }
+                Arrival::Pose(_) => {}
+            }
+        }
+        Ok(innovations)
+    }
+
+    /// Returns the filter of these beliefs, and what is to be added to the stamps of its frames, ns: a scenario's latency is a
+    /// whole number of ticks, and that of a radio need not be.
+    fn filter(&self, believed: &Believed) -> Result<(KalmanFilter, u64), IdentifyError> {
+        let mut scenario = self.scenario.clone();
+        let mut model = believed.model.clone();
+        let latency_ns = nanoseconds(model.radio_latency);
+        let rest_ns = latency_ns % nanoseconds(scenario.schedule.tick);
+        model.radio_latency = seconds(latency_ns - rest_ns);
+        scenario.model = Some(model);
+        let filter = KalmanFilter::new(&scenario, &believed.kalman).map_err(IdentifyError::Scenario)?;
+        Ok((filter, rest_ns))
+    }
+
     /// Runs a filter with other beliefs over the recording.
     ///
     /// # Errors
     /// [`IdentifyError::Scenario`] if more frames are under way than a filter remembers.
     pub fn filtered(&self, believed: &Believed) -> Result<Filtered, IdentifyError> {
-        let mut scenario = self.scenario.clone();
-        scenario.model = Some(believed.model.clone());
-        let mut filter = KalmanFilter::new(&scenario, &believed.kalman).map_err(IdentifyError::Scenario)?;
+        let (mut filter, later_ns) = self.filter(believed)?;
         let mut squared_distances = 0.0;
         for (at_ns, arrival) in &self.arrivals {
             match arrival {
-                Arrival::Frame(frame) => filter.hear(*at_ns, frame),
+                Arrival::Frame(frame) => filter.hear(*at_ns, &stamped_later(frame, later_ns)),
                 Arrival::Pose(pose) => {
                     squared_distances += match filter.see(*at_ns, pose) {
                         Outcome::Used(whitened) => whitened.norm_squared(),
@@ -150,4 +213,10 @@ impl Recording {
             squared_distances,
         })
     }
+}
+
+fn stamped_later(frame: &RcFrame, by_ns: u64) -> RcFrame {
+    let mut frame = *frame;
+    frame.header.stamp_ns += by_ns;
+    frame
 }

@@ -8,15 +8,11 @@ use serde::Serialize;
 /// Deviation of the marker offset with which it is identified, m: markers are glued within three of it.
 pub const MARKER_OFFSET_DEVIATION: f64 = 0.02;
 
-/// Standard error above which an offset counts as unknown, m.
-const OFFSET_UNKNOWN: f64 = 0.005;
+/// Half-width of an interval above which an offset counts as unknown, m.
+const OFFSET_UNKNOWN: f64 = 0.01;
 
-/// Deviation of an offset beside what the filter knows of it, m: a link of 11 bits and a flight of small tilts draw it
-/// towards zero by up to 3 mm.
-pub const OFFSET_SYSTEMATIC: f64 = 0.002;
-
-/// Standard errors by which a value may differ from the stated one by chance.
-const BY_CHANCE: f64 = 2.0;
+/// The same of a delay, s.
+const DELAY_UNKNOWN: f64 = 0.01;
 
 /// A number of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -25,7 +21,7 @@ pub struct Quantity {
     pub stated: f64,
     /// As the flight shows it.
     pub found: f64,
-    /// Standard error of that.
+    /// Half-width of its 95 % interval.
     pub error: f64,
 }
 
@@ -55,7 +51,7 @@ impl Quantity {
     fn verdict(&self, matters: f64, unknown: f64) -> Verdict {
         if self.error > unknown {
             Verdict::Unknown
-        } else if (self.found - self.stated).abs() > matters.max(BY_CHANCE * self.error) {
+        } else if (self.found - self.stated).abs() > matters.max(self.error) {
             Verdict::Differs
         } else {
             Verdict::AsStated
@@ -83,7 +79,7 @@ impl Identification {
             delay,
             "ms",
             1e-3,
-            delay.verdict(0.002, 0.01),
+            delay.verdict(0.002, DELAY_UNKNOWN),
         ));
         let deviations = [
             (
@@ -104,19 +100,34 @@ impl Identification {
         lines
     }
 
-    /// Returns the lines of a scenario that state what was found.
+    /// Returns the lines of a scenario that state what differs, and no others.
     fn snippet(&self) -> String {
-        let [x, y, z] = self
-            .marker_offset
-            .map(|quantity| match quantity.verdict(0.0, OFFSET_UNKNOWN) {
-                Verdict::Unknown => quantity.stated,
-                Verdict::AsStated | Verdict::Differs => quantity.found,
+        let lines = self.lines();
+        let differs = |place: usize| lines[place].4 == Verdict::Differs;
+        let mut model = Vec::new();
+        if (0..3).any(differs) {
+            let offset = [0, 1, 2].map(|axis| {
+                let Quantity { stated, found, .. } = self.marker_offset[axis];
+                format!("{:.4}", if differs(axis) { found } else { stated })
             });
-        format!(
-            "[model]\nmarker_offset = [{x:.3}, {y:.3}, {z:.3}]\nradio_latency = {:.5}\n\n\
-             [estimator.kalman]\nposition_deviation = {:.2e}\nattitude_deviation = {:.2e}\n",
-            self.radio_latency.found, self.position_deviation.found, self.attitude_deviation.found
-        )
+            model.push(format!("marker_offset = [{}]", offset.join(", ")));
+        }
+        if differs(3) {
+            model.push(format!("radio_latency = {:.5}", self.radio_latency.found));
+        }
+        let mut kalman = Vec::new();
+        for (place, key, quantity) in [
+            (4, "position_deviation", self.position_deviation),
+            (5, "attitude_deviation", self.attitude_deviation),
+        ] {
+            if differs(place) {
+                kalman.push(format!("{key} = {:.2e}", quantity.found));
+            }
+        }
+        let tables = [("[model]", model), ("[estimator.kalman]", kalman)];
+        let stated = tables.iter().filter(|(_, keys)| !keys.is_empty());
+        let stated = stated.map(|(table, keys)| format!("{table}\n{}\n", keys.join("\n")));
+        stated.collect::<Vec<_>>().join("\n")
     }
 }
 
@@ -124,24 +135,25 @@ impl fmt::Display for Identification {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut table = Table::new();
         table.load_style(presets::UTF8_FULL_CONDENSED);
-        table.set_header(["key", "stated", "found", "standard error", "unit", ""]);
+        table.set_header(["key", "stated", "found", "95 % interval", "unit", ""]);
         let lines = self.lines();
         for (key, quantity, unit, size, verdict) in &lines {
-            let shown =
-                [quantity.stated, quantity.found, quantity.error].map(|value| format!("{:.2}", value / size));
+            let Quantity { stated, found, error } = quantity;
+            let [low, high] = [found - error, found + error].map(|value| format!("{:.2}", value / size));
+            let [stated, found] = [stated, found].map(|value| format!("{:.2}", value / size));
             let verdict = match verdict {
                 Verdict::AsStated => "as stated",
                 Verdict::Differs => "differs",
                 Verdict::Unknown => "unknown",
             };
-            let [stated, found, error] = shown;
-            table.add_row([key, &stated, &found, &error, *unit, verdict]);
+            let interval = format!("{low} to {high}");
+            table.add_row([key, &stated, &found, &interval, *unit, verdict]);
         }
         writeln!(formatter, "{table}")?;
         if lines.iter().any(|line| line.4 == Verdict::Unknown) {
             writeln!(
                 formatter,
-                "\nUnknown: the vehicle did not turn enough about two axes; fly a figure such as the eight."
+                "\nUnknown: the flight does not show it; fly a figure such as the eight, for longer or with more turns."
             )?;
         }
         if lines.iter().any(|line| line.4 == Verdict::Differs) {

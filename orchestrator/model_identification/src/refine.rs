@@ -1,0 +1,351 @@
+//! Marker offset and delay by the method of prediction errors, with intervals that rest on what the flight shows.
+//!
+//! The whitened innovations of the captures are a function of what the filter believes. Gauss–Newton makes the sum of their
+//! squares smallest. The mass is estimated along with it for every block of some seconds, because it may change in flight
+//! and a wrong one looks like an offset: both make the vehicle's acceleration another multiple of its tilt.
+//!
+//! An interval is the sandwich estimate of the covariance, from the sums of the gradient over a second each: it holds with
+//! turbulence, a quantised link and a filter that is wrong about its noise, where the curvature alone promises too much.
+
+use std::ops::Range;
+
+use evaluation::reproduce::parallel;
+use nalgebra::{SMatrix, SVector};
+
+use crate::IdentifyError;
+use crate::recording::{Believed, Recording, Whitened};
+use crate::report::Quantity;
+
+/// Parameters: three components of the offset, m, and the delay, s.
+const PARAMETERS: usize = 4;
+
+/// Parameters and the mass, kg.
+const ALL: usize = PARAMETERS + 1;
+
+/// Steps of the difference quotients.
+const STEPS: [f64; ALL] = [2e-3, 2e-3, 2e-3, 1e-3, 2e-3];
+
+/// Length of a block with a mass of its own, ns.
+const BLOCK_NS: u64 = 5_000_000_000;
+
+/// Time for which a filter runs before the captures of a block count, ns.
+const WARM_UP_NS: u64 = 2_000_000_000;
+
+/// Length of a cluster whose innovations may depend on each other, ns.
+const CLUSTER_NS: u64 = 1_000_000_000;
+
+/// Longest delay, s.
+const LONGEST: f64 = 0.1;
+
+/// What the flight's own contradictions do not show, as half-widths, m and s: the drift is chosen from a few.
+const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
+
+/// Captures over which innovations are correlated.
+const LAGS: usize = 20;
+
+/// Shares of the stated noise of the body rates and of the stated drift of the disturbance that are tried.
+const RATE_FACTORS: [f64; 4] = [1.0, 0.2, 0.04, 0.008];
+const DRIFT_FACTORS: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
+
+/// Ratio to the median of the blocks' mean squares from which on a block is left out: the mass changed in it, or the
+/// vehicle was taken hold of.
+const STRANGE: f64 = 2.0;
+
+type Row = SMatrix<f64, 6, ALL>;
+
+/// A block of the flight: its time, and the mass that goes with the beliefs.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    from_ns: u64,
+    to_ns: u64,
+    mass: f64,
+}
+
+/// Normal equations of a block for the parameters, once the mass has been eliminated.
+struct NormalEquations {
+    /// JᵀJ.
+    information: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    /// Jᵀr of every cluster.
+    gradients: Vec<SVector<f64, PARAMETERS>>,
+    /// Change of the mass: for a given change of the parameters, and by itself.
+    mass: (SMatrix<f64, 1, PARAMETERS>, f64),
+    mean_square: f64,
+}
+
+/// Parameters with the half-widths of their intervals, and the masses of the blocks.
+#[derive(Clone)]
+struct Estimate {
+    parameters: SVector<f64, PARAMETERS>,
+    errors: SVector<f64, PARAMETERS>,
+    blocks: Vec<Block>,
+}
+
+/// Returns marker offset and delay, from beliefs that are near them. Errors are half-widths of 95 % intervals.
+///
+/// The noise of the body rates and the drift of the disturbance are those with which the innovations are whitest. A filter that
+/// expects more of them than there is takes measuring noise for pushes. The controller acts on that noise, so that commands
+/// go with it, and an offset of some millimetres seems to be there.
+///
+/// # Errors
+/// [`IdentifyError`] if the scenario gives no filter, or too few captures count.
+pub fn refine(
+    recording: &Recording,
+    believed: &Believed,
+) -> Result<([f64; PARAMETERS], [f64; PARAMETERS]), IdentifyError> {
+    let mut believed = believed.clone();
+    let stated = believed.kalman.clone();
+    let mut estimate = Estimate::at(recording, &believed);
+    estimate.descend(recording, &believed)?;
+    let mut least = f64::INFINITY;
+    for factor in RATE_FACTORS {
+        let mut tried = believed.clone();
+        tried.kalman.rate_noise = factor * stated.rate_noise;
+        let found = estimate.correlation(recording, &tried, 3..6)?.abs();
+        if found < least {
+            (least, believed.kalman.rate_noise) = (found, tried.kalman.rate_noise);
+        }
+    }
+    // From below: with a large drift and a wrong offset innovations may be white as well.
+    let mut best = (f64::INFINITY, estimate.clone(), stated.disturbance_drift);
+    for factor in DRIFT_FACTORS {
+        believed.kalman.disturbance_drift = factor * stated.disturbance_drift;
+        estimate.descend(recording, &believed)?;
+        estimate.descend(recording, &believed)?;
+        let found = estimate.correlation(recording, &believed, 0..3)?;
+        if found.abs() < best.0 {
+            best = (found.abs(), estimate.clone(), believed.kalman.disturbance_drift);
+        }
+        if found <= 0.0 {
+            break;
+        }
+    }
+    let (_, mut estimate, drift) = best;
+    believed.kalman.disturbance_drift = drift;
+    estimate.descend(recording, &believed)?;
+    let errors: [f64; PARAMETERS] = estimate.errors.into();
+    let errors = std::array::from_fn(|index| errors[index].hypot(SYSTEMATIC[index]));
+    Ok((estimate.parameters.into(), errors))
+}
+
+impl Estimate {
+    fn at(recording: &Recording, believed: &Believed) -> Self {
+        let [begin_ns, end_ns] = recording.span_ns();
+        let begins = (begin_ns.saturating_add(WARM_UP_NS)..end_ns)
+            .step_by(usize::try_from(BLOCK_NS).unwrap_or(usize::MAX));
+        let [x, y, z] = believed.model.marker_offset;
+        Self {
+            parameters: SVector::from([x, y, z, believed.model.radio_latency]),
+            errors: SVector::zeros(),
+            blocks: begins
+                .map(|from_ns| Block {
+                    from_ns,
+                    to_ns: (from_ns + BLOCK_NS).min(end_ns),
+                    mass: believed.model.mass,
+                })
+                .collect(),
+        }
+    }
+
+    /// Takes a step of Gauss–Newton.
+    fn descend(&mut self, recording: &Recording, believed: &Believed) -> Result<(), IdentifyError> {
+        let equations = self
+            .blocks
+            .iter()
+            .map(|block| block.equations(recording, believed, &self.parameters))
+            .collect::<Result<Vec<_>, _>>()?;
+        let usable = usable(&equations);
+        let used = || {
+            let pairs = equations.iter().zip(&usable);
+            pairs
+                .filter(|(_, is_usable)| **is_usable)
+                .map(|(equations, _)| equations)
+        };
+        let information: SMatrix<f64, PARAMETERS, PARAMETERS> =
+            used().map(|equations| equations.information).sum();
+        let gradients = || used().flat_map(|equations| &equations.gradients);
+        let clusters = gradients().count();
+        let Some(inverse) = information.try_inverse().filter(|_| clusters > 2 * ALL) else {
+            return Err(IdentifyError::TooShort {
+                captures: recording.captures(),
+                frames: recording.frames(),
+            });
+        };
+        let change = -(inverse * gradients().sum::<SVector<f64, PARAMETERS>>());
+        let spread: SMatrix<f64, PARAMETERS, PARAMETERS> = gradients().map(|one| one * one.transpose()).sum();
+        let freedom = (clusters - ALL) as f64;
+        let covariance = inverse * spread * inverse * (clusters as f64 / freedom);
+        self.errors = covariance
+            .diagonal()
+            .map(|variance| two_sided(freedom) * variance.max(0.0).sqrt());
+        self.parameters += change;
+        self.parameters[3] = self.parameters[3].clamp(0.0, LONGEST);
+        for (block, equations) in self.blocks.iter_mut().zip(&equations) {
+            let (by_parameters, own) = &equations.mass;
+            let change = (by_parameters * change)[0] + own;
+            block.mass = (block.mass + change).clamp(0.5 * block.mass, 2.0 * block.mass);
+        }
+        Ok(())
+    }
+
+    /// Returns the correlation of the innovations in some of their components.
+    fn correlation(
+        &self,
+        recording: &Recording,
+        believed: &Believed,
+        components: Range<usize>,
+    ) -> Result<f64, IdentifyError> {
+        let runs = parallel::map(&self.blocks, parallel::cores(), |block| {
+            block.innovations(recording, believed, &self.parameters, None)
+        });
+        let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(correlation(&runs, components))
+    }
+}
+
+/// Returns the sum of the autocorrelations of innovations over [`LAGS`]: 0 of white ones, less where the filter expects too
+/// much noise of the process, more where it expects too little.
+fn correlation(runs: &[Vec<(u64, Option<Whitened>)>], components: Range<usize>) -> f64 {
+    let (mut squares, mut products) = (0.0, 0.0);
+    for run in runs {
+        for (place, (_, innovation)) in run.iter().enumerate() {
+            let Some(innovation) = innovation else { continue };
+            let later = run[place + 1..].iter().take(LAGS).filter_map(|(_, later)| *later);
+            let later: Whitened = later.sum();
+            for component in components.clone() {
+                squares += innovation[component] * innovation[component];
+                products += innovation[component] * later[component];
+            }
+        }
+    }
+    products / f64::max(squares, f64::MIN_POSITIVE)
+}
+
+/// Returns the half-width of a 95 % interval in standard errors, by the expansion of Student's distribution in the degrees of
+/// freedom.
+fn two_sided(freedom: f64) -> f64 {
+    let z: f64 = 1.959_963_984_540_054;
+    let (z3, z5) = (z.powi(3), z.powi(5));
+    z + (z3 + z) / (4.0 * freedom) + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * freedom * freedom)
+}
+
+fn usable(equations: &[NormalEquations]) -> Vec<bool> {
+    let mut sizes: Vec<f64> = equations.iter().map(|equations| equations.mean_square).collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN);
+    equations
+        .iter()
+        .map(|equations| equations.mean_square <= STRANGE * median)
+        .collect()
+}
+
+impl Block {
+    /// Returns the innovations of the block with these parameters, one of which may be changed by a step.
+    fn innovations(
+        &self,
+        recording: &Recording,
+        believed: &Believed,
+        parameters: &SVector<f64, PARAMETERS>,
+        step: Option<(usize, f64)>,
+    ) -> Result<Vec<(u64, Option<Whitened>)>, IdentifyError> {
+        let [x, y, z, latency] = (*parameters).into();
+        let mut values = [x, y, z, latency, self.mass];
+        if let Some((index, by)) = step {
+            values[index] += by;
+        }
+        let mut believed = believed.clone();
+        believed.model.marker_offset = [values[0], values[1], values[2]];
+        believed.model.radio_latency = values[3].max(0.0);
+        believed.model.mass = values[4];
+        believed.kalman.marker_offset_deviation = 0.0;
+        let from_ns = self.from_ns.saturating_sub(WARM_UP_NS);
+        recording.innovations(&believed, from_ns, self.to_ns)
+    }
+
+    fn equations(
+        &self,
+        recording: &Recording,
+        believed: &Believed,
+        parameters: &SVector<f64, PARAMETERS>,
+    ) -> Result<NormalEquations, IdentifyError> {
+        let mut runs: Vec<Option<(usize, f64)>> = vec![None];
+        runs.extend((0..ALL).flat_map(|index| [STEPS[index], -STEPS[index]].map(|step| Some((index, step)))));
+        let runs = parallel::map(&runs, parallel::cores(), |&step| {
+            self.innovations(recording, believed, parameters, step)
+        });
+        let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let [base, steps @ ..] = &runs[..] else {
+            unreachable!("the first run is there");
+        };
+        let mut rows: Vec<(u64, SVector<f64, 6>, Row)> = Vec::new();
+        for (place, (time_ns, whitened)) in base.iter().enumerate() {
+            let of_run =
+                |run: &Vec<(u64, Option<Whitened>)>| run.get(place).and_then(|(_, whitened)| *whitened);
+            let stepped: Option<Vec<_>> = steps.iter().map(of_run).collect();
+            if *time_ns < self.from_ns {
+                continue;
+            }
+            if let (Some(residual), Some(stepped)) = (whitened, stepped) {
+                let row = Row::from_fn(|of, index| {
+                    // A delay cannot be negative, so that its lower step may be shorter.
+                    let lower = if index == 3 {
+                        STEPS[3].min(parameters[3])
+                    } else {
+                        STEPS[index]
+                    };
+                    (stepped[2 * index][of] - stepped[2 * index + 1][of]) / (STEPS[index] + lower)
+                });
+                rows.push((*time_ns, *residual, row));
+            }
+        }
+        Ok(NormalEquations::of(&rows, self.from_ns))
+    }
+}
+
+impl NormalEquations {
+    fn of(rows: &[(u64, SVector<f64, 6>, Row)], from_ns: u64) -> Self {
+        let information: SMatrix<f64, ALL, ALL> = rows.iter().map(|(_, _, row)| row.transpose() * row).sum();
+        let gradient: SVector<f64, ALL> = rows
+            .iter()
+            .map(|(_, residual, row)| row.transpose() * residual)
+            .sum();
+        let of_mass = information[(PARAMETERS, PARAMETERS)].max(f64::MIN_POSITIVE);
+        let cross = information.fixed_view::<1, PARAMETERS>(PARAMETERS, 0) / of_mass;
+        let mut equations = Self {
+            information: information.fixed_view::<PARAMETERS, PARAMETERS>(0, 0)
+                - information.fixed_view::<PARAMETERS, 1>(0, PARAMETERS) * cross,
+            gradients: Vec::new(),
+            mass: (-cross, -gradient[PARAMETERS] / of_mass),
+            mean_square: rows
+                .iter()
+                .map(|(_, residual, _)| residual.norm_squared())
+                .sum::<f64>()
+                / rows.len().max(1) as f64,
+        };
+        let cluster_of = |time_ns: u64| (time_ns - from_ns) / CLUSTER_NS;
+        for cluster in rows.chunk_by(|(one, ..), (other, ..)| cluster_of(*one) == cluster_of(*other)) {
+            let sum: SVector<f64, ALL> = cluster
+                .iter()
+                .map(|(_, residual, row)| row.transpose() * residual)
+                .sum();
+            equations
+                .gradients
+                .push(sum.fixed_rows::<PARAMETERS>(0) - cross.transpose() * sum[PARAMETERS]);
+        }
+        equations
+    }
+}
+
+/// Returns the offset and the delay beside what is stated.
+#[must_use]
+pub fn beside(
+    stated: &Believed,
+    (found, errors): ([f64; PARAMETERS], [f64; PARAMETERS]),
+) -> ([Quantity; 3], Quantity) {
+    let quantity = |index: usize, stated: f64| Quantity {
+        stated,
+        found: found[index],
+        error: errors[index],
+    };
+    let offset = [0, 1, 2].map(|axis| quantity(axis, stated.model.marker_offset[axis]));
+    (offset, quantity(3, stated.model.radio_latency))
+}
