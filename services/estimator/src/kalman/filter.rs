@@ -206,6 +206,7 @@ impl KalmanFilter {
             let second_begins = history.commands()[1].acts_from_ns.min(now_ns);
             if let Some(track) = track {
                 track.state.propagate(second_begins, &self.process, history);
+                track.ground.rest.end();
             }
             history.forget_oldest();
         }
@@ -259,7 +260,8 @@ impl KalmanFilter {
         }
         history.forget_before(exposure_ns);
         let predicted = track.state.nominal.world_from_body;
-        let flies = !track.state.stands && !self.has_come_to_rest(exposure_ns);
+        // One that has landed is tested too while its motors turn: the law acts on its attitude.
+        let flies = (!track.state.stands || track.ground.has_flown) && !self.has_come_to_rest(exposure_ns);
         let is_turn_known = self.is_turn_known(track.trust.trusted_ns, exposure_ns);
         if flies && !is_turn_known {
             track.settling_since_ns = exposure_ns;
@@ -276,9 +278,8 @@ impl KalmanFilter {
             if self.touches_down(&pose, &mut track) {
                 return self.land(now_ns, exposure_ns, &pose, &track);
             }
-            if track.state.stands {
-                return self.restart(now_ns, exposure_ns, &pose, &track);
-            }
+            // It moves, or this capture is a false one: tested as in flight.
+            track.state.stands = false;
         }
         track.ground.observe_rise(&pose.position_world);
         let (residual, stated) = (track.state.residual(&pose), self.pose_noise);

@@ -68,14 +68,17 @@ impl Rest {
     /// Value of [`Rest::captures`] once the vehicle is seen to move: the comparison begins again with that capture.
     pub const OVER: u32 = u32::MAX;
 
-    /// Begins at a capture, with the estimate there.
+    /// Begins at a capture, with the estimate there. The free flight begins at the captured place: a false place is no
+    /// sign of the ground.
     #[must_use]
     pub fn new(time_ns: u64, pose: &Pose, estimate: &NominalState) -> Self {
+        let mut free = *estimate;
+        free.position_world += pose.position_world - estimate.tracked_point();
         Self {
             since_ns: time_ns,
             pose: *pose,
             captures: 0,
-            free: *estimate,
+            free,
             free_ns: time_ns,
         }
     }
@@ -86,6 +89,11 @@ impl Rest {
         let way = (pose.position_world - self.pose.position_world).norm();
         let turn = angle_between(&self.pose.world_from_body, &pose.world_from_body);
         way <= STILL * noise.position.sqrt() && turn <= STILL * noise.attitude.sqrt()
+    }
+
+    /// Ends the comparison: it begins again with the next capture that is used.
+    pub fn end(&mut self) {
+        self.captures = Self::OVER;
     }
 
     /// Lets the free flight go on to a later time, ns.
@@ -100,7 +108,7 @@ impl Rest {
     pub fn observe(&mut self, pose: &Pose, noise: PoseNoise) -> bool {
         let time = seconds(self.free_ns.saturating_sub(self.since_ns));
         if self.captures == Self::OVER || time > LONGEST || !self.holds(pose, noise) {
-            self.captures = Self::OVER;
+            self.end();
             return false;
         }
         self.captures += 1;
@@ -127,6 +135,9 @@ impl Ground {
 
     /// Takes a captured place into account, in {I}, m.
     pub fn observe_rise(&mut self, position_world: &Vector3<f64>) {
-        self.has_flown |= position_world.z < self.stood_z - RISEN;
+        if !self.has_flown && position_world.z < self.stood_z - RISEN {
+            self.has_flown = true;
+            self.rest.end();
+        }
     }
 }
