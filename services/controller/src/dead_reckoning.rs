@@ -19,6 +19,7 @@ use scenario::Scenario;
 use shared_types::rotation;
 use shared_types::sample::Flag;
 use shared_types::samples::VehicleState;
+use shared_types::service::seconds;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::{Lag, between};
 use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
@@ -54,6 +55,8 @@ shared_types::sample! {
         pub push_world: [f64; 3],
         /// Its mean over the last seconds in the air, in {I}, m/s².
         pub lasting_push_world: [f64; 3],
+        /// Stamp of the last measured state that it began with, ns since the start of the flight.
+        pub began_ns: u64,
         /// `true` once there was a state to begin with.
         pub has_begun: Flag,
         /// Explicit padding.
@@ -129,8 +132,8 @@ impl DeadReckoning {
         }
     }
 
-    /// Begins at a measured state, with the last command. The vehicle has been airborne for `airborne` seconds since the
-    /// state of `before`.
+    /// Begins at a measured state, with the last command. `is_airborne`: the vehicle flies since the state of `before`, and
+    /// a push that lasts is learned.
     #[must_use]
     pub fn begin(
         &self,
@@ -138,7 +141,7 @@ impl DeadReckoning {
         state: &VehicleState,
         last: &Commanded,
         estimate: &ModelEstimate,
-        airborne: f64,
+        is_airborne: bool,
     ) -> Reckoned {
         let r = rotation::from_row_major(&state.world_from_body);
         let (thrust, push) = match self.actuation {
@@ -149,6 +152,12 @@ impl DeadReckoning {
             }
         };
         let lasting = Vector3::from(before.lasting_push_world);
+        let stamp_ns = state.header.stamp_ns;
+        let airborne = if is_airborne && before.has_begun.is_set() {
+            seconds(stamp_ns.saturating_sub(before.began_ns))
+        } else {
+            0.0
+        };
         Reckoned {
             position_world: state.position_world,
             world_from_body: state.world_from_body,
@@ -157,6 +166,7 @@ impl DeadReckoning {
             thrust,
             push_world: push.into(),
             lasting_push_world: between(lasting, push, PUSH_LASTS.gone(airborne)).into(),
+            began_ns: stamp_ns,
             has_begun: true.into(),
             pad0: [0; 7],
         }
@@ -255,6 +265,7 @@ impl Reckoned {
         thrust: 0.0,
         push_world: [0.0; 3],
         lasting_push_world: [0.0; 3],
+        began_ns: 0,
         has_begun: Flag::CLEAR,
         pad0: [0; 7],
     };
@@ -339,7 +350,7 @@ pub(crate) mod tests {
     }
 
     fn begin(dead_reckoning: &DeadReckoning, state: &VehicleState, command: &Commanded) -> Reckoned {
-        dead_reckoning.begin(&Reckoned::NOTHING, state, command, &estimate(), 0.0)
+        dead_reckoning.begin(&Reckoned::NOTHING, state, command, &estimate(), false)
     }
 
     proptest! {
@@ -412,16 +423,17 @@ pub(crate) mod tests {
         state.acceleration_world = [0.1, 0.0, -0.5];
         let mut reckoned = Reckoned::NOTHING;
         for _ in 0..1000 {
-            reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), 0.02);
+            state.header.stamp_ns += 20_000_000;
+            reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), true);
         }
         let on_the_ground = VehicleState {
             acceleration_world: [0.0; 3],
             thrust: 0.0,
             ..state
         };
-        reckoned = dead_reckoning.begin(&reckoned, &on_the_ground, &hover, &estimate(), 0.0);
+        reckoned = dead_reckoning.begin(&reckoned, &on_the_ground, &hover, &estimate(), false);
         state.acceleration_world[2] -= 0.6;
-        reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), 0.0);
+        reckoned = dead_reckoning.begin(&reckoned, &state, &hover, &estimate(), false);
         let late = dead_reckoning.advanced(&reckoned, &hover, &estimate(), 3.0);
         // 0.5 m/s² for 3 s, and 0.6 m/s² for half a second.
         assert!((late.velocity_world[2] + 1.8).abs() < 0.02, "{late:?}");

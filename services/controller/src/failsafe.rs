@@ -221,7 +221,7 @@ mod tests {
             state.velocity_body = attitude.tr_mul(&Vector3::new(0.5, 0.0, vertical)).into();
             (state.angular_velocity_body, state.thrust) = (turns, 1.9);
             state.acceleration_world = (Vector3::z() * (GRAVITY + 0.3) - attitude.column(2) * (1.9 / 0.2)).into();
-            let mut vehicle = dead_reckoning.begin(&Reckoned::NOTHING, &state, &Commanded::NOTHING, &BELIEVED, 0.0);
+            let mut vehicle = dead_reckoning.begin(&Reckoned::NOTHING, &state, &Commanded::NOTHING, &BELIEVED, false);
             let (mut time, mut before) = (0.0, 0.0);
             while time < 5.0 {
                 if time < 4.0 {

@@ -82,10 +82,9 @@ impl Safety {
         };
         let last = last.unwrap_or(&hover);
         if input.is_new || !self.reckoned.has_begun.is_set() {
-            let airborne = if input.teaches { now.elapsed() } else { 0.0 };
-            self.reckoned = self
-                .dead_reckoning
-                .begin(&self.reckoned, input.state, last, estimate, airborne);
+            self.reckoned =
+                self.dead_reckoning
+                    .begin(&self.reckoned, input.state, last, estimate, input.teaches);
             let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
             self.pass(late_ns, last, estimate);
         } else {
