@@ -24,7 +24,7 @@ use shared_types::samples::{PathReference, VehicleTruth};
 use shared_types::{ServiceId, Topic};
 use supervisor::supervision::restart_policy::{
     BEAT_LIMIT, BEAT_PERIOD, EXTERNAL_LIMIT, FRESH_LIMIT, HEDGE_AFTER, PREPARATION_LIMIT, PREPARED_LIMIT,
-    READY_LIMIT,
+    READY_LIMIT, external_start_limit,
 };
 use zerocopy::FromBytes;
 
@@ -509,7 +509,11 @@ fn the_page_states_the_limits_of_a_start() {
     assert_eq!(row("in real time, in any case"), seconds(FRESH_LIMIT));
     assert_eq!(
         row("external service, in real time"),
-        format!("{}, or twice its longest start", seconds(FRESH_LIMIT))
+        format!(
+            "{}, or twice its longest start, up to {}",
+            seconds(FRESH_LIMIT),
+            seconds(external_start_limit(READY_LIMIT))
+        )
     );
     assert_eq!(
         row("standby process, until it is prepared"),

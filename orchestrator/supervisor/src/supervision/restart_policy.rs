@@ -30,6 +30,9 @@ pub const PREPARED_LIMIT: Duration = Duration::from_millis(150);
 /// Time that any process may take to become ready in real time.
 pub const FRESH_LIMIT: Duration = Duration::from_secs(1);
 
+/// Longest time that an external service may take in flight to become ready, however long it took before.
+const EXTERNAL_LIMIT_IN_FLIGHT: Duration = Duration::from_secs(5);
+
 /// Times that the limits in flight are doubled at most, once for each process in a row that has not flown: hardware may
 /// take longer to open, and a machine be slower, than these limits expect.
 const MOST_DOUBLINGS: u32 = 3;
@@ -40,10 +43,11 @@ pub(super) fn doubled(limit: Duration, missed: u32) -> Duration {
 }
 
 /// Returns the time that an external service may take in flight to become ready, and again for its first step, if it has
-/// taken up to `longest` to become ready so far: a program may load an interpreter, and compile what it does first.
+/// taken up to `longest` to become ready so far: a program may load an interpreter, and compile what it does first. The
+/// vehicle flies without it meanwhile, so that there is an end to patience.
 #[must_use]
 pub fn external_start_limit(longest: Duration) -> Duration {
-    FRESH_LIMIT.max(2 * longest)
+    (2 * longest).clamp(FRESH_LIMIT, EXTERNAL_LIMIT_IN_FLIGHT)
 }
 
 /// Period at which a standby process is asked for a sign of life.
@@ -106,7 +110,7 @@ impl StartingProcess {
     }
 
     /// Returns whether it takes longer than `limit`, without the time for which it waited for a processor: a process in its
-    /// place would wait as well, and begin anew.
+    /// place would wait as well, and start again.
     fn exceeds_by_itself(&self, limit: Duration) -> bool {
         self.elapsed.saturating_sub(self.waited) > doubled(limit, self.missed)
     }
@@ -284,9 +288,10 @@ mod tests {
             rows.map(|(situation, elapsed, missed, verdict)| (situation, 400, elapsed, missed, verdict));
         let slow = [
             (SetUp, 3_000, 10_001, 0, Fail),
-            (RealTime, 3_000, 6_000, 0, Wait),
-            (RealTime, 3_000, 6_001, 0, Replace),
-            (RealTime, 3_000, 12_000, 1, Wait),
+            (RealTime, 2_000, 4_000, 0, Wait),
+            (RealTime, 2_000, 4_001, 0, Replace),
+            (RealTime, 3_000, 5_001, 0, Replace),
+            (RealTime, 3_000, 10_000, 1, Wait),
         ];
         for row in rows.into_iter().chain(slow) {
             let (situation, longest, milliseconds, missed, verdict) = row;
@@ -355,7 +360,7 @@ mod tests {
     }
 
     /// On a busy machine a prepared process takes 0.4 s, of which it waits 0.35 s for a processor. Those in its place
-    /// would begin anew, one after another, each to be killed after 0.15, 0.3 and 0.6 s.
+    /// would start again, one after another, each to be killed after 0.15, 0.3 and 0.6 s.
     #[test]
     fn a_process_that_waits_for_a_processor_is_neither_hedged_nor_replaced_for_that() {
         let busy = |elapsed, waited| StartingProcess {
