@@ -150,6 +150,7 @@ where
     FlightFailure: From<S::Error>,
 {
     let TakeOver {
+        only_one: _only_one,
         context,
         shared,
         survivors,

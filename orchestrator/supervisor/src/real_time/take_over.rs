@@ -1,5 +1,6 @@
 //! Taking over a flight whose orchestrator is gone: everything of it is learned from its services.
 
+use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -7,6 +8,7 @@ use std::time::{Duration, Instant};
 use runtime::flight_clock::FlightClock;
 use runtime::orchestrator_watchdog::SILENCE_NS;
 use runtime::take_over::{InheritedDescriptors, TakeOverListener};
+use rustix::fs::{FlockOperation, flock};
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
@@ -19,6 +21,8 @@ const PATIENCE: Duration = Duration::from_nanos(3 * SILENCE_NS);
 
 /// A flight that is ready to be taken over.
 pub struct TakeOver {
+    /// Held until the run ends.
+    pub(super) only_one: File,
     pub(super) context: RunContext,
     pub(super) shared: Shared,
     pub(super) survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
@@ -30,12 +34,13 @@ pub struct TakeOver {
 }
 
 impl TakeOver {
-    /// Waits at the place of a run for its services; as long, nobody else must. Kills those that do not come: they are
+    /// Waits at the place of a run for its services, alone: a second one is refused. Kills those that do not come: they are
     /// stopped or hang, and whatever takes their place needs their ports.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
     pub fn prepare(place: &Path) -> Result<Self, FlightFailure> {
+        let only_one = only_one(place)?;
         let listener = TakeOverListener::listen(place).map_err(FlightFailure::setup)?;
         let mut survivors = [const { None }; ServiceId::ALL.len()];
         let mut first: Option<InheritedDescriptors> = None;
@@ -78,6 +83,7 @@ impl TakeOver {
             tick_ns: context.schedule.tick_ns(),
         };
         Ok(Self {
+            only_one,
             first_tick: clock.tick().min(context.schedule.last_tick()),
             context,
             shared,
@@ -104,4 +110,12 @@ impl TakeOver {
     pub fn first_tick(&self) -> u64 {
         self.first_tick
     }
+}
+
+/// Takes the lock of those that take a run over, which is one on its folder.
+fn only_one(place: &Path) -> Result<File, FlightFailure> {
+    let folder = File::open(place).map_err(FlightFailure::setup)?;
+    flock(&folder, FlockOperation::NonBlockingLockExclusive)
+        .map_err(|_| FlightFailure::setup("another `gerono attach` takes this run over"))?;
+    Ok(folder)
 }
