@@ -233,13 +233,10 @@ impl<'a> Flight<'a> {
         observer: &'a mut dyn StepObserver,
     ) -> Self {
         let schedule = &context.schedule;
-        let hang_limit = context
-            .scenario
-            .real_time
-            .unwrap_or_default()
-            .hang_limit(schedule);
+        let real_time = context.scenario.real_time.unwrap_or_default();
+        let hang_limit = |service| nanoseconds(real_time.hang_limit(schedule, service)) / schedule.tick_ns();
         Self {
-            heartbeats: Heartbeats::new(schedule, nanoseconds(hang_limit) / schedule.tick_ns()),
+            heartbeats: Heartbeats::new(schedule, hang_limit),
             monitor: Monitor::new(schedule, |service| context.scenario.process_name(service)),
             schedule,
             clock,

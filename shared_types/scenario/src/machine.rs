@@ -151,20 +151,17 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Returns the time after a due step at which a service of a flight hangs, s: as stated, or far from what any step waits.
+    /// Returns the time after a due step at which a service of a flight hangs, s: as stated, or far from what its steps wait.
     #[must_use]
-    pub fn hang_limit(&self, schedule: &Schedule) -> f64 {
-        let default = || (2.0 * self.longest_wait(schedule).1).max(0.1);
+    pub fn hang_limit(&self, schedule: &Schedule, service: ServiceId) -> f64 {
+        let default = || (2.0 * self.longest_wait(schedule, service)).max(0.1);
         self.hang_limit.unwrap_or_else(default)
     }
 
-    /// Returns the service whose steps wait longest for their inputs, and for how long, s: the grace, or half a period.
-    pub(crate) fn longest_wait(&self, schedule: &Schedule) -> (ServiceId, f64) {
-        let period = |service: &ServiceId| schedule.service_rate(*service).period;
-        let slowest = ServiceId::ALL.into_iter().max_by_key(period);
-        let slowest = slowest.expect("there are services");
-        let half_a_period = seconds(schedule.time_ns(period(&slowest))) / 2.0;
-        (slowest, self.grace.max(half_a_period))
+    /// Returns how long a step of a service waits for its inputs at most, s: the grace, or half a period.
+    pub(crate) fn longest_wait(&self, schedule: &Schedule, service: ServiceId) -> f64 {
+        let period = schedule.service_rate(service).period;
+        self.grace.max(seconds(schedule.time_ns(period)) / 2.0)
     }
 }
 

@@ -28,12 +28,13 @@ const SEEN_AT_ONCE: u64 = 8;
 pub struct Heartbeats {
     pulses: [Pulse; ServiceId::ALL.len()],
     tick_ns: u64,
-    limit_ticks: u64,
     /// The tick of the last look.
     looked_at: u64,
 }
 
 struct Pulse {
+    /// Ticks without a due step after which it hangs.
+    limit_ticks: u64,
     steps: OutageSchedule,
     /// The last tick of the flight: nothing is due after it.
     last_tick: u64,
@@ -74,14 +75,19 @@ enum Punctuality {
 }
 
 impl Heartbeats {
-    /// Services hang that have not stepped for `limit_ticks` although they should have.
+    /// A service hangs that has not stepped for as many ticks as `limit_ticks` says although it should have.
     #[must_use]
-    pub fn new(schedule: &Schedule, limit_ticks: u64) -> Self {
-        let pulse = |service| Pulse::new(schedule.steps(service), schedule.last_tick());
+    pub fn new(schedule: &Schedule, limit_ticks: impl Fn(ServiceId) -> u64) -> Self {
+        let pulse = |service| {
+            Pulse::new(
+                schedule.steps(service),
+                schedule.last_tick(),
+                limit_ticks(service),
+            )
+        };
         Self {
             pulses: ServiceId::ALL.map(pulse),
             tick_ns: schedule.tick_ns(),
-            limit_ticks,
             looked_at: 0,
         }
     }
@@ -113,10 +119,10 @@ impl Heartbeats {
     ) -> Vec<ServiceId> {
         let passed = now.saturating_sub(self.looked_at);
         self.looked_at = now;
-        let (limit_ticks, tick_ns) = (self.limit_ticks, self.tick_ns);
+        let tick_ns = self.tick_ns;
         let limit_of = |pulse: &Pulse, service| match pulse.has_stepped {
-            true => limit_ticks,
-            false => limit_ticks.max(first_step(service)),
+            true => pulse.limit_ticks,
+            false => pulse.limit_ticks.max(first_step(service)),
         };
         let punctuality = ServiceId::ALL.map(|service| {
             let pulse = &mut self.pulses[service.index()];
@@ -161,8 +167,9 @@ impl Owed {
 }
 
 impl Pulse {
-    fn new(steps: OutageSchedule, last_tick: u64) -> Self {
+    fn new(steps: OutageSchedule, last_tick: u64, limit_ticks: u64) -> Self {
         Self {
+            limit_ticks,
             steps,
             last_tick,
             steps_until: 0,
@@ -254,7 +261,7 @@ mod tests {
 
     fn pulse(outages: Vec<Outage>) -> Pulse {
         let rate = Rate { period: 22, phase: 0 };
-        Pulse::new(OutageSchedule::new(rate, Arc::from(outages)), 1_000_000)
+        Pulse::new(OutageSchedule::new(rate, Arc::from(outages)), 1_000_000, LIMIT)
     }
 
     impl Pulse {
@@ -296,7 +303,7 @@ mod tests {
         let (last_tick, tick) = (100_000, 99_990);
         let schedule = Schedule::ideal(TICK_NS, last_tick);
         let first_hang = |steps_until: u64| {
-            let mut heartbeats = Heartbeats::new(&schedule, LIMIT);
+            let mut heartbeats = Heartbeats::new(&schedule, |_| LIMIT);
             let is_plant = |service| service == ServiceId::Plant;
             (0..last_tick + 2 * LIMIT).find(|&now| {
                 let until = now.min(steps_until);
@@ -313,7 +320,7 @@ mod tests {
         let schedule = Schedule::ideal(TICK_NS, 100_000);
         let is_controller = |service| service == ServiceId::Controller;
         let first_hang = |first_step: u64, steps_until: u64| {
-            let mut heartbeats = Heartbeats::new(&schedule, LIMIT);
+            let mut heartbeats = Heartbeats::new(&schedule, |_| LIMIT);
             // It flies from tick 10 on.
             (0..20 * LIMIT).find(|&now| {
                 let flies = |service| is_controller(service) && now >= 10;
@@ -402,7 +409,7 @@ mod tests {
     /// Returns when each hangs for the first time, up to `last`.
     fn first_hangs(stopped: &[ServiceId], flying: &[ServiceId], last: u64) -> Vec<(ServiceId, u64)> {
         let schedule = Schedule::ideal(TICK_NS, 100_000);
-        let mut heartbeats = Heartbeats::new(&schedule, LIMIT);
+        let mut heartbeats = Heartbeats::new(&schedule, |_| LIMIT);
         let mut found: Vec<(ServiceId, u64)> = Vec::new();
         for now in (0..=last).step_by(10) {
             let steps_until = |service| {

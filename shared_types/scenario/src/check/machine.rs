@@ -78,7 +78,11 @@ impl RealTime {
         let (Some(limit), Some(schedule)) = (self.hang_limit.filter(is_good), schedule) else {
             return;
         };
-        let (service, longest) = self.longest_wait(schedule);
+        let waits = ServiceId::ALL.map(|service| (service, self.longest_wait(schedule, service)));
+        let longest = waits
+            .into_iter()
+            .max_by(|(_, one), (_, other)| one.total_cmp(other));
+        let (service, longest) = longest.expect("there are services");
         if limit <= longest {
             found.add(
                 hang,

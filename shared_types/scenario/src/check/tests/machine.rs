@@ -1,5 +1,7 @@
 //! Sections that say how the machine is used.
 
+use shared_types::ServiceId;
+
 use super::assert_only;
 use crate::tests_support::{fig1, rig};
 use crate::{
@@ -132,7 +134,9 @@ fn a_hang_limit_that_is_not_stated_suits_every_schedule() {
     let mut slow = rig();
     for (period, limit) in [(0.01, 0.1), (0.15, 0.15), (0.5, 0.5)] {
         slow.schedule.period.insert("rc_output".to_owned(), period);
-        assert_eq!(RealTime::default().hang_limit(&slow.schedule().unwrap()), limit);
+        let schedule = slow.schedule().unwrap();
+        let of = |service| RealTime::default().hang_limit(&schedule, service);
+        assert_eq!((of(ServiceId::RcOutput), of(ServiceId::Controller)), (limit, 0.1));
         assert_eq!(in_real_time(slow.clone(), RealTime::default()), []);
     }
 }
