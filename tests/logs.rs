@@ -79,7 +79,7 @@ fn no_reader_takes_an_error_for_the_end() {
 #[test]
 fn what_is_identified_from_a_damaged_log_is_an_error() {
     let place = Place::new();
-    succeed(&mut place.rig_flight("out", 12.0, &["--host", "inprocess", "--quiet"]));
+    succeed(&mut place.rig_flight("out", 30.0, &["--host", "inprocess", "--quiet"]));
     let whole = output(&mut place.gerono(&["identify", "out"]));
     assert_eq!(whole.status.code(), Some(0), "{}", complaint(&whole));
     let mut bytes = std::fs::read(place.log("out")).unwrap();

@@ -38,7 +38,7 @@ pub enum IdentifyError {
     NoFilter,
     /// There are too few captures or frames.
     #[error(
-        "the log has {captures} captures of the vehicle and {frames} frames: fly for ten seconds at least"
+        "the log has {captures} captures of the vehicle and {frames} frames: fly for thirty seconds at least"
     )]
     TooShort {
         /// Captures that show the vehicle.

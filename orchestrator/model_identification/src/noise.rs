@@ -74,7 +74,7 @@ fn deviation(differences: Vec<f64>) -> Quantity {
     Quantity {
         stated: 0.0,
         found,
-        error: by_chance.hypot(BY_MOTION * found),
+        error: (by_chance * by_chance + BY_MOTION * BY_MOTION * found * found).sqrt(),
     }
 }
 

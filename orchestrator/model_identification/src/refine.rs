@@ -105,25 +105,25 @@ pub fn refine(
             (least, believed.kalman.rate_noise) = (found, tried.kalman.rate_noise);
         }
     }
-    // From below: with a large drift and a wrong offset innovations may be white as well.
+    // From below, to the first minimum: with a large drift, a wrong mass and a wrong offset they may be white as well.
     let mut best = (f64::INFINITY, estimate.clone(), stated.disturbance_drift);
     for factor in DRIFT_FACTORS {
         believed.kalman.disturbance_drift = factor * stated.disturbance_drift;
         estimate.descend(recording, &believed)?;
         estimate.descend(recording, &believed)?;
         let found = estimate.correlation(recording, &believed, 0..3)?;
-        if found.abs() < best.0 {
-            best = (found.abs(), estimate.clone(), believed.kalman.disturbance_drift);
-        }
-        if found <= 0.0 {
+        if found.abs() >= best.0 {
             break;
         }
+        best = (found.abs(), estimate.clone(), believed.kalman.disturbance_drift);
     }
     let (_, mut estimate, drift) = best;
     believed.kalman.disturbance_drift = drift;
     estimate.descend(recording, &believed)?;
     let errors: [f64; PARAMETERS] = estimate.errors.into();
-    let errors = std::array::from_fn(|index| errors[index].hypot(SYSTEMATIC[index]));
+    let errors = std::array::from_fn(|index| {
+        (errors[index] * errors[index] + SYSTEMATIC[index] * SYSTEMATIC[index]).sqrt()
+    });
     Ok((estimate.parameters.into(), errors))
 }
 
@@ -224,7 +224,7 @@ fn correlation(runs: &[Vec<(u64, Option<Whitened>)>], components: Range<usize>) 
 /// freedom.
 fn two_sided(freedom: f64) -> f64 {
     let z: f64 = 1.959_963_984_540_054;
-    let (z3, z5) = (z.powi(3), z.powi(5));
+    let (z3, z5) = (z * z * z, z * z * z * z * z);
     z + (z3 + z) / (4.0 * freedom) + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * freedom * freedom)
 }
 
