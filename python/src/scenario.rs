@@ -97,10 +97,7 @@ impl Scenario {
         if let Some((controller, name)) = controller {
             self.refuse_other_controllers(&scenario, &sets)?;
             // The log says that another controller flew.
-            scenario.programs = Some(Programs {
-                controller: Some(vec![name]),
-                ..Programs::default()
-            });
+            scenario.programs = Some(Programs::own_controller(name));
             own = Some(PythonController::new(controller.bind(py))?);
         }
         fly(py, scenario, topics.as_deref(), own)

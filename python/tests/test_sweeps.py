@@ -109,8 +109,11 @@ def test_classes_and_laws_are_compared_on_the_same_samples(hover):
 
 
 def test_what_is_named_flies_or_is_refused(hover):
-    for wrong in ({"compare": {"mine": {}, "indi": {"controller.law": "indi"}}}, {"set": {"controller.k1": 5.0}}):
-        with pytest.raises(gerono.ScenarioError, match="has no effect|and not this law"):
+    for wrong, reason in [
+        ({"compare": {"mine": {}, "indi": {"controller.law": "indi"}}}, "and not this law"),
+        ({"set": {"controller.k1": 5.0}}, "has no effect"),
+    ]:
+        with pytest.raises(gerono.ScenarioError, match=reason):
             gerono.sweep(hover, controller=controller.Hover, **HOVER | wrong)
     with pytest.raises(gerono.ScenarioError, match="has no effect"):
         gerono.sweep(hover, controller=controller.Hover, **HOVER | {"vary": {"controller.k1": gerono.uniform(1.0, 2.0)}})

@@ -38,7 +38,7 @@ impl Failure {
             of_log.is_some_and(LogReadError::is_incomplete)
         });
         let exit = if is_incomplete {
-            Exit::of_logs(false)
+            Exit::Incomplete
         } else {
             Exit::Trouble
         };

@@ -146,9 +146,9 @@ pub fn fly(
         .map(|((law, condition), results)| Cell::new(law, condition, results))
         .collect();
     let mut reasons = results.into_iter().filter_map(|(_, result)| result.err());
-    match reasons.find(NotMeasured::is_of_setup) {
-        Some(NotMeasured::Failed(failure)) => Err(failure.into()),
-        _ => Ok(cells),
+    match reasons.find_map(|reason| reason.of_setup().ok()) {
+        Some(failure) => Err(failure.into()),
+        None => Ok(cells),
     }
 }
 

@@ -6,7 +6,7 @@
 
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
-use evaluation::reproduce::flight::{NotMeasured, measure};
+use evaluation::reproduce::flight::measure;
 use evaluation::reproduce::parallel;
 use serde::Serialize;
 
@@ -101,8 +101,10 @@ fn first_failure(
         let reason = match measure(&scenario, interrupt) {
             Ok(measured) if measured.error.rmse() <= SURVIVED => continue,
             Ok(measured) => format!("{:.1} cm from the path", 100.0 * measured.error.rmse()),
-            Err(NotMeasured::Failed(failure)) if failure.is_of_setup() => return Err(failure.into()),
-            Err(reason) => reason.to_string(),
+            Err(reason) => match reason.of_setup() {
+                Ok(failure) => return Err(failure.into()),
+                Err(reason) => reason.to_string(),
+            },
         };
         return Ok(Some(LostFlight { seed, reason }));
     }

@@ -10,6 +10,7 @@ use scenario::{Judge, Scenario, Vector};
 use serde::Serialize;
 use shared_types::FlightPhase;
 use shared_types::flight_phase::GROUNDED_AFTER;
+use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame};
 use shared_types::service::{nanoseconds, seconds};
 
@@ -238,7 +239,7 @@ impl LossWatch {
         self.has_settled |= is_upright && moment.distance.is_some_and(|distance| distance <= near);
         let has_tipped = self.has_settled && !is_upright;
         has_tipped.then(|| {
-            let tilt = libm::acos(upright);
+            let tilt = tilt(&moment.vehicle.world_from_body);
             (Reason::TippedOver, Some(tilt), Some(self.limits.tilt_max))
         })
     }

@@ -28,7 +28,7 @@ use crate::{read, view};
 pub use at_bound::AtBound;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use flight::FlightWatch;
-pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words};
+pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words, not_ready_in_words};
 use laboratory::LaboratoryReport;
 use phase::PhaseRecords;
 use timing::TimingReport;
@@ -308,7 +308,9 @@ impl FlightSummary {
 
     #[inline]
     fn observe_state(&mut self, state: &VehicleState) {
-        self.flight.observe_state(state);
+        if self.has_phases {
+            self.flight.observe_state(state);
+        }
         let tick = state.header.tick;
         if self.tracker.source() == StateSource::Estimate {
             if let Some(vehicle) = Vehicle::tracked(state) {

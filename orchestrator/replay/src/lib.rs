@@ -286,10 +286,7 @@ pub fn replay(
         flight.run(progress)?;
         flight.check_end(options)
     };
-    let has_plugins = ServiceId::ALL
-        .into_iter()
-        .any(|service| scenario.has_plugin(service));
-    if has_plugins {
+    if scenario.has_plugins() {
         with_plugins(fly).map_err(ReplayError::Plugin)??;
     } else {
         fly()?;

@@ -3,19 +3,18 @@
 //! The logs of this program begin with them. Programs that sort or merge files write them behind the samples.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Read, Seek};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use mcap::Summary;
 use mcap::records::{Metadata, Record, op};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
 use super::records::{self, FRAME_BYTES};
 
-/// Length of the last record with its frame, and of the magic bytes behind it.
-const FOOTER_BYTES: u64 = (FRAME_BYTES + 8 + 8 + 4) as u64;
-
-/// Largest summary and largest record of metadata that are read, bytes. Those of a log have some hundred kilobytes.
-const BYTES_MAX: u64 = 16 << 20;
+/// Largest record that is read, bytes. Those of a log's metadata have some hundred kilobytes.
+const BYTES_MAX: usize = 16 << 20;
 
 /// Most records of metadata that are read.
 const RECORDS_MAX: usize = 64;
@@ -25,17 +24,14 @@ const RECORDS_MAX: usize = 64;
 /// # Errors
 /// What the system says if the file cannot be read.
 pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
-    let file = File::open(path)?;
+    let mut file = File::open(path)?;
     let size = file.metadata()?.len();
-    let summary = summary(&file, size)?.unwrap_or_default();
+    let summary = summary(&mut file, size)?.unwrap_or_default();
     let mut found = Vec::new();
-    for (_, body) in Frames(&summary).filter(|(opcode, _)| *opcode == op::METADATA_INDEX) {
-        let Ok(Record::MetadataIndex(index)) = records::parse(op::METADATA_INDEX, body) else {
-            continue;
-        };
-        if found.len() < RECORDS_MAX
-            && let Some(record) = bytes_at(&file, size, index.offset, index.length)?
-            && let Some((op::METADATA, body)) = Frames(&record).next()
+    for index in summary.metadata_indexes.iter().take(RECORDS_MAX) {
+        if let Some(record) = bytes_at(&file, size, index.offset, index.length)?
+            && let Some((frame, body)) = record.split_first_chunk::<FRAME_BYTES>()
+            && frame[0] == op::METADATA
             && let Ok(Record::Metadata(metadata)) = records::parse(op::METADATA, body)
         {
             found.push(metadata);
@@ -46,52 +42,35 @@ pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
     Ok(found)
 }
 
-/// Returns the bytes of the summary, if the file ends as a file with one does.
-fn summary(file: &File, size: u64) -> io::Result<Option<Vec<u8>>> {
-    let tail = FOOTER_BYTES + mcap::MAGIC.len() as u64;
-    let Some(footer_at) = size.checked_sub(tail) else {
-        return Ok(None);
-    };
-    let Some(end) = bytes_at(file, size, footer_at, FOOTER_BYTES)? else {
-        return Ok(None);
-    };
-    let Some((op::FOOTER, body)) = Frames(&end).next() else {
-        return Ok(None);
-    };
-    match records::parse(op::FOOTER, body) {
-        Ok(Record::Footer(footer)) if footer.summary_start > 0 => {
-            let length = footer_at.checked_sub(footer.summary_start);
-            length.map_or(Ok(None), |length| {
-                bytes_at(file, size, footer.summary_start, length)
-            })
+/// Returns the summary, if the file ends as a file with one does.
+fn summary(file: &mut File, size: u64) -> io::Result<Option<Summary>> {
+    let options = SummaryReaderOptions::default().with_file_size(size);
+    let mut reader = SummaryReader::new_with_options(options.with_record_length_limit(BYTES_MAX));
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(SummaryReadEvent::ReadRequest(bytes)) => {
+                let read = file.read(reader.insert(bytes))?;
+                reader.notify_read(read);
+            }
+            Ok(SummaryReadEvent::SeekRequest(place)) => match file.seek(place) {
+                Ok(at) => reader.notify_seeked(at),
+                // It is too short for one.
+                Err(_) => return Ok(None),
+            },
+            Err(_) => return Ok(None),
         }
-        _ => Ok(None),
     }
+    Ok(reader.finish())
 }
 
 /// Returns bytes of the file; none if they are not all in it, or too many.
 fn bytes_at(file: &File, size: u64, at: u64, length: u64) -> io::Result<Option<Vec<u8>>> {
     let is_in_file = at.checked_add(length).is_some_and(|end| end <= size);
+    let length = usize::try_from(length).map_err(io::Error::other)?;
     if !is_in_file || length > BYTES_MAX {
         return Ok(None);
     }
-    let mut bytes = vec![0; usize::try_from(length).map_err(io::Error::other)?];
+    let mut bytes = vec![0; length];
     file.read_exact_at(&mut bytes, at)?;
     Ok(Some(bytes))
-}
-
-/// The records that follow each other in these bytes: kind and body.
-struct Frames<'a>(&'a [u8]);
-
-impl<'a> Iterator for Frames<'a> {
-    type Item = (u8, &'a [u8]);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let (frame, rest) = self.0.split_first_chunk::<FRAME_BYTES>()?;
-        let [opcode, length @ ..] = *frame;
-        let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
-        let (body, rest) = rest.split_at_checked(length)?;
-        self.0 = rest;
-        Some((opcode, body))
-    }
 }

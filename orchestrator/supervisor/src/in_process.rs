@@ -8,7 +8,6 @@ use host::in_process::{FlightError, InProcess, TickSink};
 use plugin::float_mode::StandardFloatMode;
 use runtime::watchdog::{self, Work};
 use scenario::Scenario;
-use shared_types::ServiceId;
 use shared_types::service::ErasedService;
 
 use super::{Ending, FlightFailure, Outcome};
@@ -45,9 +44,7 @@ where
     FlightFailure: From<S::Error>,
 {
     let _mode = StandardFloatMode::enter();
-    let watches = ServiceId::ALL
-        .into_iter()
-        .any(|service| scenario.has_plugin(service));
+    let watches = scenario.has_plugins();
     let mut host = if watches {
         // The state before the first step is saved here.
         caught(|| host(scenario))??

@@ -390,13 +390,16 @@ impl<'a> Supervisor<'a> {
     /// Returns whether a service has stepped at its last tick.
     #[must_use]
     pub fn has_flown_all(&self, service: ServiceId) -> bool {
-        let steps_until = &self.page.control_block().cells[service.index()].steps_until;
-        // Relaxed: a count and nothing else.
-        let next = self
-            .schedule
-            .steps(service)
-            .first_at_or_after(steps_until.load(Ordering::Relaxed));
+        let steps = self.schedule.steps(service);
+        let next = steps.first_at_or_after(self.steps_until(service));
         next.is_none_or(|next| next > self.schedule.last_tick())
+    }
+
+    /// Returns 1 + the last tick at which a service has stepped.
+    fn steps_until(&self, service: ServiceId) -> u64 {
+        let cell = &self.page.control_block().cells[service.index()];
+        // Relaxed: a count and nothing else; of a dead service it is the last, because the end of its process was awaited.
+        cell.steps_until.load(Ordering::Relaxed)
     }
 
     /// Waits up to `limit` for something to happen and tells what did.
@@ -449,10 +452,7 @@ impl<'a> Supervisor<'a> {
                         events.extend(self.blame_external_service(at, what));
                         break;
                     }
-                    let service = self.members[at].service;
-                    let steps_until = self.page.control_block().cells[service.index()]
-                        .steps_until
-                        .load(Ordering::Relaxed);
+                    let steps_until = self.steps_until(self.members[at].service);
                     let event = self.members[at].understand(message, self.start.host, steps_until);
                     events.extend(event);
                 }

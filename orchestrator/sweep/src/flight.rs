@@ -223,10 +223,7 @@ fn fly_as(
                 sample.index, own.name
             )));
         }
-        scenario.programs = Some(Programs {
-            controller: Some(vec![own.name.clone()]),
-            ..Programs::default()
-        });
+        scenario.programs = Some(Programs::own_controller(own.name.clone()));
     }
     let schedule = match supervisor::schedule_of(&scenario) {
         Ok(schedule) => schedule,

@@ -241,11 +241,10 @@ impl Plan {
             let mut first = None;
             let is_flyable = (0..self.samples.min(TRIED)).any(|index| {
                 let sample = self.sample(index);
-                let refused = match (&sample.unmet, self.scenario(&sample, entry)) {
-                    (Some(unmet), _) => Some(format!("it does not meet `{unmet}`")),
-                    (None, Err(error)) => Some(error.without_places()),
-                    (None, Ok(_)) => None,
-                };
+                let unmet = sample.unmet.as_ref();
+                let unmet = unmet.map(|unmet| format!("it does not meet `{unmet}`"));
+                let refusal = || Some(self.scenario(&sample, entry).err()?.without_places());
+                let refused = unmet.or_else(refusal);
                 let is_flyable = refused.is_none();
                 first = first.take().or(refused);
                 is_flyable

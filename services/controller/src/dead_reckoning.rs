@@ -413,6 +413,7 @@ pub(crate) mod tests {
         assert!((late.velocity_world[0] - 0.55).abs() < 0.02, "{late:?}");
         assert!(late.velocity_world[2].abs() < 1e-9);
     }
+
     /// A push of the whole flight is no gust: it stays.
     #[test]
     fn an_unexplained_acceleration_that_has_lasted_stays_and_a_gust_on_top_of_it_fades() {

@@ -91,6 +91,12 @@ impl Scenario {
         self.has_plugin(service) || self.program_of(service).is_some()
     }
 
+    /// Returns whether plug-ins fly in this flight.
+    #[must_use]
+    pub fn has_plugins(&self) -> bool {
+        ServiceId::ALL.into_iter().any(|service| self.has_plugin(service))
+    }
+
     /// Returns whether a plug-in flies in place of a service.
     #[must_use]
     pub fn has_plugin(&self, service: ServiceId) -> bool {

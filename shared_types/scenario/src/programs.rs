@@ -41,6 +41,15 @@ macro_rules! programs {
 shared_types::with_services!(programs);
 
 impl Programs {
+    /// Makes those of a flight whose controller is the caller's own, of this name.
+    #[must_use]
+    pub fn own_controller(name: String) -> Self {
+        Self {
+            controller: Some(vec![name]),
+            ..Self::default()
+        }
+    }
+
     /// Sets the folder of the scenario's file.
     pub fn anchor(&mut self, file_folder: &Path) {
         self.folder = Some(anchored(self.folder.as_deref(), file_folder));

@@ -137,10 +137,15 @@ pub enum NotMeasured {
 }
 
 impl NotMeasured {
-    /// Returns whether nothing was flown: that is no result of a law.
-    #[must_use]
-    pub fn is_of_setup(&self) -> bool {
-        matches!(self, Self::Failed(failure) if failure.is_of_setup())
+    /// Returns the failure with which nothing was flown, which is no result of a law; else itself.
+    ///
+    /// # Errors
+    /// The reason why a flight that was begun came to nothing.
+    pub fn of_setup(self) -> Result<FlightFailure, Self> {
+        match self {
+            Self::Failed(failure) if failure.is_of_setup() => Ok(failure),
+            reason => Err(reason),
+        }
     }
 }
 

@@ -116,8 +116,8 @@ impl FlightWatch {
     /// Returns the cause of a phase, as the path generator recorded it. Requests are looked at only now: those of a tick
     /// come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
-        if NotReady::from_cause(change.cause) == Some(NotReady::Level) {
-            return Some(not_ready(&not_level_in_words(change.tilt, self.tilt_max)));
+        if let Some(found) = NotReady::from_cause(change.cause) {
+            return Some(not_ready(&not_ready_in_words(found, change.tilt, self.tilt_max)));
         }
         self.cause_in_words(change.cause, change.stamp_ns)
     }
@@ -142,6 +142,15 @@ impl FlightWatch {
             .filter(|request| request.kind == kind && (!began_before || request.stamp_ns <= stamp_ns));
         let nearest = of_kind.min_by_key(|request| request.stamp_ns.abs_diff(stamp_ns));
         nearest.map_or_else(|| cause_in_words(cause), |request| Some(request.by.clone()))
+    }
+}
+
+/// States what was not ready, of a vehicle with a tilt and the largest one with which it arms, rad.
+#[must_use]
+pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64) -> String {
+    match found {
+        NotReady::Level => not_level_in_words(tilt, tilt_max),
+        _ => found.words().to_owned(),
     }
 }
 

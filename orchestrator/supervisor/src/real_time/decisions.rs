@@ -1,6 +1,6 @@
 //! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and what people read.
 
-use metrics::summary::{cause_in_words, limit_in_words, not_level_in_words};
+use metrics::summary::{cause_in_words, limit_in_words, not_ready_in_words};
 use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady};
 use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
@@ -93,15 +93,12 @@ impl Flight<'_> {
             return;
         }
         if let Some(found) = NotReady::from_cause(reference.cause) {
-            let why = match (
-                found,
-                self.recorder.newest::<VehicleState>(),
-                &self.scenario.flight,
-            ) {
-                (NotReady::Level, Some(state), Some(flight)) => {
-                    not_level_in_words(tilt(&state.world_from_body), flight.tilt_max)
+            let state = self.recorder.newest::<VehicleState>();
+            let why = match state.zip(self.scenario.flight.as_ref()) {
+                Some((state, flight)) => {
+                    not_ready_in_words(found, tilt(&state.world_from_body), flight.tilt_max)
                 }
-                _ => found.words().to_owned(),
+                None => found.words().to_owned(),
             };
             self.tell(&format!("disarmed: the vehicle was not ready, {why}"));
             let run = &self.run;

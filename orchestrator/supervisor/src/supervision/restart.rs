@@ -26,16 +26,13 @@ impl Supervisor<'_> {
         let mut exit = self.end_process(at);
         // Only now: until its end it may have written another checkpoint.
         let next_tick = self.next_tick(self.members[at].service);
+        let flown_until = self.steps_until(self.members[at].service);
         let member = &mut self.members[at];
         let (service, pid) = (member.service, member.process.id());
         let not_finite = member.not_finite.take();
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
-        // Relaxed: the writer is dead, and the end of its process was awaited, which orders all that it wrote.
-        let flown_until = self.page.control_block().cells[service.index()]
-            .steps_until
-            .load(Ordering::Relaxed);
         if let Some(words) = member.last_words.take(flown_until) {
             exit.description = words;
         }
@@ -315,8 +312,7 @@ impl Supervisor<'_> {
     }
 
     pub(super) fn note_restart(&mut self, service: ServiceId) {
-        let steps_until = &self.page.control_block().cells[service.index()].steps_until;
-        let tick = steps_until.load(Ordering::Relaxed).checked_sub(1);
+        let tick = self.steps_until(service).checked_sub(1);
         let member = &self.members[service.index()];
         if let Some(died_at) = member.died_at {
             self.restarts.push(Restart {

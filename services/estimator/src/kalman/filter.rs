@@ -143,7 +143,7 @@ pub(super) struct Track {
 impl Track {
     /// Begins the comparison of rest and free flight at a capture, if it has to begin again.
     fn compare_rest(&mut self, exposure_ns: u64, pose: &Pose) {
-        if self.ground.rest.captures == Rest::OVER {
+        if self.ground.rest.is_over() {
             self.ground.rest = Rest::new(exposure_ns, pose, &self.state.nominal);
         }
     }
@@ -160,9 +160,10 @@ impl KalmanFilter {
         let schedule = schedule_of(scenario)?;
         check_history(scenario, &schedule, &model)?;
         let has_ground = scenario.flight.is_some();
+        let patience_ns = longest_gap_ns(scenario, &schedule);
         Ok(Self {
-            patience_ns: longest_gap_ns(scenario, &schedule),
-            oldest_ns: longest_gap_ns(scenario, &schedule) + usual_latency_ns(scenario, &model) + LATE_NS,
+            patience_ns,
+            oldest_ns: patience_ns + usual_latency_ns(scenario, &model) + LATE_NS,
             process: ProcessModel {
                 vehicle: VehicleModel::new(&model),
                 noise: ProcessNoise::new(kalman),
@@ -261,7 +262,8 @@ impl KalmanFilter {
         history.forget_before(exposure_ns);
         let predicted = track.state.nominal.world_from_body;
         // One that has landed is tested too while its motors turn: the law acts on its attitude.
-        let flies = (!track.state.stands || track.ground.has_flown) && !self.has_come_to_rest(exposure_ns);
+        let motors_turn = !self.has_come_to_rest(exposure_ns);
+        let flies = motors_turn && (!track.state.stands || track.ground.has_flown);
         let is_turn_known = self.is_turn_known(track.trust.trusted_ns, exposure_ns);
         if flies && !is_turn_known {
             track.settling_since_ns = exposure_ns;
@@ -274,7 +276,7 @@ impl KalmanFilter {
         if self.is_lost(now_ns) {
             return self.restart(now_ns, exposure_ns, &pose, &track);
         }
-        if self.has_ground && track.ground.has_flown && !self.has_come_to_rest(exposure_ns) {
+        if self.has_ground && track.ground.has_flown && motors_turn {
             if self.touches_down(&pose, &mut track) {
                 return self.land(now_ns, exposure_ns, &pose, &track);
             }

@@ -65,8 +65,8 @@ pub struct Ground {
 }
 
 impl Rest {
-    /// Value of [`Rest::captures`] once the vehicle is seen to move: the comparison begins again with that capture.
-    pub const OVER: u32 = u32::MAX;
+    /// Value of [`Rest::captures`] once the comparison is over.
+    const OVER: u32 = u32::MAX;
 
     /// Begins at a capture, with the estimate there. The free flight begins at the captured place: a false place is no
     /// sign of the ground.
@@ -96,9 +96,15 @@ impl Rest {
         self.captures = Self::OVER;
     }
 
+    /// Returns whether the comparison is over: the vehicle was seen to move, or what it rests on is not known any more.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.captures == Self::OVER
+    }
+
     /// Lets the free flight go on to a later time, ns.
     pub fn fly(&mut self, time_ns: u64, vehicle: &VehicleModel, history: &CommandHistory) {
-        if self.captures != Self::OVER {
+        if !self.is_over() {
             self.free = vehicle.flown(&self.free, history, self.free_ns, time_ns);
             self.free_ns = time_ns;
         }
@@ -107,7 +113,7 @@ impl Rest {
     /// Compares a capture of the time to which the free flight has gone. Returns whether the vehicle stands.
     pub fn observe(&mut self, pose: &Pose, noise: PoseNoise) -> bool {
         let time = seconds(self.free_ns.saturating_sub(self.since_ns));
-        if self.captures == Self::OVER || time > LONGEST || !self.holds(pose, noise) {
+        if self.is_over() || time > LONGEST || !self.holds(pose, noise) {
             self.end();
             return false;
         }

@@ -1,6 +1,5 @@
 //! Filter's memory as a record, so that a restarted estimator goes on with the same bytes.
 
-use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Flag;
 use zerocopy::FromZeros;
@@ -15,18 +14,8 @@ use super::motion::{Actuation, NominalState};
 use super::scatter::Scatter;
 
 shared_types::sample! {
-    /// Memory of the filter from step to step.
-    pub struct KalmanState {
-        /// The time that the state speaks of, ns since the start of the flight.
-        pub time_ns: u64,
-        /// Time at which a capture was used last, ns since the start of the flight.
-        pub used_at_ns: u64,
-        /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
-        pub refused_since_ns: u64,
-        /// Time since which all frames have stopped the motors, ns since the start of the flight.
-        pub rests_since_ns: u64,
-        /// Time from which the newest frame with body rates acts, ns since the start of the flight; all ones for none.
-        pub rates_stated_ns: u64,
+    /// Nominal state of a vehicle.
+    pub struct NominalRecord {
         /// p, position in {I}, m.
         pub position_world: [f64; 3],
         /// v, linear velocity in {I}, m/s.
@@ -43,6 +32,24 @@ shared_types::sample! {
         pub thrust: f64,
         /// ω̂ in {B}, rad/s.
         pub rates_body: [f64; 3],
+    }
+}
+
+shared_types::sample! {
+    /// Memory of the filter from step to step.
+    pub struct KalmanState {
+        /// The time that the state speaks of, ns since the start of the flight.
+        pub time_ns: u64,
+        /// Time at which a capture was used last, ns since the start of the flight.
+        pub used_at_ns: u64,
+        /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
+        pub refused_since_ns: u64,
+        /// Time since which all frames have stopped the motors, ns since the start of the flight.
+        pub rests_since_ns: u64,
+        /// Time from which the newest frame with body rates acts, ns since the start of the flight; all ones for none.
+        pub rates_stated_ns: u64,
+        /// The nominal state.
+        pub nominal: NominalRecord,
         /// P, covariance of (δp, δv, θ, δω_bias, δd, δr), column by column.
         pub covariance: [f64; 324],
         /// Mean of the variances that captures have shown of the position (m²) and the attitude (rad²).
@@ -83,22 +90,8 @@ shared_types::sample! {
         pub rest_world_from_body: [f64; 9],
         /// Time of the vehicle in free flight since then, ns since the start of the flight.
         pub free_ns: u64,
-        /// Its p in {I}, m.
-        pub free_position_world: [f64; 3],
-        /// Its v in {I}, m/s.
-        pub free_velocity_world: [f64; 3],
-        /// Its R, row-major.
-        pub free_world_from_body: [f64; 9],
-        /// Its ω_bias in {B}, rad/s.
-        pub free_rate_bias_body: [f64; 3],
-        /// Its d in {I}, m/s².
-        pub free_disturbance_world: [f64; 3],
-        /// Its r in {B}, m.
-        pub free_marker_offset_body: [f64; 3],
-        /// Its T̂, N.
-        pub free_thrust: f64,
-        /// Its ω̂ in {B}, rad/s.
-        pub free_rates_body: [f64; 3],
+        /// That vehicle.
+        pub free: NominalRecord,
         /// Captures that have shown the vehicle at rest since then; all ones once it is seen to move.
         pub rest_captures: u32,
         /// `true` if the vehicle has flown since it stood.
@@ -155,21 +148,13 @@ impl KalmanFilter {
 }
 
 fn save_track(track: &Track, state: &mut KalmanState) {
-    let nominal = &track.state.nominal;
     state.started = true.into();
     state.time_ns = track.state.time_ns;
     state.used_at_ns = track.used_at_ns;
     state.stands = track.state.stands.into();
     state.refusing = track.refused_since_ns.is_some().into();
     state.refused_since_ns = track.refused_since_ns.unwrap_or(0);
-    state.position_world = nominal.position_world.into();
-    state.velocity_world = nominal.velocity_world.into();
-    state.world_from_body = to_row_major(&nominal.world_from_body);
-    state.rate_bias_body = nominal.rate_bias_body.into();
-    state.disturbance_world = nominal.disturbance_world.into();
-    state.marker_offset_body = nominal.marker_offset_body.into();
-    state.thrust = nominal.actuation.thrust;
-    state.rates_body = nominal.actuation.rates_body.into();
+    state.nominal = (&track.state.nominal).into();
     state
         .covariance
         .copy_from_slice(track.state.covariance.as_slice());
@@ -187,14 +172,7 @@ fn save_ground(ground: &Ground, state: &mut KalmanState) {
     state.rest_position_world = pose.position_world.into();
     state.rest_world_from_body = to_row_major(&pose.world_from_body);
     state.free_ns = ground.rest.free_ns;
-    state.free_position_world = free.position_world.into();
-    state.free_velocity_world = free.velocity_world.into();
-    state.free_world_from_body = to_row_major(&free.world_from_body);
-    state.free_rate_bias_body = free.rate_bias_body.into();
-    state.free_disturbance_world = free.disturbance_world.into();
-    state.free_marker_offset_body = free.marker_offset_body.into();
-    state.free_thrust = free.actuation.thrust;
-    state.free_rates_body = free.actuation.rates_body.into();
+    state.free = free.into();
 }
 
 fn restored_ground(state: &KalmanState) -> Ground {
@@ -208,18 +186,7 @@ fn restored_ground(state: &KalmanState) -> Ground {
                 world_from_body: from_row_major(&state.rest_world_from_body),
             },
             captures: state.rest_captures,
-            free: NominalState {
-                position_world: state.free_position_world.into(),
-                velocity_world: state.free_velocity_world.into(),
-                world_from_body: from_row_major(&state.free_world_from_body),
-                rate_bias_body: state.free_rate_bias_body.into(),
-                disturbance_world: state.free_disturbance_world.into(),
-                marker_offset_body: state.free_marker_offset_body.into(),
-                actuation: Actuation {
-                    thrust: state.free_thrust,
-                    rates_body: state.free_rates_body.into(),
-                },
-            },
+            free: (&state.free).into(),
             free_ns: state.free_ns,
         },
     }
@@ -229,18 +196,7 @@ fn restored_track(state: &KalmanState) -> Track {
     Track {
         state: FilterState {
             time_ns: state.time_ns,
-            nominal: NominalState {
-                position_world: state.position_world.into(),
-                velocity_world: state.velocity_world.into(),
-                world_from_body: from_row_major(&state.world_from_body),
-                rate_bias_body: state.rate_bias_body.into(),
-                disturbance_world: state.disturbance_world.into(),
-                marker_offset_body: state.marker_offset_body.into(),
-                actuation: Actuation {
-                    thrust: state.thrust,
-                    rates_body: Vector3::from(state.rates_body),
-                },
-            },
+            nominal: (&state.nominal).into(),
             covariance: Covariance::from_column_slice(&state.covariance),
             stands: state.stands.is_set(),
         },
@@ -253,5 +209,37 @@ fn restored_track(state: &KalmanState) -> Track {
             unseen_ns: state.unseen_ns,
         },
         ground: restored_ground(state),
+    }
+}
+
+impl From<&NominalState> for NominalRecord {
+    fn from(state: &NominalState) -> Self {
+        Self {
+            position_world: state.position_world.into(),
+            velocity_world: state.velocity_world.into(),
+            world_from_body: to_row_major(&state.world_from_body),
+            rate_bias_body: state.rate_bias_body.into(),
+            disturbance_world: state.disturbance_world.into(),
+            marker_offset_body: state.marker_offset_body.into(),
+            thrust: state.actuation.thrust,
+            rates_body: state.actuation.rates_body.into(),
+        }
+    }
+}
+
+impl From<&NominalRecord> for NominalState {
+    fn from(record: &NominalRecord) -> Self {
+        Self {
+            position_world: record.position_world.into(),
+            velocity_world: record.velocity_world.into(),
+            world_from_body: from_row_major(&record.world_from_body),
+            rate_bias_body: record.rate_bias_body.into(),
+            disturbance_world: record.disturbance_world.into(),
+            marker_offset_body: record.marker_offset_body.into(),
+            actuation: Actuation {
+                thrust: record.thrust,
+                rates_body: record.rates_body.into(),
+            },
+        }
     }
 }

@@ -69,7 +69,7 @@ impl Feed {
     #[must_use]
     pub fn save(&self) -> FeedMemory {
         let line = self.clock.line();
-        let frame_clock = self.frame_clock.newest();
+        let (given_to, given_stamp_ns, period_ns) = self.frame_clock.newest().unwrap_or_default();
         let place = self.tracks.believed();
         let number = self.numbering.newest();
         let seen = self.stillness.last.as_ref();
@@ -78,9 +78,9 @@ impl Feed {
             arrived_ns: line.map_or(0, |line| line.arrived_ns),
             offset_ns: line.map_or(0, |line| line.offset_ns),
             slope: line.map_or(0.0, |line| line.slope),
-            period_ns: frame_clock.map_or(0.0, |(_, _, period_ns)| period_ns),
-            given_stamp_ns: frame_clock.map_or(0, |(_, stamp_ns, _)| stamp_ns),
-            given_to: frame_clock.map_or(0, |(number, _, _)| number),
+            period_ns,
+            given_stamp_ns,
+            given_to,
             last_stamp_ns: self.last_stamp_ns,
             at_ns: place.map_or(0, |place| place.at_ns),
             position: place.map_or([0.0; 3], |place| place.position.into()),
