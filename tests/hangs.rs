@@ -398,7 +398,8 @@ fn orphaned_flight(place: &Place) -> (u32, Vec<(String, u32)>) {
     let mut first = begin(&mut place.rig_flight("first", 300.0, &settings));
     place.await_log("first", ARRIVAL);
     let standby = standby_of(first.id());
-    // What has been stopped must not be left behind either.
+    // A stopped orchestrator replaces nothing any more. What has been stopped must not be left behind either.
+    send(first.id(), Signal::STOP);
     send(standby, Signal::STOP);
     let processes = processes_of(first.id());
     assert_eq!(processes.len(), ServiceId::ALL.len() + 1, "{processes:?}");
