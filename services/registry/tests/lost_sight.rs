@@ -1,23 +1,28 @@
-//! Flights from the ground to the ground whose captures come late or not at all: none falls.
+//! Flights from the ground to the ground whose captures come late, not at all or turned: none falls.
 //!
 //! A vehicle falls that touches the ground faster than [`FALL`], tips over, or has its motors stopped by the envelope.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 
 use host::in_process::{InProcess, TickSink};
+use nalgebra::{Matrix3, Vector3};
 use registry::build_all;
 use scenario::Scenario;
-use shared_types::samples::{PathReference, RcFrame, VehicleTruth};
-use shared_types::{FlightPhase, Topic};
+use shared_types::rotation::{exp, from_row_major, to_row_major};
+use shared_types::samples::{MocapPose, PathReference, RcFrame, VehicleTruth};
+use shared_types::service::{ErasedService, InputView, Now, OutputSlot};
+use shared_types::{FlightPhase, ServiceId, Topic};
 use toml::{Table, Value};
-use zerocopy::FromBytes;
+use zerocopy::{FromBytes, IntoBytes};
 
 /// Speed of a touch-down above which the vehicle counts as lost, m/s: 1 m/s above that of the landing.
 const FALL: f64 = 1.3;
 /// Cosine of the tilt at which the envelope stops the motors, 1 rad.
 const UPRIGHT: f64 = 0.54;
+/// Tick at which the vehicle has come to the path.
+const ON_THE_PATH: u64 = 14_000;
 /// Height from which on a touch counts, m.
 const LIFTED: f64 = 0.02;
 
@@ -36,6 +41,10 @@ struct Flown {
     phase: FlightPhase,
     has_lifted: bool,
     sinking: f64,
+    /// Place of the reference on the path in {I}, m.
+    reference: Option<Vector3<f64>>,
+    /// Largest distance from it once the vehicle has come to the path, m.
+    strayed: f64,
 }
 
 impl Flown {
@@ -58,6 +67,12 @@ impl TickSink for Flown {
                 let (r, [x, y, z]) = (truth.world_from_body, truth.velocity_body);
                 let height = -truth.position_world[2];
                 self.upright = self.upright.min(r[8]);
+                if let Some(reference) = self.reference
+                    && truth.header.tick > ON_THE_PATH
+                {
+                    let distance = (Vector3::from(truth.position_world) - reference).norm();
+                    self.strayed = self.strayed.max(distance);
+                }
                 self.has_lifted |= height > LIFTED;
                 if self.has_lifted && height <= 1e-6 {
                     self.has_lifted = false;
@@ -69,6 +84,8 @@ impl TickSink for Flown {
             Topic::PathReference => {
                 let reference = PathReference::read_from_bytes(bytes).unwrap();
                 self.phase = FlightPhase::from_code(reference.phase);
+                self.reference =
+                    (self.phase == FlightPhase::Fly).then(|| Vector3::from(reference.position_world));
                 self.is_over |=
                     self.touched_at.is_some() && !self.has_lifted && self.phase == FlightPhase::Disarmed;
             }
@@ -102,6 +119,11 @@ fn change(table: &mut Table, changes: Table) {
 
 /// Flies `takeoff_and_land.toml` with changes, until it is over.
 fn fly(changes: &[&str]) -> Flown {
+    fly_with(changes, |service| service)
+}
+
+/// Flies it with other services.
+fn fly_with(changes: &[&str], other: impl Fn(Box<dyn ErasedService>) -> Box<dyn ErasedService>) -> Flown {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/takeoff_and_land.toml");
     let mut table: Table = std::fs::read_to_string(file).unwrap().parse().unwrap();
     for changes in changes {
@@ -118,8 +140,11 @@ fn fly(changes: &[&str]) -> Flown {
         phase: FlightPhase::Disarmed,
         has_lifted: false,
         sinking: 0.0,
+        reference: None,
+        strayed: 0.0,
     };
-    let mut host = InProcess::new(scenario.schedule().unwrap(), build_all(&scenario).unwrap());
+    let services = build_all(&scenario).unwrap().into_iter().map(other);
+    let mut host = InProcess::new(scenario.schedule().unwrap(), services.collect());
     host.fly(&mut flown).unwrap();
     flown
 }
@@ -210,5 +235,100 @@ fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
         let mass = format!("vehicle.mass={mass}");
         let flown = fly(&["controller.law=\"px4\"", &mass, &outage]);
         assert!(!flown.has_fallen(), "{mass}: {flown:?}");
+    }
+}
+
+/// An estimator whose cameras confuse the markers of the vehicle.
+struct Confused {
+    estimator: Box<dyn ErasedService>,
+    /// Ticks in which they do.
+    ticks: Range<u64>,
+    /// The captured attitude, seen from {B}.
+    turn: Matrix3<f64>,
+    /// The centre of the markers from the tracked point in {B}, m.
+    center: Vector3<f64>,
+}
+
+impl Confused {
+    /// Time for which the driver of the cameras refuses poses that have jumped, ms.
+    const SETTLES: u64 = 300;
+
+    /// Returns the pose of a body that turns about the centre of its markers.
+    fn captured(&self, mut pose: MocapPose) -> MocapPose {
+        let rotation = from_row_major(&pose.world_from_body);
+        let shift = rotation * (self.center - self.turn * self.center);
+        pose.position_world = (Vector3::from(pose.position_world) + shift).into();
+        pose.world_from_body = to_row_major(&(rotation * self.turn));
+        pose
+    }
+}
+
+impl ErasedService for Confused {
+    fn id(&self) -> ServiceId {
+        self.estimator.id()
+    }
+
+    fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        let mut inputs = inputs.to_vec();
+        let settles = [self.ticks.start, self.ticks.end].map(|at| at..at + Self::SETTLES);
+        let mut confused = None;
+        if settles.iter().any(|ticks| ticks.contains(&now.tick)) {
+            inputs[0] = InputView::default();
+        } else if self.ticks.contains(&now.tick) {
+            let pose = inputs[0]
+                .bytes
+                .map(|bytes| MocapPose::read_from_bytes(bytes).unwrap());
+            confused = pose.map(|pose| self.captured(pose));
+        }
+        if let Some(pose) = &confused {
+            inputs[0].bytes = Some(pose.as_bytes());
+        }
+        self.estimator.step(now, &inputs, outputs);
+    }
+
+    fn state_size(&self) -> usize {
+        self.estimator.state_size()
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        self.estimator.save_with(keep);
+    }
+
+    fn restore(&mut self, bytes: &[u8]) {
+        self.estimator.restore(bytes);
+    }
+}
+
+/// Flies while the cameras confuse the markers: the body turns about their centre from 15 s on.
+fn fly_confused(changes: &[&str], turn: &Vector3<f64>, center: &Vector3<f64>, lasts: u64) -> Flown {
+    fly_with(changes, |service| match service.id() {
+        ServiceId::Estimator => Box::new(Confused {
+            estimator: service,
+            ticks: 15_000..15_000 + lasts,
+            turn: exp(turn),
+            center: *center,
+        }),
+        _ => service,
+    })
+}
+
+/// Its positions are right to some centimetres, so the vehicle goes on, and down to the ground if it lasts.
+#[test]
+fn a_body_whose_markers_are_confused_flies_and_lands_by_its_positions() {
+    let gusts = "vehicle={drag=[0.06,0.06,0.02],wind={mean=[3.0,0.0,0.0],gusts={deviation=1.2,correlation_time=0.5}}}";
+    let turns = [
+        Vector3::x() * 0.6,
+        Vector3::z() * 1.6,
+        Vector3::new(1.9, 1.9, 0.0),
+    ];
+    for change in LAWS.into_iter().chain([gusts, "vehicle={mass=0.24}"]) {
+        for turn in &turns {
+            for (lasts, off) in [(2_000, 0.0), (8_000, 0.02), (30_000, 0.01)] {
+                let flown = fly_confused(&[change], turn, &Vector3::new(off, 0.0, off), lasts);
+                let what = format!("{change}, turned by {turn:?} for {lasts} ms, {off} m off: {flown:?}");
+                assert!(!flown.has_fallen() && flown.is_over, "{what}");
+                assert!(flown.strayed < 0.08 + 3.0 * off && flown.touch < 0.4, "{what}");
+            }
+        }
     }
 }

@@ -12,6 +12,8 @@
 //! * one whose attitude no vehicle can have reached is refused and counted, however long that lasts, because the
 //!   capture system has confused the markers: [`attitude_trust`](super::attitude_trust); while frames do not say how the
 //!   vehicle turns, and for two seconds afterwards, attitudes are not tested, because the last one may be a false one;
+//! * the position of such a capture corrects the state, unless it is too far from the estimate as well, because confused
+//!   markers have the same centre; so the attitude stays right as far as a tilt shows as an acceleration;
 //! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
 //! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
 //!   capture starts the filter from nothing;
@@ -66,6 +68,9 @@ const LESS_SURE: [f64; 2] = [4.0, 16.0];
 /// Time after the last used capture for which these factors apply, ns. Later the state is unsure enough that a jump of
 /// centimetres could be taken for a speed.
 const LESS_SURE_FOR_NS: u64 = 100_000_000;
+
+/// Largest distance from the estimate at which the position of a body whose markers were confused is used, m.
+const FARTHEST_CONFUSED: f64 = 0.08;
 
 /// Outcome of a capture.
 #[derive(Clone, Debug)]
@@ -270,7 +275,11 @@ impl KalmanFilter {
         }
         let has_settled = exposure_ns >= track.settling_since_ns.saturating_add(SETTLED_NS);
         if flies && has_settled && !track.trust.test(exposure_ns, &predicted, &pose.world_from_body) {
-            self.memory.track = Some(track);
+            if self.is_lost(now_ns) {
+                self.memory.track = Some(track);
+            } else {
+                self.take_position(now_ns, exposure_ns, &pose, track);
+            }
             return self.refuse();
         }
         if self.is_lost(now_ns) {
@@ -325,6 +334,39 @@ impl KalmanFilter {
         track.compare_rest(exposure_ns, &pose);
         self.memory.track = Some(track);
         self.refuse()
+    }
+
+    /// Takes of a capture whose attitude is false its position, unless that is false as well.
+    fn take_position(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, mut track: Track) {
+        let with_attitude = |world_from_body| Pose {
+            world_from_body,
+            ..*pose
+        };
+        if self.has_ground && track.ground.has_flown {
+            // A vehicle at rest has the attitude that it had.
+            let pose = with_attitude(track.ground.rest.pose.world_from_body);
+            if self.touches_down(&pose, &mut track) {
+                self.land(now_ns, exposure_ns, &pose, &track);
+                return;
+            }
+            track.state.stands = false;
+        }
+        let pose = with_attitude(track.state.nominal.world_from_body);
+        let noise = self.noise().of_confused_body();
+        let residual = track.state.residual(&pose);
+        if let Some(innovation) = track.state.innovation(residual, noise)
+            && residual.norm() <= FARTHEST_CONFUSED
+            && innovation.squared_distance() <= self.gate
+        {
+            let mut corrected = track.state;
+            corrected.correct(&innovation, noise);
+            if corrected.is_sound() {
+                track.state = corrected;
+                track.used_at_ns = now_ns;
+                track.compare_rest(exposure_ns, &pose);
+            }
+        }
+        self.memory.track = Some(track);
     }
 
     /// Returns whether a capture shows that the ground holds the vehicle, which has flown.

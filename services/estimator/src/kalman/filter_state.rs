@@ -30,6 +30,13 @@ const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
 /// Standard deviations of d by which a vehicle on the ground may be lighter than estimated.
 const PULL_DEVIATIONS: f64 = 3.0;
 
+/// Variance of an attitude that tells nothing, rad²: no correction by it reaches the digits of the state.
+const UNKNOWN: f64 = 1e12;
+
+/// Standard deviation of each component of the position of a body whose markers were confused, m. They have the same
+/// centre as before, but the tracked point may be elsewhere.
+const CONFUSED_DEVIATION: f64 = 0.02;
+
 /// A pose of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
@@ -55,6 +62,15 @@ impl PoseNoise {
         Self {
             position: kalman.position_deviation * kalman.position_deviation,
             attitude: kalman.attitude_deviation * kalman.attitude_deviation,
+        }
+    }
+
+    /// Returns the noise of a pose whose attitude is false.
+    #[must_use]
+    pub fn of_confused_body(self) -> Self {
+        Self {
+            position: self.position + CONFUSED_DEVIATION * CONFUSED_DEVIATION,
+            attitude: UNKNOWN,
         }
     }
 

@@ -3,6 +3,7 @@
 use estimator::kalman::{KalmanFilter, Outcome};
 use proptest::prelude::*;
 use scenario::{Kalman, Model};
+use shared_types::rotation::angle_between;
 use shared_types::samples::{MocapPose, RcFrame};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -74,22 +75,23 @@ fn a_lasting_jump_is_accepted_after_the_stated_time_and_again_at_its_end() {
     assert!(position < 2e-3 && velocity < 0.05 && attitude < 0.01);
 }
 
-/// A body whose markers were confused, after a gap or without one.
+/// A body whose markers were confused, after a gap or without one. Positions that are right keep the state tracked.
 #[test]
 fn a_lasting_turn_of_the_captures_is_never_accepted_and_the_truth_is_after_it() {
-    for (gap, degrees) in [
-        (0, 30.0),
-        (100, 30.0),
-        (500, 30.0),
-        (0, 90.0),
-        (100, 180.0),
-        (500, 180.0),
+    for (gap, degrees, off) in [
+        (0, 30.0, 0.0),
+        (100, 30.0, 0.0),
+        (500, 30.0, 0.0),
+        (0, 90.0, 0.5),
+        (0, 90.0, 0.0),
+        (100, 180.0, 0.5),
+        (500, 180.0, 0.0),
     ] {
         for axis in [nalgebra::Vector3::x(), nalgebra::Vector3::z()] {
             let mut rig = laboratory(|world| {
                 world.hidden = 2500..2500 + gap;
                 world.swapped = 2500 + gap..4500;
-                world.swapped_position = nalgebra::Vector3::zeros();
+                world.swapped_position = nalgebra::Vector3::x() * off;
                 world.swapped_rotation = axis * f64::to_radians(degrees);
             });
             let seen = outcomes(&mut rig, 4500);
@@ -100,7 +102,14 @@ fn a_lasting_turn_of_the_captures_is_never_accepted_and_the_truth_is_after_it() 
                     "{degrees}° about {axis} after {gap} ms: {outcome:?} at {tick}"
                 );
             }
-            assert!(!rig.filter.is_tracking(rig.now_ns()));
+            let (what, is_right) = (format!("{degrees}° about {axis}, {off} m off"), off == 0.0);
+            assert_eq!(rig.filter.is_tracking(rig.now_ns()), is_right, "{what}");
+            if is_right {
+                let state = rig.filter.state().unwrap();
+                let truth = rig.truth_at(state.time_ns);
+                let turned = angle_between(&state.nominal.world_from_body, &truth.world_from_body);
+                assert!(turned < 0.1, "{what}: {turned} rad");
+            }
         }
     }
 }
@@ -128,7 +137,10 @@ fn assert_no_turn_is_accepted_after(what: &str, spoil: fn(&mut World), restarted
                 "{degrees}° {after} ms after {what}: {outcome:?} at {tick}"
             );
         }
-        assert!(!rig.filter.is_tracking(rig.now_ns()));
+        assert!(
+            rig.filter.is_tracking(rig.now_ns()),
+            "{degrees}° after {what}: by positions"
+        );
     }
 }
 
