@@ -271,6 +271,40 @@ crate::sample! {
     }
 }
 
+impl MocapPose {
+    /// Bits of the first byte of the padding: parts of the pose that are not the vehicle's. They are not in the message
+    /// definition, which would change the layout of every log.
+    const POSITION_REFUSED: u8 = 1;
+    const ATTITUDE_REFUSED: u8 = 2;
+
+    /// States which parts are the vehicle's.
+    pub fn set_parts(&mut self, has_position: bool, has_attitude: bool) {
+        let bit = |is_there: bool, bit: u8| if is_there { 0 } else { bit };
+        self.pad0[0] = bit(has_position, Self::POSITION_REFUSED) | bit(has_attitude, Self::ATTITUDE_REFUSED);
+    }
+
+    /// Returns whether the body was seen, and this is its position.
+    #[must_use]
+    #[inline]
+    pub fn has_position(&self) -> bool {
+        self.tracked.is_set() && self.pad0[0] & Self::POSITION_REFUSED == 0
+    }
+
+    /// Returns whether the body was seen, and this is its attitude.
+    #[must_use]
+    #[inline]
+    pub fn has_attitude(&self) -> bool {
+        self.tracked.is_set() && self.pad0[0] & Self::ATTITUDE_REFUSED == 0
+    }
+
+    /// Returns whether the body was seen with position and attitude.
+    #[must_use]
+    #[inline]
+    pub fn is_whole(&self) -> bool {
+        self.has_position() && self.has_attitude()
+    }
+}
+
 impl ControlTelemetry {
     /// Largest number of numbers.
     pub const NUMBERS: usize = 32;

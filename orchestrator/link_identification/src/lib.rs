@@ -144,7 +144,7 @@ impl Gatherer {
             }
             (Topic::MocapPose, FrameSource::Poses) => {
                 let pose = read::<MocapPose>(bytes);
-                self.poses.extend(pose.tracked.is_set().then(|| Pose::new(&pose)));
+                self.poses.extend(pose.is_whole().then(|| Pose::new(&pose)));
             }
             (Topic::VehicleTruth, FrameSource::Truth) => {
                 self.truths.push(Truth::new(&read::<VehicleTruth>(bytes)));

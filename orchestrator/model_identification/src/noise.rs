@@ -31,7 +31,7 @@ const EQUAL: f64 = 0.2;
 /// stated.
 #[must_use]
 pub fn of_captures<'a>(poses: impl Iterator<Item = &'a MocapPose>) -> [Quantity; 2] {
-    let seen: Vec<&MocapPose> = poses.filter(|pose| pose.tracked.is_set()).collect();
+    let seen: Vec<&MocapPose> = poses.filter(|pose| pose.is_whole()).collect();
     let (mut positions, mut attitudes) = (Vec::new(), Vec::new());
     for captures in seen
         .array_windows::<4>()

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use motion_capture::diagnosis::Diagnosis;
-use motion_capture::feed::{Feed, FeedMemory, Health, VehiclePose};
+use motion_capture::feed::{Feed, FeedMemory, Health, PoseParts, VehiclePose};
 use motion_capture::figures::Second;
 use motion_capture::transport::{Address, CaptureSource};
 use runtime::flight_clock::monotonic_ns;
@@ -99,7 +99,9 @@ impl MotionCaptureDriver {
             diagnosis.take(frame);
             if let Some(pose) = feed.take(frame, now_ns) {
                 hand.take(pose, tick_ns);
-                *believed_at_ns = Some(pose.arrived_ns);
+                if pose.parts == PoseParts::Both {
+                    *believed_at_ns = Some(pose.arrived_ns);
+                }
             }
         });
         reason.update(now_ns, diagnosis, source, feed);
@@ -278,6 +280,7 @@ mod tests {
                 position_world: Vector3::zeros(),
                 world_from_body: Matrix3::identity(),
             },
+            parts: PoseParts::Both,
         }
     }
 

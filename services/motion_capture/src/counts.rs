@@ -11,7 +11,7 @@ pub struct FeedCounts {
     pub absent: u64,
     /// With the body, which was not seen.
     pub occluded: u64,
-    /// With a pose equal to the one before, bit for bit: cameras have noise, so the pose is stale.
+    /// With a pose of which a part does not change: cameras have noise, so it is stale.
     pub frozen: u64,
     /// With a number or stamp that has come before.
     pub repeated: u64,
@@ -21,7 +21,7 @@ pub struct FeedCounts {
     pub mistimed: u64,
     /// Before poses and clock had settled, at the start and after a jump.
     pub unsettled: u64,
-    /// With a pose where the vehicle cannot be.
+    /// With a place where the vehicle cannot be, or an attitude that it cannot have.
     pub jumped: u64,
     /// With a pose where another body was.
     pub exchanged: u64,

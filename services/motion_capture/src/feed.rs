@@ -2,6 +2,7 @@
 //!
 //! Failure policy: a pose is accepted only if its frame is new, its time is known, its body is the vehicle's and seen,
 //! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`FeedCounts`]).
+//! Of a pose that is wrong or frozen in one part, the other part is handed out alone, and the pose is counted by reason.
 //! Missing poses never look like a vehicle that stands still: without an accepted pose there is no output.
 
 mod memory;
@@ -81,6 +82,19 @@ pub struct VehiclePose {
     pub arrived_ns: u64,
     /// The pose.
     pub pose: WorldPose,
+    /// The parts of it that are the vehicle's.
+    pub parts: PoseParts,
+}
+
+/// The parts of a pose that are the vehicle's: both or one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PoseParts {
+    /// Position and attitude.
+    Both,
+    /// The position.
+    Position,
+    /// The attitude.
+    Attitude,
 }
 
 impl VehiclePose {
@@ -93,6 +107,10 @@ impl VehiclePose {
         sample.angular_velocity_body = [0.0; 3];
         sample.tracked = true.into();
         sample.velocities_measured = false.into();
+        sample.set_parts(
+            self.parts != PoseParts::Attitude,
+            self.parts != PoseParts::Position,
+        );
     }
 }
 
@@ -204,7 +222,7 @@ impl Feed {
     }
 
     /// Takes a frame that arrived at a time of the local clock, ns, which never falls; returns the vehicle's pose if
-    /// the frame has one that is accepted.
+    /// the frame has one that is accepted, at least in part.
     pub fn take(&mut self, frame: &Frame, arrived_ns: u64) -> Option<VehiclePose> {
         let vehicle = frame.bodies().iter().position(|body| self.selector.is(body));
         if self.health == Health::Silent {
@@ -219,15 +237,15 @@ impl Feed {
         self.heard_at_ns = arrived_ns;
         let pose = self.accepted(frame, vehicle, arrived_ns);
         match (&pose, self.health) {
-            (Some(pose), _) => {
+            (Some(pose), _) if pose.parts == PoseParts::Both => {
                 self.believed_at_ns = pose.arrived_ns;
                 self.health = Health::Good;
             }
-            (None, Health::Good) if arrived_ns.saturating_sub(self.believed_at_ns) > self.patience_ns => {
+            (_, Health::Good) if arrived_ns.saturating_sub(self.believed_at_ns) > self.patience_ns => {
                 self.health = Health::Doubtful;
             }
-            (None, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
-            (None, _) => {}
+            (_, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
+            _ => {}
         }
         pose
     }
@@ -241,13 +259,16 @@ impl Feed {
         let captured_ns = self.captured_ns(frame, arrived_ns)?;
         let pose = self.believed(frame, vehicle, captured_ns);
         self.look_at_others(frame, vehicle, captured_ns);
-        let pose = pose?;
-        self.counts.believed += 1;
-        self.figures.believe(arrived_ns.saturating_sub(captured_ns));
+        let (pose, parts) = pose?;
+        if parts == PoseParts::Both {
+            self.counts.believed += 1;
+            self.figures.believe(arrived_ns.saturating_sub(captured_ns));
+        }
         Some(VehiclePose {
             captured_ns,
             arrived_ns,
             pose,
+            parts,
         })
     }
 
@@ -344,8 +365,13 @@ impl Feed {
         captured_ns.map(|at_ns| at_ns.min(arrived_ns))
     }
 
-    /// Returns the vehicle's pose in a frame, if it is accepted.
-    fn believed(&mut self, frame: &Frame, vehicle: Option<usize>, captured_ns: u64) -> Option<WorldPose> {
+    /// Returns the vehicle's pose in a frame with the parts that are accepted, if any is.
+    fn believed(
+        &mut self,
+        frame: &Frame,
+        vehicle: Option<usize>,
+        captured_ns: u64,
+    ) -> Option<(WorldPose, PoseParts)> {
         let Some(index) = vehicle else {
             self.counts.absent += 1;
             return None;
@@ -356,17 +382,26 @@ impl Feed {
             return None;
         };
         let pose = self.calibration.world_pose(captured);
-        self.frozen = self.stillness.take(captured);
-        if self.frozen.is_some() {
-            self.counts.frozen += 1;
-            return None;
-        }
         let (position, rotation) = (&captured.position, &captured.capture_from_markers);
+        self.frozen = self.stillness.take(captured);
+        if let Some(frozen) = self.frozen {
+            self.counts.frozen += 1;
+            let parts = frozen.rest()?;
+            let follows = match parts {
+                PoseParts::Position => self.tracks.reach(position, captured_ns),
+                _ => self.tracks.turn(rotation, captured_ns),
+            };
+            return follows.then_some((pose, parts));
+        }
         let counter = match self.tracks.vehicle(position, rotation, captured_ns) {
-            PoseDecision::Follows => return Some(pose),
+            PoseDecision::Follows => return Some((pose, PoseParts::Both)),
             PoseDecision::Settled => {
                 self.counts.settled += 1;
-                return Some(pose);
+                return Some((pose, PoseParts::Both));
+            }
+            PoseDecision::Turned => {
+                self.counts.jumped += 1;
+                return Some((pose, PoseParts::Position));
             }
             PoseDecision::Unsettled => &mut self.counts.unsettled,
             PoseDecision::Jumped => &mut self.counts.jumped,

@@ -6,7 +6,7 @@
 
 use std::net::Ipv4Addr;
 
-use motion_capture::feed::{Feed, VehiclePose};
+use motion_capture::feed::{Feed, PoseParts, VehiclePose};
 use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
@@ -281,9 +281,15 @@ fn judge(pose: &VehiclePose, tolerance: f64, outcome: &mut Outcome) {
             let (position, angles) = truth(captured(frame));
             let turned = from_roll_pitch_yaw(angles).transpose() * pose.pose.world_from_body;
             let off = (pose.pose.position_world - position).norm();
+            let turned = (turned - nalgebra::Matrix3::identity()).norm();
+            // Only what is said to be the vehicle's is judged.
+            let (has_position, has_attitude) = (
+                pose.parts != PoseParts::Attitude,
+                pose.parts != PoseParts::Position,
+            );
             (
-                off,
-                (turned - nalgebra::Matrix3::identity()).norm(),
+                if has_position { off } else { 0.0 },
+                if has_attitude { turned } else { 0.0 },
                 captured(frame),
             )
         })

@@ -7,7 +7,7 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 
 use host::in_process::{InProcess, TickSink};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use registry::build_all;
 use scenario::Scenario;
 use shared_types::rotation::{exp, from_row_major, to_row_major};
@@ -238,49 +238,36 @@ fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
     }
 }
 
-/// An estimator whose cameras confuse the markers of the vehicle.
-struct Confused {
+/// An estimator to which the cameras show something else for a time.
+struct Deceived {
     estimator: Box<dyn ErasedService>,
     /// Ticks in which they do.
     ticks: Range<u64>,
-    /// The captured attitude, seen from {B}.
-    turn: Matrix3<f64>,
-    /// The centre of the markers from the tracked point in {B}, m.
-    center: Vector3<f64>,
+    /// Time before and after it in which the driver refuses poses, ms.
+    settles: u64,
+    shown: fn(&MocapPose, &Vector3<f64>) -> MocapPose,
+    /// Parameter of what is shown.
+    by: Vector3<f64>,
 }
 
-impl Confused {
-    /// Time for which the driver of the cameras refuses poses that have jumped, ms.
-    const SETTLES: u64 = 300;
-
-    /// Returns the pose of a body that turns about the centre of its markers.
-    fn captured(&self, mut pose: MocapPose) -> MocapPose {
-        let rotation = from_row_major(&pose.world_from_body);
-        let shift = rotation * (self.center - self.turn * self.center);
-        pose.position_world = (Vector3::from(pose.position_world) + shift).into();
-        pose.world_from_body = to_row_major(&(rotation * self.turn));
-        pose
-    }
-}
-
-impl ErasedService for Confused {
+impl ErasedService for Deceived {
     fn id(&self) -> ServiceId {
         self.estimator.id()
     }
 
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
         let mut inputs = inputs.to_vec();
-        let settles = [self.ticks.start, self.ticks.end].map(|at| at..at + Self::SETTLES);
-        let mut confused = None;
+        let settles = [self.ticks.start, self.ticks.end].map(|at| at..at + self.settles);
+        let mut shown = None;
         if settles.iter().any(|ticks| ticks.contains(&now.tick)) {
             inputs[0] = InputView::default();
         } else if self.ticks.contains(&now.tick) {
             let pose = inputs[0]
                 .bytes
                 .map(|bytes| MocapPose::read_from_bytes(bytes).unwrap());
-            confused = pose.map(|pose| self.captured(pose));
+            shown = pose.map(|pose| (self.shown)(&pose, &self.by));
         }
-        if let Some(pose) = &confused {
+        if let Some(pose) = &shown {
             inputs[0].bytes = Some(pose.as_bytes());
         }
         self.estimator.step(now, &inputs, outputs);
@@ -299,36 +286,157 @@ impl ErasedService for Confused {
     }
 }
 
-/// Flies while the cameras confuse the markers: the body turns about their centre from 15 s on.
-fn fly_confused(changes: &[&str], turn: &Vector3<f64>, center: &Vector3<f64>, lasts: u64) -> Flown {
+/// What cameras show from 15 s on.
+struct Deception {
+    lasts: u64,
+    settles: u64,
+    shown: fn(&MocapPose, &Vector3<f64>) -> MocapPose,
+    by: Vector3<f64>,
+}
+
+fn fly_deceived(changes: &[&str], deception: &Deception) -> Flown {
     fly_with(changes, |service| match service.id() {
-        ServiceId::Estimator => Box::new(Confused {
+        ServiceId::Estimator => Box::new(Deceived {
             estimator: service,
-            ticks: 15_000..15_000 + lasts,
-            turn: exp(turn),
-            center: *center,
+            ticks: 15_000..15_000 + deception.lasts,
+            settles: deception.settles,
+            shown: deception.shown,
+            by: deception.by,
         }),
         _ => service,
     })
 }
 
-/// Its positions are right to some centimetres, so the vehicle goes on, and down to the ground if it lasts.
+/// A body whose markers are confused: it turns about their centre, which is off the tracked point along x and z of {B}.
+fn confused(pose: &MocapPose, turn: &Vector3<f64>, off: f64) -> MocapPose {
+    let (rotation, turn, center) = (
+        from_row_major(&pose.world_from_body),
+        exp(turn),
+        Vector3::new(off, 0.0, off),
+    );
+    MocapPose {
+        position_world: (Vector3::from(pose.position_world) + rotation * (center - turn * center)).into(),
+        world_from_body: to_row_major(&(rotation * turn)),
+        ..*pose
+    }
+}
+
+const GUSTS: &str =
+    "vehicle={drag=[0.06,0.06,0.02],wind={mean=[3.0,0.0,0.0],gusts={deviation=1.2,correlation_time=0.5}}}";
+
+/// The driver refuses jumps for 0.3 s, or knows at once that only the position is right.
 #[test]
 fn a_body_whose_markers_are_confused_flies_and_lands_by_its_positions() {
-    let gusts = "vehicle={drag=[0.06,0.06,0.02],wind={mean=[3.0,0.0,0.0],gusts={deviation=1.2,correlation_time=0.5}}}";
+    type Shown = fn(&MocapPose, &Vector3<f64>) -> MocapPose;
+    let cases: [(u64, u64, f64, Shown); 4] = [
+        (2_000, 300, 0.0, |pose, turn| confused(pose, turn, 0.0)),
+        (8_000, 300, 0.02, |pose, turn| confused(pose, turn, 0.02)),
+        (30_000, 300, 0.01, |pose, turn| confused(pose, turn, 0.01)),
+        (2_000, 0, 0.0, |pose, turn| {
+            let mut shown = confused(pose, turn, 0.0);
+            shown.set_parts(true, false);
+            shown
+        }),
+    ];
     let turns = [
         Vector3::x() * 0.6,
         Vector3::z() * 1.6,
         Vector3::new(1.9, 1.9, 0.0),
     ];
-    for change in LAWS.into_iter().chain([gusts, "vehicle={mass=0.24}"]) {
-        for turn in &turns {
-            for (lasts, off) in [(2_000, 0.0), (8_000, 0.02), (30_000, 0.01)] {
-                let flown = fly_confused(&[change], turn, &Vector3::new(off, 0.0, off), lasts);
-                let what = format!("{change}, turned by {turn:?} for {lasts} ms, {off} m off: {flown:?}");
-                assert!(!flown.has_fallen() && flown.is_over, "{what}");
-                assert!(flown.strayed < 0.08 + 3.0 * off && flown.touch < 0.4, "{what}");
+    for change in [LAWS[0], LAWS[1], GUSTS] {
+        for by in turns {
+            for (lasts, settles, off, shown) in cases {
+                let deception = Deception {
+                    lasts,
+                    settles,
+                    shown,
+                    by,
+                };
+                assert_flies_on(&[change], &deception, 0.15 + 5.0 * off);
             }
+        }
+    }
+}
+
+fn assert_flies_on(changes: &[&str], deception: &Deception, farthest: f64) {
+    let flown = fly_deceived(changes, deception);
+    let (by, lasts) = (&deception.by, deception.lasts);
+    let what = format!("{changes:?}, {by:?} for {lasts} ms: {flown:?}");
+    assert!(!flown.has_fallen() && flown.is_over, "{what}");
+    assert!(flown.strayed < farthest && flown.touch < 0.5, "{what}");
+}
+
+/// A turn of 30 degrees against which gusts turn the estimate comes near to what the vehicle could have reached.
+#[test]
+fn positions_do_not_bring_a_false_attitude_within_reach() {
+    for law in ["controller={law=\"nmpc\"}", "controller={law=\"indi\"}"] {
+        for turn in [Vector3::x(), Vector3::y()] {
+            for by in [turn * 0.53, turn * -0.53] {
+                let deception = Deception {
+                    lasts: 30_000,
+                    settles: 300,
+                    shown: |pose, turn| confused(pose, turn, 0.0),
+                    by,
+                };
+                assert_flies_on(&[GUSTS, law], &deception, 0.5);
+            }
+        }
+    }
+}
+
+/// The centre of the markers is 3 cm off the tracked point; fast cameras correct no faster than slow ones.
+#[test]
+fn a_turned_offset_does_not_make_the_vehicle_sway() {
+    for period in ["0.005", "0.01", "0.02"] {
+        let cameras = format!("schedule={{period={{\"mocap/pose\"={period}}}}}");
+        for by in [
+            Vector3::new(1.9, 1.9, 0.0),
+            Vector3::x() * 3.1,
+            Vector3::y() * -1.6,
+        ] {
+            let deception = Deception {
+                lasts: 30_000,
+                settles: 300,
+                shown: |pose, turn| confused(pose, turn, 0.02),
+                by,
+            };
+            let flown = fly_deceived(&[&cameras], &deception);
+            let what = format!("{period} s, {by:?}: {flown:?}");
+            assert!(
+                !flown.has_fallen() && flown.is_over && flown.upright > 0.7,
+                "{what}"
+            );
+        }
+    }
+}
+
+/// With its tilt known, the vehicle waits where it is until the cameras show its place again.
+#[test]
+fn a_body_whose_position_is_frozen_waits_level() {
+    for change in LAWS.into_iter().chain([GUSTS, "vehicle={mass=0.24}"]) {
+        for lasts in [500, 1_500, 2_800] {
+            let shown = |pose: &MocapPose, place: &Vector3<f64>| {
+                let mut shown = MocapPose {
+                    position_world: (*place).into(),
+                    ..*pose
+                };
+                shown.set_parts(false, true);
+                shown
+            };
+            let by = Vector3::new(1.0, 1.0, -1.0);
+            let flown = fly_deceived(
+                &[change],
+                &Deception {
+                    lasts,
+                    settles: 0,
+                    shown,
+                    by,
+                },
+            );
+            let what = format!("{change}, frozen for {lasts} ms: {flown:?}");
+
+            assert!(!flown.has_fallen() && flown.is_over, "{what}");
+            assert!(flown.strayed < 1.0 && flown.touch < 0.4, "{what}");
         }
     }
 }

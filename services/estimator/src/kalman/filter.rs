@@ -14,6 +14,8 @@
 //!   vehicle turns, and for two seconds afterwards, attitudes are not tested, because the last one may be a false one;
 //! * the position of such a capture corrects the state, unless it is too far from the estimate as well, because confused
 //!   markers have the same centre; so the attitude stays right as far as a tilt shows as an acceleration;
+//! * of a capture whose position is refused by the driver the attitude corrects the state: with a known tilt the prediction
+//!   of the position holds for some seconds, in which the state coasts and counts as tracked;
 //! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
 //! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
 //!   capture starts the filter from nothing;
@@ -33,7 +35,7 @@ use nalgebra::SVector;
 use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::service::nanoseconds;
+use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::attitude_trust::AttitudeTrust;
@@ -69,8 +71,14 @@ const LESS_SURE: [f64; 2] = [4.0, 16.0];
 /// centimetres could be taken for a speed.
 const LESS_SURE_FOR_NS: u64 = 100_000_000;
 
-/// Largest distance from the estimate at which the position of a body whose markers were confused is used, m.
+/// Largest distance from the estimate at which the position of a body whose markers were confused is used, m; what the time
+/// without sight adds to it, m/s, and the longest such time, ns.
 const FARTHEST_CONFUSED: f64 = 0.08;
+const FARTHER_UNSEEN: f64 = 0.3;
+const UNSEEN_NS: u64 = 1_000_000_000;
+
+/// Time for which a state without positions counts as tracked as long as attitudes correct it, ns.
+const LEVELLED_NS: u64 = 3_000_000_000;
 
 /// Outcome of a capture.
 #[derive(Clone, Debug)]
@@ -132,8 +140,10 @@ pub(super) struct Memory {
 pub(super) struct Track {
     /// The estimate, at the time of the last tested capture.
     pub state: FilterState,
-    /// Time at which a capture was used last, ns since the start of the flight.
+    /// Time at which a position was used last, ns since the start of the flight.
     pub used_at_ns: u64,
+    /// Time at which an attitude was used last, ns since the start of the flight.
+    pub levelled_at_ns: u64,
     /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
     pub refused_since_ns: Option<u64>,
     /// Exposure from which on attitudes settle, ns since the start of the flight: that of the first start, or of the last
@@ -249,13 +259,22 @@ impl KalmanFilter {
         let Some(pose) = pose_of(capture).filter(|_| exposure_ns <= now_ns) else {
             return self.refuse();
         };
-        let Some(mut track) = self.memory.track else {
-            return self.start_from(now_ns, exposure_ns, &pose);
+        let is_whole = capture.is_whole();
+        let Some(mut track) = self
+            .memory
+            .track
+            .filter(|_| is_whole || !self.is_long_lost(now_ns))
+        else {
+            return if is_whole {
+                self.start_from(now_ns, exposure_ns, &pose)
+            } else {
+                self.refuse()
+            };
         };
         if exposure_ns <= track.state.time_ns {
             return Outcome::Ignored;
         }
-        if self.is_lost(now_ns) && track.state.stands {
+        if is_whole && self.is_lost(now_ns) && track.state.stands {
             return self.start_from(now_ns, exposure_ns, &pose);
         }
         let history = &mut self.memory.history;
@@ -274,11 +293,15 @@ impl KalmanFilter {
             track.settling_since_ns = exposure_ns;
         }
         let has_settled = exposure_ns >= track.settling_since_ns.saturating_add(SETTLED_NS);
-        if flies && has_settled && !track.trust.test(exposure_ns, &predicted, &pose.world_from_body) {
-            if self.is_lost(now_ns) {
-                self.memory.track = Some(track);
-            } else {
-                self.take_position(now_ns, exposure_ns, &pose, track);
+        let is_reached =
+            !(flies && has_settled) || track.trust.test(exposure_ns, &predicted, &pose.world_from_body);
+        if !(is_whole && is_reached) {
+            match (capture.has_position(), capture.has_attitude() && is_reached) {
+                (true, false) if flies => self.take_position(now_ns, exposure_ns, &pose, track),
+                (false, true) if flies => {
+                    self.take_attitude(now_ns, exposure_ns, &pose, track, turn_if_missed);
+                }
+                _ => self.memory.track = Some(track),
             }
             return self.refuse();
         }
@@ -299,16 +322,8 @@ impl KalmanFilter {
         if track.state.stands {
             return self.stand(now_ns, exposure_ns, &pose, &track);
         }
-        let doubtful = track.state.less_sure_of_attitude(turn_if_missed);
-        let is_recent = now_ns.saturating_sub(track.used_at_ns) <= LESS_SURE_FOR_NS;
-        let less_sure = LESS_SURE.into_iter().filter(|_| is_recent);
-        let likely = [track.state, doubtful]
-            .into_iter()
-            .chain(less_sure.map(|times| doubtful.less_sure(times)))
-            .find_map(|state| {
-                self.likely(&state, residual)
-                    .map(|innovation| (state, innovation))
-            });
+        let unused_ns = now_ns.saturating_sub(track.used_at_ns);
+        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, self.noise());
         if let Some((believed, innovation)) = likely {
             track.state = believed;
             track.state.correct(&innovation, self.noise());
@@ -318,7 +333,7 @@ impl KalmanFilter {
             if self.has_landed(&track.state) {
                 return self.stand(now_ns, exposure_ns, &pose, &track);
             }
-            track.used_at_ns = now_ns;
+            (track.used_at_ns, track.levelled_at_ns) = (now_ns, now_ns);
             track.refused_since_ns = None;
             let corrected = &track.state.nominal.world_from_body;
             track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
@@ -351,19 +366,55 @@ impl KalmanFilter {
             }
             track.state.stands = false;
         }
-        let pose = with_attitude(track.state.nominal.world_from_body);
-        let noise = self.noise().of_confused_body();
+        track.ground.observe_rise(&pose.position_world);
+        let before = track.state.nominal.world_from_body;
+        let pose = with_attitude(before);
+        let unseen_ns = now_ns.saturating_sub(track.used_at_ns);
+        let noise = self.noise().of_confused_body(seconds(unseen_ns));
         let residual = track.state.residual(&pose);
+        let farthest = FARTHEST_CONFUSED + FARTHER_UNSEEN * seconds(unseen_ns);
         if let Some(innovation) = track.state.innovation(residual, noise)
-            && residual.norm() <= FARTHEST_CONFUSED
+            && unseen_ns <= UNSEEN_NS
+            && track.state.knows_tilt()
+            && residual.norm() <= farthest
             && innovation.squared_distance() <= self.gate
         {
             let mut corrected = track.state;
             corrected.correct(&innovation, noise);
             if corrected.is_sound() {
+                // What positions tell of the attitude does not bring a false one within reach.
+                track.trust.captured_from_estimated *= before * corrected.nominal.world_from_body.transpose();
                 track.state = corrected;
                 track.used_at_ns = now_ns;
                 track.compare_rest(exposure_ns, &pose);
+            }
+        }
+        self.memory.track = Some(track);
+    }
+
+    /// Takes of a capture whose position is false its attitude, which the vehicle can have reached.
+    fn take_attitude(
+        &mut self,
+        now_ns: u64,
+        exposure_ns: u64,
+        pose: &Pose,
+        mut track: Track,
+        turn_if_missed: f64,
+    ) {
+        let pose = Pose {
+            position_world: track.state.nominal.tracked_point(),
+            ..*pose
+        };
+        let (noise, residual) = (self.noise().of_attitude(), track.state.residual(&pose));
+        let unused_ns = now_ns.saturating_sub(track.levelled_at_ns);
+        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, noise);
+        if let Some((mut believed, innovation)) = likely {
+            believed.correct(&innovation, noise);
+            if believed.is_sound() {
+                let corrected = &believed.nominal.world_from_body;
+                track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
+                track.state = believed;
+                track.levelled_at_ns = now_ns;
             }
         }
         self.memory.track = Some(track);
@@ -395,10 +446,25 @@ impl KalmanFilter {
         self.memory.scatter.noise(self.pose_noise)
     }
 
-    /// Returns the innovation of a pose, unless it is too far from the estimate.
-    fn likely(&self, state: &FilterState, residual: SVector<f64, MEASURED>) -> Option<Innovation> {
-        let innovation = state.innovation(residual, self.noise());
-        innovation.filter(|innovation| innovation.squared_distance() <= self.gate)
+    /// Returns the innovation of a pose with the first of these states from which it is not too far: the estimate, one that
+    /// has missed a frame, and for a time after the last capture that was used less sure ones.
+    fn likely(
+        &self,
+        estimate: &FilterState,
+        turn_if_missed: f64,
+        unused_ns: u64,
+        residual: SVector<f64, MEASURED>,
+        noise: PoseNoise,
+    ) -> Option<(FilterState, Innovation)> {
+        let doubtful = estimate.less_sure_of_attitude(turn_if_missed);
+        let less_sure = LESS_SURE.into_iter().filter(|_| unused_ns <= LESS_SURE_FOR_NS);
+        [*estimate, doubtful]
+            .into_iter()
+            .chain(less_sure.map(|times| doubtful.less_sure(times)))
+            .find_map(|state| {
+                let innovation = state.innovation(residual, noise)?;
+                (innovation.squared_distance() <= self.gate).then_some((state, innovation))
+            })
     }
 
     /// Returns the state now: predicted to the time at which a frame sent now acts, or else at the last capture. `None`
@@ -418,7 +484,15 @@ impl KalmanFilter {
     #[must_use]
     pub fn is_tracking(&self, now_ns: u64) -> bool {
         self.unseen_for_ns(now_ns)
-            .is_some_and(|unseen| unseen <= self.coast_ns)
+            .is_some_and(|unseen| unseen <= self.coast_ns || self.is_levelled(now_ns))
+    }
+
+    /// Returns whether attitudes still correct a state that has had no position for a while.
+    fn is_levelled(&self, now_ns: u64) -> bool {
+        self.memory.track.as_ref().is_some_and(|track| {
+            now_ns.saturating_sub(track.levelled_at_ns) <= self.coast_ns
+                && now_ns.saturating_sub(track.used_at_ns) <= LEVELLED_NS
+        })
     }
 
     /// Returns whether due captures are missing, so that the state is predicted further than usual.
@@ -446,7 +520,13 @@ impl KalmanFilter {
     /// Returns whether the vehicle was seen once, but too long ago.
     fn is_lost(&self, now_ns: u64) -> bool {
         let longest = self.coast_ns.saturating_add(self.restart_after_ns);
-        self.unseen_for_ns(now_ns).is_some_and(|unseen| unseen > longest)
+        self.unseen_for_ns(now_ns).is_some_and(|unseen| unseen > longest) && !self.is_levelled(now_ns)
+    }
+
+    /// Returns whether a part of a capture says nothing of a vehicle that was seen last so long ago.
+    fn is_long_lost(&self, now_ns: u64) -> bool {
+        self.unseen_for_ns(now_ns)
+            .is_none_or(|unseen| unseen > LEVELLED_NS)
     }
 
     /// Returns the time since a capture was used last, ns.
@@ -520,6 +600,7 @@ impl KalmanFilter {
             ground,
             state,
             used_at_ns: now_ns,
+            levelled_at_ns: now_ns,
             refused_since_ns: None,
         });
         Outcome::Started

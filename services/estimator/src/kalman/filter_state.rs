@@ -30,12 +30,18 @@ const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
 /// Standard deviations of d by which a vehicle on the ground may be lighter than estimated.
 const PULL_DEVIATIONS: f64 = 3.0;
 
-/// Variance of an attitude that tells nothing, rad²: no correction by it reaches the digits of the state.
+/// Variance of a part of a pose that tells nothing, m² or rad²: no correction by it reaches the digits of the state.
 const UNKNOWN: f64 = 1e12;
 
-/// Standard deviation of each component of the position of a body whose markers were confused, m. They have the same
-/// centre as before, but the tracked point may be elsewhere.
-const CONFUSED_DEVIATION: f64 = 0.02;
+/// Spectral density of each component of the position of a body whose markers were confused, m²/Hz: 4 cm at 100 Hz. They
+/// have the same centre as before, but the tracked point may be elsewhere. With less, a turned offset is followed so
+/// quickly that the vehicle sways.
+const CONFUSED: f64 = 1.6e-5;
+/// Longest time between two positions for which it counts, s: 2 cm.
+const LONGEST_CONFUSED: f64 = 0.04;
+
+/// Standard deviation of the tilt above which positions alone do not tell where the thrust points, rad.
+const UNKNOWN_TILT: f64 = 0.3;
 
 /// A pose of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,12 +71,21 @@ impl PoseNoise {
         }
     }
 
-    /// Returns the noise of a pose whose attitude is false.
+    /// Returns the noise of a pose whose attitude is false, a time after the last position, s.
     #[must_use]
-    pub fn of_confused_body(self) -> Self {
+    pub fn of_confused_body(self, since: f64) -> Self {
         Self {
-            position: self.position + CONFUSED_DEVIATION * CONFUSED_DEVIATION,
+            position: self.position + CONFUSED / since.clamp(1e-3, LONGEST_CONFUSED),
             attitude: UNKNOWN,
+        }
+    }
+
+    /// Returns the noise of a pose whose position is false.
+    #[must_use]
+    pub fn of_attitude(self) -> Self {
+        Self {
+            position: UNKNOWN,
+            ..self
         }
     }
 
@@ -319,6 +334,13 @@ impl FilterState {
     pub fn pull(&self) -> f64 {
         let variance = self.covariance[(DISTURBANCE + 2, DISTURBANCE + 2)];
         GRAVITY + self.nominal.disturbance_world.z - PULL_DEVIATIONS * variance.max(0.0).sqrt()
+    }
+
+    /// Returns whether the tilt is known well enough to fly by positions alone.
+    #[must_use]
+    pub fn knows_tilt(&self) -> bool {
+        let [roll, pitch] = [0, 1].map(|axis| self.covariance[(ATTITUDE + axis, ATTITUDE + axis)]);
+        roll.max(pitch) <= UNKNOWN_TILT * UNKNOWN_TILT
     }
 
     /// Returns whether all variances are positive numbers, as they are while rounding errors are small beside them.

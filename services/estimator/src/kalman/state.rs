@@ -40,8 +40,10 @@ shared_types::sample! {
     pub struct KalmanState {
         /// The time that the state speaks of, ns since the start of the flight.
         pub time_ns: u64,
-        /// Time at which a capture was used last, ns since the start of the flight.
+        /// Time at which a position was used last, ns since the start of the flight.
         pub used_at_ns: u64,
+        /// Time at which an attitude was used last, ns since the start of the flight.
+        pub levelled_at_ns: u64,
         /// Exposure of the first of the captures refused in a row, ns since the start of the flight.
         pub refused_since_ns: u64,
         /// Time since which all frames have stopped the motors, ns since the start of the flight.
@@ -151,6 +153,7 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.started = true.into();
     state.time_ns = track.state.time_ns;
     state.used_at_ns = track.used_at_ns;
+    state.levelled_at_ns = track.levelled_at_ns;
     state.stands = track.state.stands.into();
     state.refusing = track.refused_since_ns.is_some().into();
     state.refused_since_ns = track.refused_since_ns.unwrap_or(0);
@@ -201,6 +204,7 @@ fn restored_track(state: &KalmanState) -> Track {
             stands: state.stands.is_set(),
         },
         used_at_ns: state.used_at_ns,
+        levelled_at_ns: state.levelled_at_ns,
         refused_since_ns: state.refusing.is_set().then_some(state.refused_since_ns),
         settling_since_ns: state.settling_since_ns,
         trust: AttitudeTrust {

@@ -37,8 +37,10 @@ shared_types::sample! {
         pub given_stamp_ns: i64,
         /// Exposure of the newest frame by the sender's clock, ns.
         pub last_stamp_ns: i64,
-        /// Capture of the last accepted pose, ns.
+        /// Capture of the last accepted position, ns.
         pub at_ns: u64,
+        /// Capture of the last accepted rotation, ns.
+        pub turned_at_ns: u64,
         /// Its position in the system's frame, m.
         pub position: [f64; 3],
         /// Its rotation from the markers' frame to the system's, row-major.
@@ -83,6 +85,7 @@ impl Feed {
             given_to,
             last_stamp_ns: self.last_stamp_ns,
             at_ns: place.map_or(0, |place| place.at_ns),
+            turned_at_ns: place.map_or(0, |place| place.turned_at_ns),
             position: place.map_or([0.0; 3], |place| place.position.into()),
             rotation: to_row_major(&place.map_or(Matrix3::identity(), |place| place.rotation)),
             seen_position: seen.map_or([0.0; 3], |seen| seen.position.into()),
@@ -122,6 +125,7 @@ impl Feed {
                 position: memory.position.into(),
                 rotation: from_row_major(&memory.rotation),
                 at_ns: memory.at_ns,
+                turned_at_ns: memory.turned_at_ns,
             });
         }
         if memory.is_seen.is_set() {

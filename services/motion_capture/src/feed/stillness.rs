@@ -13,6 +13,7 @@ use std::fmt;
 use nalgebra::Matrix3;
 use shared_types::rotation::roll_pitch_yaw;
 
+use super::PoseParts;
 use crate::conventions::Transform;
 use crate::wire::CapturePose;
 
@@ -34,6 +35,20 @@ pub enum PosePart {
     Attitude,
     /// One coordinate in the system's frame: x, y, z or the heading about its upward axis.
     Coordinate(usize),
+}
+
+impl PosePart {
+    /// Index of the heading among the coordinates.
+    const HEADING: usize = 3;
+
+    /// Returns what is left of a pose of which this part is frozen.
+    pub(super) fn rest(self) -> Option<PoseParts> {
+        match self {
+            Self::Pose => None,
+            Self::Attitude | Self::Coordinate(Self::HEADING) => Some(PoseParts::Position),
+            Self::Position | Self::Coordinate(_) => Some(PoseParts::Attitude),
+        }
+    }
 }
 
 impl fmt::Display for PosePart {

@@ -74,13 +74,13 @@ impl Room {
         }
     }
 
-    /// The next frame, 10 ms later.
+    /// The next frame, 10 ms later. Returns its pose, if both parts are accepted.
     fn fly(&mut self, bodies: &[(&str, Vector3<f64>)]) -> Option<VehiclePose> {
         self.number += 1;
         self.fill(bodies);
         let pose = self.feed.take(&self.frame, self.now_ns);
         self.now_ns += 10 * MS;
-        pose
+        pose.filter(|pose| pose.parts == PoseParts::Both)
     }
 
     /// Makes the next frame of the true places.
@@ -152,7 +152,7 @@ fn a_marker_swap_is_refused_and_the_body_taken_again_behind_it() {
 }
 
 #[test]
-fn a_turn_that_nothing_makes_is_refused() {
+fn of_a_turn_that_nothing_makes_only_the_position_is_accepted() {
     let mut room = Room::new();
     room.number += 1;
     room.fill(&[]);
@@ -164,8 +164,14 @@ fn a_turn_that_nothing_makes_is_refused() {
             pose: Some(CapturePose::new(room.quad().into(), turned).unwrap()),
         })
         .unwrap();
-    assert_eq!(room.feed.take(&room.frame, room.now_ns), None);
-    assert_eq!(room.feed.counts().jumped, 1);
+    let believed = room.feed.counts().believed;
+    let pose = room.feed.take(&room.frame, room.now_ns).unwrap();
+    assert_eq!(pose.parts, PoseParts::Position);
+    let mut sample = <MocapPose as zerocopy::FromZeros>::new_zeroed();
+    pose.write(START, &mut sample);
+    assert!(sample.has_position() && !sample.has_attitude() && !sample.is_whole());
+    let counts = room.feed.counts();
+    assert_eq!((counts.jumped, counts.believed), (1, believed));
 }
 
 #[test]
@@ -260,7 +266,7 @@ fn a_body_is_named_by_its_name_its_number_or_both() {
 }
 
 #[test]
-fn a_part_that_freezes_alone_is_not_accepted_and_named() {
+fn a_part_that_freezes_alone_is_not_accepted_and_named_and_the_other_is() {
     let mut room = Room::new();
     room.fly(&[("quad", room.quad())]);
     let still = room.attitude();
@@ -275,8 +281,10 @@ fn a_part_that_freezes_alone_is_not_accepted_and_named() {
                 pose: Some(CapturePose::new(room.quad().into(), still).unwrap()),
             })
             .unwrap();
+        let quad = room.quad();
         room.now_ns += 10 * MS;
-        room.feed.take(&room.frame, room.now_ns);
+        let pose = room.feed.take(&room.frame, room.now_ns).unwrap();
+        assert_eq!(pose.pose.position_world, Vector3::new(quad.x, -quad.y, -quad.z));
     }
     assert_eq!(room.feed.frozen_part(), Some(PosePart::Attitude));
     assert_eq!(room.feed.counts().frozen, 19);
@@ -392,15 +400,16 @@ fn a_part_that_is_frozen_stays_frozen_across_a_restart() {
         feed.take(&room.frame, room.now_ns)
     };
     let mut feed = room.feed.clone();
-    assert!(next(&mut room, &mut feed).is_some());
+    let parts = |pose: Option<VehiclePose>| pose.map(|pose| pose.parts);
+    assert_eq!(parts(next(&mut room, &mut feed)), Some(PoseParts::Both));
     for _ in 0..5 {
-        assert_eq!(next(&mut room, &mut feed), None);
+        assert_eq!(parts(next(&mut room, &mut feed)), Some(PoseParts::Position));
         let mut restarted = Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap();
         restarted.restore(&feed.save(), room.now_ns);
         feed = restarted;
     }
     assert_eq!((feed.frozen_part(), feed.counts().believed), (None, 0));
-    assert_eq!(next(&mut room, &mut feed), None);
+    assert_eq!(parts(next(&mut room, &mut feed)), Some(PoseParts::Position));
     assert_eq!(feed.frozen_part(), Some(PosePart::Attitude));
 }
 

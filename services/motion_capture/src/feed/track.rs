@@ -3,6 +3,8 @@
 //! A pose follows a track if the body could have got there, in position *and* attitude, at the stated speed and rate of
 //! turn since the last accepted pose. Both reaches grow with the time and saturate: after a fifth of a second in
 //! position, and at 1 rad in attitude, so that a body that was away for long, or came back turned, must settle again.
+//! Of a body that turns at once, the position follows without the attitude until it has settled: confused markers have
+//! the same centre as before. Of a pose that is frozen in part, the other part can follow alone.
 //! Poses that continue refused ones are refused too, even if they have come into reach by then: a pose belongs to the
 //! track from which the body gets there sooner. A track restarts when poses followed each other for the
 //! stated time, unless they began where another body was: then the markers were exchanged, and the poses are refused
@@ -46,6 +48,8 @@ pub(super) enum PoseDecision {
     Settled,
     /// There is no track yet.
     Unsettled,
+    /// The body can have got there, but not have turned so.
+    Turned,
     /// The body cannot have got there.
     Jumped,
     /// The body cannot have got there, but another could.
@@ -57,7 +61,10 @@ pub(super) enum PoseDecision {
 pub(super) struct Place {
     pub(super) position: Vector3<f64>,
     pub(super) rotation: Matrix3<f64>,
+    /// Time of the position.
     pub(super) at_ns: u64,
+    /// Time of the rotation.
+    pub(super) turned_at_ns: u64,
 }
 
 /// Poses that follow each other and are not accepted yet.
@@ -85,6 +92,15 @@ pub(super) struct Tracks {
 }
 
 impl Place {
+    fn new(position: &Vector3<f64>, rotation: &Matrix3<f64>, at_ns: u64) -> Self {
+        Self {
+            position: *position,
+            rotation: *rotation,
+            at_ns,
+            turned_at_ns: at_ns,
+        }
+    }
+
     /// Returns way and turn to another one, m and rad.
     fn way_and_turn(&self, to: &Self) -> [f64; 2] {
         let turn = angle_between(&self.rotation, &to.rotation);
@@ -94,11 +110,19 @@ impl Place {
 
 impl Bounds {
     fn can_follow(&self, from: &Place, to: &Place) -> bool {
+        self.can_reach(from, to) && self.can_turn(from, to)
+    }
+
+    fn can_reach(&self, from: &Place, to: &Place) -> bool {
         let since_ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS);
-        let reach = self.max_speed * seconds(since_ns) + POSITION_NOISE;
-        let reach_of_turn = (self.max_turn_rate * seconds(since_ns)).min(LARGEST_TURN) + ATTITUDE_NOISE;
-        let [way, turn] = from.way_and_turn(to);
-        way <= reach && turn <= reach_of_turn
+        let [way, _] = from.way_and_turn(to);
+        way <= self.max_speed * seconds(since_ns) + POSITION_NOISE
+    }
+
+    fn can_turn(&self, from: &Place, to: &Place) -> bool {
+        let since_ns = to.turned_at_ns.saturating_sub(from.turned_at_ns).min(LONGEST_NS);
+        let [_, turn] = from.way_and_turn(to);
+        turn <= (self.max_turn_rate * seconds(since_ns)).min(LARGEST_TURN) + ATTITUDE_NOISE
     }
 
     /// Returns the shortest time in which the body gets from one place to another, s.
@@ -140,11 +164,7 @@ impl Tracks {
         rotation: &Matrix3<f64>,
         at_ns: u64,
     ) -> PoseDecision {
-        let place = Place {
-            position: *position,
-            rotation: *rotation,
-            at_ns,
-        };
+        let place = Place::new(position, rotation, at_ns);
         let time = |from: &Place| self.bounds.time_between(from, &place);
         let continued = self
             .candidate
@@ -157,7 +177,7 @@ impl Tracks {
             self.candidate = None;
             return PoseDecision::Follows;
         }
-        let candidate = Candidate {
+        let mut candidate = Candidate {
             newest: place,
             since_ns: continued.map_or(at_ns, |candidate| candidate.since_ns),
             verdict: continued.map_or_else(|| self.verdict_of_first(&place), |candidate| candidate.verdict),
@@ -172,8 +192,45 @@ impl Tracks {
             self.candidate = None;
             return PoseDecision::Settled;
         }
+        if candidate.verdict == PoseDecision::Turned && !self.reach(position, at_ns) {
+            candidate.verdict = PoseDecision::Jumped;
+        }
         self.candidate = Some(candidate);
         candidate.verdict
+    }
+
+    /// Takes the vehicle's next position alone. Returns whether it follows.
+    pub(super) fn reach(&mut self, position: &Vector3<f64>, at_ns: u64) -> bool {
+        let Some(believed) = &mut self.believed else {
+            return false;
+        };
+        let place = Place {
+            position: *position,
+            at_ns,
+            ..*believed
+        };
+        let follows = self.bounds.can_reach(believed, &place);
+        if follows {
+            *believed = place;
+        }
+        follows
+    }
+
+    /// Takes the vehicle's next attitude alone. Returns whether it follows.
+    pub(super) fn turn(&mut self, rotation: &Matrix3<f64>, at_ns: u64) -> bool {
+        let Some(believed) = &mut self.believed else {
+            return false;
+        };
+        let place = Place {
+            rotation: *rotation,
+            turned_at_ns: at_ns,
+            ..*believed
+        };
+        let follows = self.bounds.can_turn(believed, &place);
+        if follows {
+            *believed = place;
+        }
+        follows
     }
 
     /// Returns the decision on a pose that follows neither the track nor the pose before.
@@ -189,6 +246,8 @@ impl Tracks {
         });
         if is_others {
             PoseDecision::Exchanged
+        } else if self.bounds.can_reach(believed, place) {
+            PoseDecision::Turned
         } else {
             PoseDecision::Jumped
         }
@@ -203,11 +262,7 @@ impl Tracks {
         rotation: &Matrix3<f64>,
         at_ns: u64,
     ) {
-        let place = Place {
-            position: *position,
-            rotation: *rotation,
-            at_ns,
-        };
+        let place = Place::new(position, rotation, at_ns);
         let is_it = |other: &Other| other.number == body.number && other.name == body.name;
         let known = if self.others.get(index).is_some_and(is_it) {
             Some(index)
@@ -295,7 +350,7 @@ mod tests {
             for (velocity, rates) in [([0.0; 3], [0.0; 3]), (velocity, rates)] {
                 let mut body = Body::settled(velocity, rates);
                 for _ in 0..lasts {
-                    prop_assert_eq!(body.next(&turn), PoseDecision::Jumped);
+                    prop_assert_eq!(body.next(&turn), PoseDecision::Turned);
                 }
                 prop_assert_eq!(body.next(&Matrix3::identity()), PoseDecision::Follows);
             }
@@ -312,7 +367,7 @@ mod tests {
             let mut body = Body::settled([0.0; 3], [0.0; 3]);
             body.frame += away;
             for _ in 0..30 {
-                prop_assert_eq!(body.next(&turn), PoseDecision::Jumped);
+                prop_assert_eq!(body.next(&turn), PoseDecision::Turned);
             }
             prop_assert_eq!(body.next(&turn), PoseDecision::Settled);
         }
