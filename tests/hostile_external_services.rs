@@ -21,8 +21,9 @@ use external_service::{CONDUCT, ExternalService, MANIFEST, external_service};
 use runtime::control::{ToOrchestrator, ToService};
 use runtime::descriptors::inherited;
 use rustix::process::{Signal, getpid, kill_process};
+use shared_types::samples::ControlCommand;
 use shared_types::{Header, ServiceId};
-use zerocopy::IntoBytes;
+use zerocopy::{FromBytes, IntoBytes};
 
 /// Names the file that an external service makes when it begins.
 const MARK: &str = "GERONO_TEST_MARK";
@@ -59,7 +60,7 @@ const NAMES: [&str; 2] = ["`controller`", "`control/"];
 
 /// Every kind of external service, and what becomes of a flight in simulated time and of one in real time, where a program that dies
 /// again and again without a step is given up, sooner or later.
-const CONDUCTS: [(&str, Then, Then); 53] = [
+const CONDUCTS: [(&str, Then, Then); 54] = [
     // What it publishes.
     ("past_ticks", Ends("`control/command`"), GoesOn),
     ("future_ticks", Ends("`control/command`"), GoesOn),
@@ -80,6 +81,12 @@ const CONDUCTS: [(&str, Then, Then); 53] = [
     ("infinity", Either, Either),
     ("enormous_numbers", Either, Either),
     ("zeros", Either, Either),
+    // Possible by itself, and the end of the plant's numbers.
+    (
+        "the_largest_thrust",
+        Ends("code than Gerono's flies in place of `controller`"),
+        Either,
+    ),
     ("the_same_sample_again", Ends("`control/command`"), GoesOn),
     ("floods_with_one_tick", Ends("`control/command`"), GoesOn),
     ("floods_with_later_ticks", Ends("`control/command`"), GoesOn),
@@ -489,6 +496,9 @@ fn alter(conduct: &str, tick: u64, samples: &mut [&mut [u8]]) {
         "infinity" => fill_numbers(tick, samples, |_| f64::INFINITY.to_bits()),
         "enormous_numbers" => fill_numbers(tick, samples, |_| 1e308_f64.to_bits()),
         "zeros" => fill_numbers(tick, samples, |_| 0),
+        "the_largest_thrust" if tick >= BEGIN => {
+            ControlCommand::mut_from_bytes(samples[0]).unwrap().thrust = f64::MAX;
+        }
         "sleeps_between_steps" if tick >= BEGIN => std::thread::sleep(Duration::from_millis(100)),
         _ => {}
     }

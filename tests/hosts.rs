@@ -10,6 +10,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use command_line::interrupt::Interrupt;
 use common::laboratory::{free_port, serial_line};
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
@@ -25,7 +26,11 @@ use runtime::flight_clock::monotonic_ns;
 use runtime::shared_page::SharedPage;
 use scenario::{CaptureSystem, Scenario};
 use serde_json::{Value, from_value, to_value};
-use shared_types::{ServiceId, Topic};
+use shared_types::samples::ControlCommand;
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::{Now, ServiceId, Topic};
+use supervisor::{Outcome, in_process};
+use zerocopy::FromBytes;
 
 fn host(scenario: &Scenario) -> InProcess {
     InProcess::new(
@@ -377,4 +382,46 @@ fn a_step_in_a_laboratory_allocates_nothing() {
         let link: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
         assert!(link.sent > 0);
     }
+}
+
+/// Law of a caller's that asks for the largest thrust there is.
+struct Absurd;
+
+impl ErasedService for Absurd {
+    fn id(&self) -> ServiceId {
+        ServiceId::Controller
+    }
+
+    fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
+        if let Some(bytes) = outputs[0].bytes.as_deref_mut() {
+            let command = ControlCommand::mut_from_bytes(bytes).unwrap();
+            (command.thrust, command.mode) = (f64::MAX, ControlCommand::MODE_TORQUE);
+        }
+    }
+
+    fn state_size(&self) -> usize {
+        0
+    }
+
+    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+        keep(&[]);
+    }
+
+    fn restore(&mut self, _bytes: &[u8]) {}
+}
+
+/// Its command is finite, and the plant's numbers are not after it.
+#[test]
+fn a_number_that_is_not_finite_names_the_law_of_others_beside_the_service_that_computed_it() {
+    let law = Some(Box::new(Absurd) as Box<dyn ErasedService>);
+    let flown = in_process::fly_with(&short_fig1(), law, &mut Nowhere, &Interrupt::never());
+    let Outcome::Failed(failure) = flown.unwrap().outcome else {
+        panic!("it has flown");
+    };
+    assert!(failure.not_finite_at().is_some());
+    let said = failure.to_string();
+    assert!(
+        said.contains("`plant` computed") && said.contains("in place of `controller`"),
+        "{said}"
+    );
 }

@@ -10,7 +10,7 @@ use scenario::Programs;
 use shared_types::service::ErasedService;
 use shared_types::{ServiceId, Topic};
 use supervisor::recording_sink::RecordingSink;
-use supervisor::{FlightFailure, Outcome, in_process};
+use supervisor::{Outcome, in_process};
 
 use crate::controller::PythonController;
 use crate::errors;
@@ -159,11 +159,13 @@ fn fly(
     };
     match ending.outcome {
         Outcome::Completed => {}
-        Outcome::Failed(FlightFailure::NonFinite(found)) => {
-            (facts.outcome, facts.reason) = (SummaryOutcome::Failed, found.to_string());
-            facts.not_finite_at = Some(found.tick);
+        Outcome::Failed(failure) => {
+            facts.not_finite_at = failure.not_finite_at();
+            if facts.not_finite_at.is_none() {
+                return Err(errors::other(&failure));
+            }
+            (facts.outcome, facts.reason) = (SummaryOutcome::Failed, failure.to_string());
         }
-        Outcome::Failed(failure) => return Err(errors::other(&failure)),
         Outcome::Interrupted { .. } => facts.outcome = SummaryOutcome::Interrupted,
     }
     let summary = serde_json::to_string(&summary.finish(facts)).map_err(errors::other)?;

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use shared_types::samples::ControlCommand;
 use shared_types::service::{ErasedService, InputView, OutputSlot, seconds};
 use shared_types::{Now, ServiceId, Topic};
-use supervisor::in_process;
+use supervisor::{FlightFailure, in_process};
 use zerocopy::FromBytes;
 
 use crate::errors;
@@ -145,7 +145,8 @@ impl Simulation {
             Ok(goes_on) => *is_done = !goes_on,
             Err(FlightError::NonFinite(found)) => {
                 (*is_done, *has_failed) = (true, true);
-                return Err(errors::other(found));
+                let failure = FlightFailure::NonFinite(found);
+                return Err(errors::other(failure.suspecting([ServiceId::Controller])));
             }
             Err(FlightError::Sink(never)) => match never {},
         }

@@ -81,9 +81,13 @@ pub fn fly(
     };
     let ended = match outcome? {
         Some(Outcome::Completed) => None,
-        Some(Outcome::Failed(FlightFailure::NonFinite(found))) => Some(Ended::NotFinite(found.to_string())),
-        None | Some(Outcome::Failed(FlightFailure::Died { .. })) => Some(Ended::Died),
-        Some(Outcome::Failed(failure)) => return Err(failure.into()),
+        Some(Outcome::Failed(failure)) if failure.not_finite_at().is_some() => {
+            Some(Ended::NotFinite(failure.to_string()))
+        }
+        Some(Outcome::Failed(failure)) if !matches!(failure.itself(), FlightFailure::Died { .. }) => {
+            return Err(failure.into());
+        }
+        None | Some(Outcome::Failed(_)) => Some(Ended::Died),
         Some(Outcome::Interrupted { signal }) => return Err(NotFlown::Interrupted(signal)),
     };
     Ok(observer.finish(&schedule, ended))

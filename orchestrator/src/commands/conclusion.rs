@@ -69,7 +69,7 @@ impl FlightResult<'_> {
             outcome,
             reason,
             not_finite_at: match &ending.outcome {
-                Outcome::Failed(FlightFailure::NonFinite(found)) => Some(found.tick),
+                Outcome::Failed(failure) => failure.not_finite_at(),
                 _ => None,
             },
             in_log: match &ending.outcome {

@@ -51,6 +51,7 @@ where
     } else {
         host(scenario)?
     };
+    let callers = own.as_ref().map(|own| own.id());
     if let Some(own) = own {
         host.replace(own);
     } else if !watches {
@@ -70,7 +71,10 @@ where
     };
     let outcome = match result {
         Err(Stop::Failed(failure)) => Outcome::Failed(failure),
-        Err(Stop::Host(FlightError::NonFinite(found))) => Outcome::Failed(found.into()),
+        Err(Stop::Host(FlightError::NonFinite(found))) => {
+            let foreign = scenario.foreign_services().chain(callers);
+            Outcome::Failed(FlightFailure::NonFinite(found).suspecting(foreign))
+        }
         Err(Stop::Host(FlightError::Sink(error))) => Outcome::Failed(error.into()),
         Ok(()) => match interrupt.signal() {
             Some(signal) if sink.ticks <= host.schedule().last_tick() => Outcome::Interrupted { signal },

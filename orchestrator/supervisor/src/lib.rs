@@ -89,6 +89,16 @@ pub enum FlightFailure {
     /// A service computed a number that is not finite.
     #[error(transparent)]
     NonFinite(#[from] NonFinite),
+    /// It failed at Gerono's own code, in a flight in which other code publishes, too.
+    #[error(
+        "{failure}; other code than Gerono's flies in place of {suspects}: look first at what it published"
+    )]
+    Suspected {
+        /// The failure.
+        failure: Box<Self>,
+        /// The services in whose place other code flies.
+        suspects: String,
+    },
     /// A service process died again and again without getting any further.
     #[error(
         "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
@@ -207,6 +217,50 @@ impl FlightFailure {
             self,
             Self::Refused(_) | Self::Setup(_) | Self::NotReady { .. } | Self::NotPermitted { .. }
         )
+    }
+
+    /// Names the services in whose place other code flies, if the flight has failed at another service and no name of theirs
+    /// is told: whatever they publish reaches every service, and a finite number that is absurd ends in one that is not.
+    #[must_use]
+    pub fn suspecting(self, foreign: impl IntoIterator<Item = ServiceId>) -> Self {
+        let suspects: Vec<_> = foreign
+            .into_iter()
+            .map(|service| format!("`{service}`"))
+            .collect();
+        let is_by_samples = matches!(
+            self,
+            Self::NonFinite(_)
+                | Self::Died { .. }
+                | Self::Diverged { .. }
+                | Self::GaveUp { .. }
+                | Self::Lost { .. }
+        );
+        let told = self.to_string();
+        if !is_by_samples || suspects.is_empty() || suspects.iter().any(|name| told.contains(name)) {
+            return self;
+        }
+        Self::Suspected {
+            failure: Box::new(self),
+            suspects: suspects.join(", "),
+        }
+    }
+
+    /// Returns the failure without the suspects.
+    #[must_use]
+    pub fn itself(&self) -> &Self {
+        match self {
+            Self::Suspected { failure, .. } => failure,
+            other => other,
+        }
+    }
+
+    /// Returns the tick at which a service computed a number that is not finite, if that is the failure.
+    #[must_use]
+    pub fn not_finite_at(&self) -> Option<u64> {
+        match self.itself() {
+            Self::NonFinite(found) => Some(found.tick),
+            _ => None,
+        }
     }
 
     /// A flight that cannot begin, and the error or the sentence that says why.

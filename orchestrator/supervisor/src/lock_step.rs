@@ -66,7 +66,9 @@ where
         stall: StallWatch::new(started),
         watchers: Watchers::open(&context.root, &context.scenario, &context.schedule),
     };
-    let outcome = flight.supervise(sink, interrupt).unwrap_or_else(Outcome::Failed);
+    let outcome = flight
+        .supervise(sink, interrupt)
+        .unwrap_or_else(|failure| Outcome::Failed(failure.suspecting(context.scenario.foreign_services())));
     let wall_time = started.elapsed();
     let outcome = wind_up(&mut flight.supervisor, &mut flight.recorder, sink, outcome);
     flight.observer.ended(&flight.supervisor, &outcome);
@@ -202,15 +204,17 @@ where
     FlightFailure: From<S::Error>,
 {
     supervisor.stop();
+    let takes_no_more = |failure: &FlightFailure| {
+        use FlightFailure::{Diverged, Log, Lost, NotDue};
+        matches!(
+            failure.itself(),
+            Log(_) | Lost { .. } | Diverged { .. } | NotDue { .. }
+        )
+    };
     match outcome {
         Outcome::Completed => Outcome::Completed,
-        // The sink itself has failed: it takes no more.
-        Outcome::Failed(
-            failure @ (FlightFailure::Log(_)
-            | FlightFailure::Lost { .. }
-            | FlightFailure::Diverged { .. }
-            | FlightFailure::NotDue { .. }),
-        ) => Outcome::Failed(failure),
+        // The sink itself has failed, or what comes is not what is due.
+        Outcome::Failed(failure) if takes_no_more(&failure) => Outcome::Failed(failure),
         outcome => match recorder.drain_all(sink) {
             Ok(()) => outcome,
             // Why the flight ended matters more, unless it was on request.

@@ -372,6 +372,7 @@ impl<'a> Flight<'a> {
         if self.failure.is_some() {
             return;
         }
+        let failure = failure.suspecting(self.scenario.foreign_services());
         self.tell(&format!("the flight has failed: {failure}"));
         self.failure = Some(failure);
         let answer = self.request_end("a failure");
@@ -558,7 +559,7 @@ impl<'a> Flight<'a> {
 
     fn outcome(&mut self) -> Outcome {
         match (self.failure.take(), self.signal) {
-            (Some(failure), _) => Outcome::Failed(failure),
+            (Some(failure), _) => Outcome::Failed(failure.suspecting(self.scenario.foreign_services())),
             (None, Some(signal)) if !self.supervisor.has_finished() => Outcome::Interrupted { signal },
             (None, _) => Outcome::Completed,
         }

@@ -261,13 +261,11 @@ fn flown(judge: Judge, ending: HostOutcome) -> Result<Option<Flown>, Failure> {
     match ending {
         HostOutcome::Completed => {}
         HostOutcome::Interrupted { .. } => return Ok(None),
-        HostOutcome::Failed(FlightFailure::NonFinite(found)) => {
-            facts.not_finite_at = Some(found.tick);
-            (outcome, reason) = (Outcome::Lost, one_line(&found.to_string()));
-        }
         HostOutcome::Failed(FlightFailure::Log(error)) => return Err(Failure::not_written(error)),
         HostOutcome::Failed(failure) => {
-            (outcome, reason) = (Outcome::Failed, one_line(&failure.to_string()));
+            facts.not_finite_at = failure.not_finite_at();
+            outcome = facts.not_finite_at.map_or(Outcome::Failed, |_| Outcome::Lost);
+            reason = one_line(&failure.to_string());
         }
     }
     let summary = judge.summary.finish(facts);

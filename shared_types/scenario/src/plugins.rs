@@ -91,6 +91,13 @@ impl Scenario {
         self.has_plugin(service) || self.program_of(service).is_some()
     }
 
+    /// Returns the services in whose place other code flies.
+    pub fn foreign_services(&self) -> impl Iterator<Item = ServiceId> {
+        ServiceId::ALL
+            .into_iter()
+            .filter(|&service| self.is_foreign(service))
+    }
+
     /// Returns whether plug-ins fly in this flight.
     #[must_use]
     pub fn has_plugins(&self) -> bool {
