@@ -5,6 +5,7 @@
 
 use crate::common;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -14,7 +15,9 @@ use common::{Begun, Place, begin, complaint, finish, output, succeed};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use replay::{Options, replay};
-use run_log::{LogReadError, LogReader, RecoverError, Recovery, is_whole, recover};
+use run_log::{
+    Compression, HostEvent, HostLogWriter, LogReadError, LogReader, RecoverError, Recovery, is_whole, recover,
+};
 use rustix::process::Signal;
 use scenario::Scenario;
 
@@ -244,6 +247,118 @@ fn fails(place: &Place, arguments: &[&str], code: i32) -> Output {
         text(&ended.stderr)
     );
     ended
+}
+
+/// A log of another program, with a chunk of messages.
+fn foreign_log() -> Vec<u8> {
+    let mut written = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut written).unwrap();
+    let channel = writer
+        .add_channel(0, "vehicle/state", "json", &BTreeMap::new())
+        .unwrap();
+    for sequence in 0..100 {
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence,
+            log_time: 0,
+            publish_time: 0,
+        };
+        writer
+            .write_to_known_channel(&header, br#"{"text": "hello"}"#)
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    written.into_inner()
+}
+
+fn with_flipped(bytes: &[u8], at: usize) -> Vec<u8> {
+    let mut flipped = bytes.to_vec();
+    flipped[at] ^= 1;
+    flipped
+}
+
+/// Whether a file is no log of a flight, or an incomplete or damaged one, is the same for all commands.
+#[test]
+fn every_command_tells_foreign_files_from_incomplete_and_damaged_logs_by_the_same_exit_code() {
+    let place = Place::new();
+    succeed(&mut place.short_flight("out", 0.5, &["--host", "inprocess", "--quiet"]));
+    let ours = std::fs::read(place.log("out")).unwrap();
+    // The library in the header has the name, and then the metadata.
+    let mut names = (0..ours.len()).filter(|at| ours[*at..].starts_with(b"\x06\0\0\0gerono"));
+    let manifest_at = names.nth(1).unwrap();
+    let other = foreign_log();
+    let machine = place.path("machine.mcap");
+    let mut host = HostLogWriter::create(&machine, Compression::None).unwrap();
+    host.write(&HostEvent::new(0, None, HostEvent::KIND_NOTE, 0, "so"))
+        .unwrap();
+    host.finish().unwrap();
+    let machine = std::fs::read(machine).unwrap();
+    let (foreign, broken) = ((1, "is not a run log"), (10, "gerono recover"));
+    let nothing = (1, "nothing to recover");
+    let cases = [
+        ("short", b"hi\n".to_vec(), foreign, foreign),
+        ("text", b"not a log\n".repeat(9), foreign, foreign),
+        (
+            "picture",
+            b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec(),
+            foreign,
+            foreign,
+        ),
+        ("other", other.clone(), foreign, foreign),
+        ("other-cut", other[..other.len() / 2].to_vec(), foreign, foreign),
+        ("other-begun", other[..20].to_vec(), foreign, foreign),
+        (
+            "other-spoilt",
+            with_flipped(&other, other.len() / 3),
+            foreign,
+            foreign,
+        ),
+        ("machine", machine.clone(), foreign, (0, "nothing to recover")),
+        (
+            "machine-cut",
+            machine[..machine.len() - 40].to_vec(),
+            foreign,
+            (0, "kept 1 samples"),
+        ),
+        ("empty", Vec::new(), broken, nothing),
+        ("begun", ours[..20].to_vec(), broken, nothing),
+        (
+            "other-begin",
+            with_flipped(&ours, 0),
+            broken,
+            (0, "nothing is missing"),
+        ),
+        (
+            "no-manifest",
+            with_flipped(&ours, manifest_at + 5),
+            broken,
+            (1, "--scenario"),
+        ),
+    ];
+    for (name, bytes, (code, piece), (recovers, tells)) in cases {
+        let file = format!("{name}.mcap");
+        std::fs::write(place.path(&file), bytes).unwrap();
+        let readers: [&[&str]; 8] = [
+            &["info", &file],
+            &["digest", &file],
+            &["export", &file],
+            &["replay", &file, "--quiet"],
+            &["diff", &file, &file],
+            &["plot", &file, "--output", "plot.svg"],
+            &["report", &file, "--output", "report"],
+            &["view", &file, "--port", "0"],
+        ];
+        for arguments in readers {
+            let said = complaint(&fails(&place, arguments, code));
+            assert!(said.contains(piece), "{arguments:?}: {said}");
+        }
+        let saved = format!("{name}.saved.mcap");
+        let ended = fails(&place, &["recover", &file, "--out", &saved], recovers);
+        let said = format!("{} {}", text(&ended.stdout), complaint(&ended));
+        assert!(said.contains(tells), "{name}: {said}");
+    }
+    assert!(complaint(&fails(&place, &["info", "missing.mcap"], 1)).contains("cannot read the log"));
 }
 
 /// Kills the orchestrator of a run once its log has so many bytes, and leaves the folder as it then is.

@@ -200,7 +200,7 @@ fn what_is_no_log_or_holds_nothing_is_refused_with_its_name() {
     let nothing: PathBuf = place.path("nothing.mcap");
     std::fs::write(&nothing, "no log").unwrap();
     let output = output(&mut place.gerono(&["report", "nothing.mcap", "-o", "report"]));
-    assert_eq!(output.status.code(), Some(10));
+    assert_eq!(output.status.code(), Some(1));
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(message.contains("nothing.mcap"), "{message}");
     assert!(!place.path("report").exists(), "nothing is written");

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::iter::successors;
 
 use miette::Report;
-use run_log::LogReadError;
+use run_log::{HostReadError, LogReadError};
 
 use crate::exit::Exit;
 use crate::terminal::printable_lines;
@@ -35,7 +35,9 @@ impl Failure {
         let mut causes = successors(Some(&*error as &(dyn Error + 'static)), |&error| error.source());
         let is_incomplete = causes.any(|cause| {
             let of_log = cause.downcast_ref::<LogReadError>();
+            let of_machine = cause.downcast_ref::<HostReadError>();
             of_log.is_some_and(LogReadError::is_incomplete)
+                || of_machine.is_some_and(HostReadError::is_incomplete)
         });
         let exit = if is_incomplete {
             Exit::Incomplete

@@ -23,7 +23,7 @@ pub(super) const LAYOUT_KEY: &str = "layout";
 pub(super) const LIBRARY: &str = "gerono";
 
 /// The profile of a log whose messages are all CDR.
-const ROS2_PROFILE: &str = "ros2";
+pub(super) const ROS2_PROFILE: &str = "ros2";
 
 /// Only small records go through this buffer: a chunk is larger and is handed to the system in one piece.
 const BUFFER_BYTES: usize = 64 * 1024;

@@ -41,6 +41,14 @@ pub enum HostReadError {
     OtherLayout(PathBuf),
 }
 
+impl HostReadError {
+    /// Returns whether the record is there and only damaged: a file that does not begin as an MCAP file is another one.
+    #[must_use]
+    pub fn is_incomplete(&self) -> bool {
+        matches!(self, Self::Damaged { source, .. } if !matches!(source, McapError::BadMagic))
+    }
+}
+
 /// An entry of the machine's record about a service.
 #[derive(Clone, Debug, PartialEq)]
 pub enum HostEntry {

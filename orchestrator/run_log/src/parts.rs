@@ -12,6 +12,7 @@ use mcap::records::{Metadata, Record};
 
 use super::reader::{LogReadError, LogReader};
 use super::records::{self, RawRecord, Records};
+use super::recovery::{Origin, origin};
 
 const NUMBER_KEY: &str = "number";
 const SAMPLES_KEY: &str = "samples_before";
@@ -213,7 +214,10 @@ pub fn ending(path: &Path) -> Result<Ending, LogReadError> {
     let mut reader = match LogReader::open_alone(path) {
         Ok(reader) => reader,
         Err(LogReadError::Unclosed { .. } | LogReadError::Damaged { .. }) => return Ok(Ending::Broken),
-        Err(error @ LogReadError::Foreign { .. }) => return ending_of_host_log(path).ok_or(error),
+        Err(error @ LogReadError::Foreign { .. }) => match origin(path) {
+            Ok(Origin::Machine) => return Ok(ending_of_host_log(path)),
+            _ => return Err(error),
+        },
         Err(error) => return Err(error),
     };
     loop {
@@ -229,23 +233,24 @@ pub fn ending(path: &Path) -> Result<Ending, LogReadError> {
     }
 }
 
-/// Returns the end of a record of a machine, or of a file that is not whole; none of a whole file of another program.
-fn ending_of_host_log(path: &Path) -> Option<Ending> {
-    let file = File::open(path).ok()?;
-    let bytes = file.metadata().ok()?.len();
+/// Returns the end of a record of a machine, which has no other channels than a machine's.
+fn ending_of_host_log(path: &Path) -> Ending {
+    let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+    let Ok((bytes, file)) = opened else {
+        return Ending::Broken;
+    };
     let mut records = Records::new(BufReader::with_capacity(1 << 16, file), bytes);
     let mut record = RawRecord::default();
-    let mut is_known = false;
     loop {
         match records.next(&mut record) {
-            Ok(true) => {
-                is_known |= match records::parse(record.opcode, &record.body) {
-                    Ok(Record::Channel(channel)) => channel.topic.starts_with(HOST_CHANNELS),
-                    _ => false,
+            Ok(true) => match records::parse(record.opcode, &record.body) {
+                Ok(Record::Channel(channel)) if !channel.topic.starts_with(HOST_CHANNELS) => {
+                    return Ending::Broken;
                 }
-            }
-            Ok(false) => return is_known.then_some(Ending::Last),
-            Err(_) => return Some(Ending::Broken),
+                _ => {}
+            },
+            Ok(false) => return Ending::Last,
+            Err(_) => return Ending::Broken,
         }
     }
 }

@@ -18,7 +18,7 @@ use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProble
 use super::metadata_index::metadata_by_index;
 use super::parts::{self, Numbered, Part, files_after, next_number};
 use super::records::{self, RawRecord, Records, is_declaration, is_message_index};
-use super::recovery::Recovery;
+use super::recovery::{Origin, Recovery, origin};
 
 /// Reason why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +64,7 @@ pub enum LogReadError {
         types: Vec<&'static str>,
     },
     /// The log was never completed.
-    #[error("the log {} was never completed; its {samples} samples before the break are whole{}; `gerono recover {}` makes a proper log of them", .path.display(), last_tick_in_words(.last_tick), .path.display())]
+    #[error("the log {} was never completed; {}", .path.display(), unclosed_in_words(.path, *.samples, .last_tick))]
     Unclosed {
         /// The file.
         path: PathBuf,
@@ -95,6 +95,19 @@ pub enum LogReadError {
         /// The requirement that does not hold.
         source: Box<dyn Error + Send + Sync>,
     },
+}
+
+fn unclosed_in_words(path: &Path, samples: u64, last_tick: &Option<u64>) -> String {
+    let path = path.display();
+    if samples == 0 {
+        return format!(
+            "it breaks off before its first chunk is whole; `gerono recover {path}` shows what is left of that"
+        );
+    }
+    let last_tick = last_tick_in_words(last_tick);
+    format!(
+        "its {samples} samples before the break are whole{last_tick}; `gerono recover {path}` makes a proper log of them"
+    )
 }
 
 fn last_tick_in_words(last_tick: &Option<u64>) -> String {
@@ -530,6 +543,10 @@ struct Opened {
 
 impl Opened {
     fn open(path: &Path) -> Result<Self, LogReadError> {
+        Self::open_a_log(path).map_err(|error| explain_by_origin(path, error))
+    }
+
+    fn open_a_log(path: &Path) -> Result<Self, LogReadError> {
         let failed = |source| LogReadError::Io {
             path: path.to_owned(),
             source,
@@ -637,6 +654,30 @@ fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
         ManifestProblem::Version(found) => LogReadError::Version { path, found },
         ManifestProblem::Layouts(types) => LogReadError::Layouts { path, types },
         source => LogReadError::Manifest { path, source },
+    }
+}
+
+/// Explains why a file cannot be opened: it counts as incomplete or damaged if a part of it is one of a flight, and else as
+/// foreign.
+fn explain_by_origin(path: &Path, error: LogReadError) -> LogReadError {
+    use LogReadError::{Damaged, Foreign, Unclosed};
+    let foreign = |reason| LogReadError::Foreign {
+        path: path.to_owned(),
+        reason,
+    };
+    match (origin(path), error) {
+        (Ok(Origin::Flight), Foreign { path, reason }) => Damaged {
+            path,
+            samples: 0,
+            source: reason.into(),
+        },
+        (Ok(Origin::Machine), Foreign { .. } | Unclosed { .. } | Damaged { .. }) => {
+            foreign("it is the record of a machine, and of no flight")
+        }
+        (Ok(Origin::Foreign), Unclosed { .. } | Damaged { .. }) => {
+            foreign("no part of it is one of a flight")
+        }
+        (_, error) => error,
     }
 }
 

@@ -6,14 +6,14 @@
 //! that it was recovered and what it lacks ([`Recovery`]).
 
 mod channels;
+mod origin;
 mod report;
 mod scan;
 #[cfg(test)]
 mod tests;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use mcap::records::Metadata;
@@ -25,10 +25,11 @@ use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
 use super::compression::Compression;
 use super::framing::{Content, LogError, McapFile};
-use super::manifest::{Manifest, ManifestProblem, topics_of};
+use super::manifest::{COPY_RECORD_NAME, Manifest, ManifestProblem, topics_of};
 use super::parts::{Ending, Part, ending, files_after};
 use super::reader::LogReadError;
 
+pub(super) use self::origin::{Origin, origin};
 pub use self::report::{Gap, Recovery, SampleTime};
 
 /// Reason why a log cannot be recovered.
@@ -62,9 +63,6 @@ pub enum RecoverError {
     /// Nothing in the file is of a flight.
     #[error("{} is not a run log: no part of it is one of a flight; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
     NoFlight(PathBuf),
-    /// The file is none that a run writes.
-    #[error("{} is no log: it does not begin as an MCAP file does, and no part of it is one; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
-    Foreign(PathBuf),
     /// Not a single sample is whole.
     #[error("{} holds no sample that is whole: there is nothing to recover; fly its scenario again", .0.display())]
     Nothing(PathBuf),
@@ -121,7 +119,7 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     }
     let mut kinds = kinds();
     let survey = Survey::of(source, &kinds)?;
-    let part = survey.part;
+    let (part, known) = (survey.part, survey.kinds.len());
     let (manifest, mut recovery) = survey.finish(source, scenario)?;
     // So that the file is missed if it is lost later: the source's own word may have been in the damage.
     let next = part.and_then(|_| files_after(source).into_iter().next());
@@ -134,7 +132,7 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
         manifest: manifest.as_ref(),
         recovery: &recovery,
     };
-    write(source, target, &kinds, &head).map_err(|error| match error {
+    write(source, target, &kinds[..known], &head).map_err(|error| match error {
         RecoverError::Write(LogError::NotMade { path, source })
             if source.kind() == io::ErrorKind::AlreadyExists =>
         {
@@ -181,7 +179,26 @@ struct Survey<'a> {
 }
 
 impl<'a> Survey<'a> {
+    /// Surveys a file. Of one with parts of a flight only the flight's samples count: no run mixes the machine's into them,
+    /// and no command reads that.
     fn of(source: &Path, kinds: &'a [Kind]) -> Result<Self, RecoverError> {
+        let survey = Self::of_kinds(source, kinds)?;
+        let is_of_a_flight = survey.part.is_some()
+            || survey.has_flown()
+            || !matches!(survey.manifest, Err(ManifestProblem::Absent));
+        let (topics, machines) = kinds.split_at(Topic::ALL.len());
+        let is_there = |kind: &Kind| {
+            let is_kept = survey.recovery.samples.contains_key(kind.channel);
+            is_kept || survey.channels.other_layouts.contains(&kind.schema)
+        };
+        if is_of_a_flight && machines.iter().any(is_there) {
+            return Self::of_kinds(source, topics);
+        }
+        Ok(survey)
+    }
+
+    /// Surveys a file of which samples of these kinds are known.
+    fn of_kinds(source: &Path, kinds: &'a [Kind]) -> Result<Self, RecoverError> {
         let mut survey = Self {
             kinds,
             channels: Channels::new(kinds),
@@ -306,6 +323,12 @@ impl<'a> Survey<'a> {
         self.open_gap.fill(Some(self.recovery.gaps.len() - 1));
     }
 
+    /// Returns whether samples of a flight were found.
+    fn has_flown(&self) -> bool {
+        let mut topics = Topic::ALL.iter();
+        topics.any(|topic| self.recovery.samples.contains_key(topic.name()))
+    }
+
     /// The manifest for the new log, if it is one of a flight, and what to say of it.
     fn finish(
         mut self,
@@ -319,18 +342,9 @@ impl<'a> Survey<'a> {
         }
         let samples = self.recovery.kept();
         if samples == 0 {
-            let has_other =
-                self.recovery.strange > 0 && matches!(self.manifest, Err(ManifestProblem::Absent));
-            return Err(if has_other {
-                RecoverError::NoFlight(path)
-            } else {
-                nothing_in(path)
-            });
+            return Err(nothing_in(path));
         }
-        let has_flown = Topic::ALL
-            .iter()
-            .any(|topic| self.recovery.samples.contains_key(topic.name()));
-        if !has_flown {
+        if !self.has_flown() {
             return Ok((None, self.recovery));
         }
         if let (Err(_), Some(scenario)) = (&self.manifest, scenario) {
@@ -350,16 +364,11 @@ impl<'a> Survey<'a> {
 
 /// Returns why there is no sample to recover in a file.
 fn nothing_in(path: PathBuf) -> RecoverError {
-    let begin = File::open(&path).and_then(|file| {
-        let mut begin = Vec::new();
-        file.take(mcap::MAGIC.len() as u64).read_to_end(&mut begin)?;
-        Ok(begin)
-    });
-    match begin {
-        Ok(begin) if begin.is_empty() => RecoverError::Empty(path),
-        Ok(begin) if begin == mcap::MAGIC => RecoverError::Nothing(path),
-        Ok(_) => RecoverError::Foreign(path),
-        Err(source) => RecoverError::Read { path, source },
+    match (origin(&path), path.metadata()) {
+        (Ok(Origin::Foreign), _) => RecoverError::NoFlight(path),
+        (_, Ok(file)) if file.len() == 0 => RecoverError::Empty(path),
+        (Ok(_), _) => RecoverError::Nothing(path),
+        (Err(source), _) => unreadable(&path)(source),
     }
 }
 
@@ -380,7 +389,8 @@ fn write(source: &Path, target: &Path, kinds: &[Kind], head: &Head<'_>) -> Resul
                 copy.as_mut().expect("begun above").write(&chunk)?;
             }
             Piece::Metadata(metadata)
-                if head.manifest.is_none() && metadata.name != Recovery::RECORD_NAME =>
+                if head.manifest.is_none()
+                    && ![Recovery::RECORD_NAME, COPY_RECORD_NAME].contains(&metadata.name.as_str()) =>
             {
                 facts.push(metadata);
                 if let Some(copy) = &mut copy {

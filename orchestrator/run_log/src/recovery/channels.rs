@@ -9,6 +9,7 @@ use shared_types::service::header_of;
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Published, Topic};
 
+use super::origin::Origin;
 use super::scan::Chunk;
 use crate::framing::LAYOUT_KEY;
 use crate::records;
@@ -45,6 +46,19 @@ impl Kind {
 
     fn of_host<T: HostSample>() -> Self {
         Self::new::<T>(T::CHANNEL, None)
+    }
+
+    /// Returns whether a channel of a log has samples of this kind, in whatever layout.
+    pub(super) fn is_of(&self, channel: &str, schema: &str) -> bool {
+        self.channel == channel && self.schema == schema
+    }
+
+    /// Returns whose samples they are.
+    pub(super) fn origin(&self) -> Origin {
+        match self.topic {
+            Some(_) => Origin::Flight,
+            None => Origin::Machine,
+        }
     }
 
     /// Returns whether these bytes can be such a sample of a time.
@@ -104,7 +118,7 @@ pub(super) fn name_telemetry(kinds: &mut [Kind], scenario: &Scenario) {
 
 /// The known channels of a log.
 pub(super) struct Channels<'a> {
-    kinds: &'a [Kind],
+    pub(super) kinds: &'a [Kind],
     /// Names of schemas and positions of kinds, by the log's numbers.
     schemas: BTreeMap<u16, String>,
     declared: BTreeMap<u16, usize>,
@@ -148,17 +162,27 @@ impl<'a> Channels<'a> {
     }
 
     fn declare(&mut self, channel: &mcap::records::Channel) {
-        let schema = self.schemas.get(&channel.schema_id);
-        let known = self.kinds.iter().position(|kind| kind.channel == channel.topic);
-        let Some(position) = known else { return };
+        let Some(schema) = self.schemas.get(&channel.schema_id) else {
+            return;
+        };
+        let mut kinds = self.kinds.iter();
+        // Other programs may have channels of such names.
+        let Some(position) = kinds.position(|kind| kind.is_of(&channel.topic, schema)) else {
+            return;
+        };
         let kind = &self.kinds[position];
-        if schema.is_some_and(|name| name == kind.schema)
-            && channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout)
-        {
+        if channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout) {
             self.declared.insert(channel.id, position);
         } else if !self.other_layouts.contains(&kind.schema) {
             self.other_layouts.push(kind.schema);
         }
+    }
+
+    /// Returns the position of a kind that the log declares, in whatever layout.
+    pub(super) fn known(&self) -> Option<usize> {
+        let of_schema = |schema: &&str| self.kinds.iter().position(|kind| kind.schema == *schema);
+        let declared = self.declared.values().next().copied();
+        declared.or_else(|| self.other_layouts.first().and_then(of_schema))
     }
 
     fn message<'m>(&self, header: MessageHeader, data: &'m [u8]) -> Option<Message<'m>> {

@@ -236,7 +236,7 @@ fn what_is_empty_or_no_log_is_said_to_be_so() {
     };
     assert!(matches!(recover_bytes(b""), RecoverError::Empty(_)));
     let text = b"a text, and a long one: longer than the magic of any log".repeat(100);
-    assert!(matches!(recover_bytes(&text), RecoverError::Foreign(_)));
+    assert!(matches!(recover_bytes(&text), RecoverError::NoFlight(_)));
     assert!(matches!(recover_bytes(mcap::MAGIC), RecoverError::Nothing(_)));
 }
 
