@@ -21,16 +21,20 @@ use shared_types::digest::ExperimentDigest;
 use shared_types::rotation::exp;
 
 use host::in_process::{InProcess, TickSink};
+use host::step::Timetable;
 use proptest::prelude::*;
 use runtime::flight_clock::monotonic_ns;
+use runtime::input_queue::InputQueue;
+use runtime::ports::{PortError, Receiver};
 use runtime::shared_page::SharedPage;
+use runtime::step_log::{StepLog, StepRecord};
 use scenario::{CaptureSystem, Scenario};
 use serde_json::{Value, from_value, to_value};
-use shared_types::samples::ControlCommand;
+use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
-use shared_types::{Now, ServiceId, Topic};
+use shared_types::{Now, Schedule, ServiceId, Topic};
 use supervisor::{Outcome, in_process};
-use zerocopy::FromBytes;
+use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 fn host(scenario: &Scenario) -> InProcess {
     InProcess::new(
@@ -424,4 +428,86 @@ fn a_number_that_is_not_finite_names_the_law_of_others_beside_the_service_that_c
         said.contains("`plant` computed") && said.contains("in place of `controller`"),
         "{said}"
     );
+}
+
+/// Port of which nothing has come yet.
+struct NoPort;
+
+impl Receiver for NoPort {
+    fn receive(&mut self) -> Result<bool, PortError> {
+        Ok(false)
+    }
+
+    fn held(&self) -> Option<&[u8]> {
+        None
+    }
+
+    fn id(&self) -> u128 {
+        0
+    }
+
+    fn connect(&mut self) -> Result<(), PortError> {
+        Ok(())
+    }
+}
+
+/// The number of the estimator's input of frames.
+fn input_of_frames() -> usize {
+    let inputs = ServiceId::Estimator.inputs().iter();
+    let mut topics = inputs.map(|input| input.topic);
+    topics.position(|topic| topic == Topic::RcFrame).unwrap()
+}
+
+/// At its step at tick 10 the frame of tick 9 was due, had not come, and that of tick 8 was seen again.
+#[test]
+fn a_frame_that_came_too_late_for_the_last_step_of_an_estimator_is_given_to_the_next_one() {
+    let (schedule, log) = (Schedule::ideal(1_000_000, 1000), StepLog::create().unwrap());
+    let (estimator, frames) = (ServiceId::Estimator, input_of_frames());
+    let edge = schedule.edge(estimator, frames);
+    assert_eq!(edge.due_sample(10), Some(9));
+    // The step at tick 11 is in the log and in no checkpoint: the process died in between.
+    for (tick, seen) in [(9, 8), (10, 8), (11, 10)] {
+        let mut record = StepRecord {
+            tick,
+            ..StepRecord::default()
+        };
+        record.consumed[frames] = 1 + seen;
+        log.begin(estimator, record);
+        log.finish(estimator, 1);
+    }
+    let last = log.last_before(estimator, 11).unwrap();
+    assert_eq!(last.tick, 10);
+    let timetable = Timetable::new(&schedule, estimator);
+    let first = timetable.first_needed(&edge, 11, last.consumed_tick(frames));
+    assert_eq!(first, Some(9));
+    assert_eq!(log.last_before(estimator, 9), None);
+}
+
+/// Frames at 1 kHz that were sent while an estimator was dead: each of its late steps sees its own.
+#[test]
+fn a_restarted_estimator_takes_in_every_frame_of_a_gap_of_seven_tenths_of_a_second() {
+    const GAP: u64 = 700;
+    let schedule = Schedule::ideal(1_000_000, 10_000);
+    let port = Box::new(NoPort);
+    let mut queue = InputQueue::new(
+        &schedule,
+        ServiceId::Estimator,
+        input_of_frames(),
+        ServiceId::RcOutput,
+        port,
+    );
+    let frames: Vec<RcFrame> = (1..=GAP)
+        .map(|tick| RcFrame {
+            header: schedule.header(Topic::RcFrame, tick),
+            ..RcFrame::new_zeroed()
+        })
+        .collect();
+    // In messages of 16, as they are given.
+    for some in frames.chunks(16) {
+        queue.take_missed(some.as_bytes());
+    }
+    for tick in 2..=GAP + 1 {
+        let delivery = queue.deliver(tick).unwrap();
+        assert_eq!((delivery.tick, delivery.view.fresh), (tick - 1, true));
+    }
 }

@@ -434,7 +434,8 @@ impl<'a> Flight<'a> {
         let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
         // A port that fails keeps no service from flying on.
         let restarted = supervisor.restart_dead().and(recorder.receive());
-        let resumed = supervisor.resume_in_real_time(|topic, from| recorder.remembered(topic, from));
+        let resumed =
+            supervisor.resume_in_real_time(&|topic, from| recorder.remembered(topic, from).collect());
         if let Err(failure) = restarted.and(resumed) {
             self.fail(failure);
         }

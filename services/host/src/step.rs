@@ -68,13 +68,13 @@ impl Timetable {
     }
 
     /// Returns the oldest sample of an input that a process needs whose first step is at `next_tick` or after it, and
-    /// whose state includes the steps before, if it is to see more than the newest sample.
+    /// whose state includes the steps before, if it is to see more than the newest sample. `seen` is the sample that the last
+    /// of these steps saw, which may be older than the one that was due there: what came late has been seen by none.
     #[must_use]
-    pub fn first_needed(&self, edge: &Edge, next_tick: u64) -> Option<u64> {
+    pub fn first_needed(&self, edge: &Edge, next_tick: u64, seen: Option<u64>) -> Option<u64> {
         if self.makes_up {
             return edge.due_sample(next_tick);
         }
-        let seen = next_tick.checked_sub(1).and_then(|last| edge.due_sample(last));
         self.takes_in_all.then(|| seen.map_or(0, |seen| seen + 1))
     }
 

@@ -21,10 +21,10 @@ const SPARE: usize = 4;
 /// as many as the largest port holds.
 pub const CATCHING_UP: usize = RECORDER_BUFFER;
 
-/// Samples that are kept beside those that are on their way for a service that takes in all of them: those of a stall of
-/// 0.7 s of a radio link of 22 ms, and of 32 ms at 1 kHz. A service that is always late is behind by no more. Older samples are
-/// dropped, and the steps that would have seen them count as left out.
-pub const TAKING_IN: usize = 32;
+/// Longest stall or restart of a service that takes in all samples of which it still gets every one, ns, as far as
+/// [`CATCHING_UP`] samples go. A service that is always late is behind by no more. Older samples are dropped, and the steps
+/// that would have seen them count as left out.
+pub const TAKEN_IN_NS: u64 = 700_000_000;
 
 /// Latest samples of an input.
 pub struct InputQueue {
@@ -56,11 +56,12 @@ struct KeptSamples {
 /// Returns the number of samples that are kept of an input.
 #[must_use]
 pub fn places(schedule: &Schedule, consumer: &Timetable, edge: &Edge) -> usize {
-    let on_their_way = edge.latency / schedule.topic_rate(edge.topic).period;
-    let on_their_way = usize::try_from(on_their_way).unwrap_or(CATCHING_UP);
+    let period = schedule.topic_rate(edge.topic).period;
+    let places = |samples: u64| usize::try_from(samples).unwrap_or(CATCHING_UP).min(CATCHING_UP);
+    let on_their_way = places(edge.latency / period);
     match (consumer.makes_up, consumer.takes_in_all) {
         (true, _) => CATCHING_UP,
-        (false, true) => on_their_way + TAKING_IN,
+        (false, true) => on_their_way + places(TAKEN_IN_NS.div_ceil(schedule.time_ns(period))),
         (false, false) => on_their_way + SPARE,
     }
 }
@@ -338,7 +339,7 @@ mod tests {
         /// An estimator that stands still for any times, of which none is longer than the samples that are kept.
         #[test]
         fn a_service_that_takes_in_all_sees_every_sample_in_order(
-            stalls in prop::collection::vec(0u64..TAKING_IN as u64, 1..20),
+            stalls in prop::collection::vec(0u64..64, 1..10),
             period in 1u64..5,
         ) {
             let schedule = Schedule::ideal(1_000_000, 1_000_000);

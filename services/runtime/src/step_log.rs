@@ -120,6 +120,19 @@ impl StepLog {
         self.ring(service).finish_for_the_dead();
     }
 
+    /// Returns the newest whole record of a step of `service` before a tick.
+    #[must_use]
+    pub fn last_before(&self, service: ServiceId, tick: u64) -> Option<StepRecord> {
+        let ring = self.ring(service);
+        let mut kept = (0..ring.written())
+            .rev()
+            .map_while(|number| match ring.found(number) {
+                LookUp::Record(words) => Some::<StepRecord>(zerocopy::transmute!(words)),
+                LookUp::Nothing | LookUp::Overwritten(_) => None,
+            });
+        kept.find(|record| record.tick < tick)
+    }
+
     fn ring(&self, service: ServiceId) -> &Records {
         #[expect(
             unsafe_code,

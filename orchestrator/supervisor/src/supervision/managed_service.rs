@@ -1,9 +1,10 @@
 //! The supervisor's facts about one service: its process, and where it is in its life.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use host::step::NonFinite;
-use runtime::control::{Host, ToOrchestrator};
+use runtime::control::{Host, ToOrchestrator, ToService};
 use shared_types::ServiceId;
 use shared_types::schedule::MAX_PORTS;
 
@@ -46,6 +47,8 @@ pub(super) struct ManagedService {
     pub(super) warnings: Vec<String>,
     /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
+    /// Samples that it has missed in real time and was not given yet, and when it was given the first.
+    pub(super) missed: Option<(Instant, VecDeque<ToService>)>,
 }
 
 /// Report of a process on the fault by which it is about to end, and 1 + the last tick that it had stepped by then.
@@ -101,6 +104,7 @@ impl ManagedService {
             last_words: LastWords::default(),
             warnings: Vec::new(),
             remembered: Vec::new(),
+            missed: None,
         }
     }
 

@@ -1,5 +1,6 @@
 //! From a service's death to the moment when another process flies in its place and has missed nothing.
 
+use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -16,9 +17,14 @@ use crate::FlightFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
 
-/// Samples that a service is given when it starts again in real time, and those in one message: its line has room for all.
-const MOST_MISSED: usize = 128;
+/// Samples in a message to a service that starts again in real time.
 const MISSED_AT_ONCE: usize = 16;
+
+/// Time for which it has to take these messages.
+const MISSED_LIMIT: Duration = Duration::from_millis(500);
+
+/// Samples of a topic from a tick on.
+pub type Remembered<'a> = dyn Fn(Topic, u64) -> Vec<&'a [u8]> + 'a;
 
 impl Supervisor<'_> {
     /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
@@ -105,51 +111,56 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Died)
     }
 
-    /// Lets services that restarted in real time go on at once, with the newest samples. One that makes up for late steps,
-    /// or takes in every sample, is given the samples that are `remembered` of a topic from a tick on.
+    /// Lets services that restarted in real time go on, with the newest samples. One that makes up for late steps, or takes
+    /// in every sample, is given the `remembered` samples that it needs first, as its line has room for them.
     ///
     /// # Errors
     /// [`FlightFailure`] if the system refuses.
-    pub fn resume_in_real_time<'r, I: Iterator<Item = &'r [u8]>>(
-        &mut self,
-        remembered: impl Fn(Topic, u64) -> I,
-    ) -> Result<(), FlightFailure> {
+    pub fn resume_in_real_time(&mut self, remembered: &Remembered<'_>) -> Result<(), FlightFailure> {
         for at in 0..self.members.len() {
-            if self.members[at].phase == Phase::Ready {
+            if self.members[at].phase == Phase::Ready && self.tell_of_missed(at, remembered) {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
                 self.note_restart(service);
-                if !self.is_external_service(at) {
-                    self.tell_of_missed(service, &remembered);
-                }
                 self.say_go(service, true)?;
             }
         }
         Ok(())
     }
 
-    /// Gives a service the remembered samples that it needs, the newest [`MOST_MISSED`] of each input.
-    fn tell_of_missed<'r, I: Iterator<Item = &'r [u8]>>(
-        &self,
-        service: ServiceId,
-        remembered: impl Fn(Topic, u64) -> I,
-    ) {
-        let timetable = Timetable::new(self.schedule, service);
-        let next_tick = self.next_tick(service);
-        let channel = &self.members[service.index()].process.channel;
-        for (input, spec) in self.schedule.inputs_read(service) {
-            let edge = self.schedule.edge(service, input);
-            let Some(first) = timetable.first_needed(&edge, next_tick) else {
-                continue;
-            };
-            let missed: Vec<&[u8]> = remembered(spec.topic, first).collect();
-            let newest = &missed[missed.len().saturating_sub(MOST_MISSED)..];
-            for samples in newest.chunks(MISSED_AT_ONCE) {
+    /// Gives a service what it has missed, as far as there is room. Returns whether it has all.
+    fn tell_of_missed(&mut self, at: usize, remembered: &Remembered<'_>) -> bool {
+        let begun = self.members[at].missed.take();
+        let (since, mut messages) = begun.unwrap_or_else(|| (Instant::now(), self.missed(at, remembered)));
+        let channel = &self.members[at].process.channel;
+        while let Some(message) = messages.front() {
+            // It fails for a process that is gone, which is found so when it is watched.
+            if matches!(channel.try_send(message), Ok(false)) && since.elapsed() < MISSED_LIMIT {
+                self.members[at].missed = Some((since, messages));
+                return false;
+            }
+            messages.pop_front();
+        }
+        true
+    }
+
+    /// Returns the remembered samples that a service needs, in messages.
+    fn missed(&self, at: usize, remembered: &Remembered<'_>) -> VecDeque<ToService> {
+        let service = self.members[at].service;
+        let (timetable, next_tick) = (Timetable::new(self.schedule, service), self.next_tick(service));
+        let last = self.step_log.last_before(service, next_tick);
+        let mut messages = VecDeque::new();
+        let inputs = self.schedule.inputs_read(service);
+        for (input, spec) in inputs.filter(|_| !self.is_external_service(at)) {
+            let seen = last.and_then(|step| step.consumed_tick(input));
+            let first = timetable.first_needed(&self.schedule.edge(service, input), next_tick, seen);
+            let missed = first.map_or_else(Vec::new, |first| remembered(spec.topic, first));
+            for samples in missed.chunks(MISSED_AT_ONCE) {
                 let bytes = samples.concat();
-                // It fails only for a process that is gone, which is found so when it is watched.
-                let _ = channel.try_send(&ToService::Missed { input, bytes });
+                messages.push_back(ToService::Missed { input, bytes });
             }
         }
+        messages
     }
 
     /// Starts again what is dead and due. What fails for one service keeps no other from its restart, and may be tried
@@ -226,7 +237,7 @@ impl Supervisor<'_> {
         };
         let member = &mut self.members[at];
         member.process = process;
-        (member.was_prepared, member.slow_start) = (was_prepared, None);
+        (member.was_prepared, member.slow_start, member.missed) = (was_prepared, None, None);
         member.lives += 1;
         member.phase = Phase::Starting;
         if is_new {
