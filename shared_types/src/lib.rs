@@ -5,6 +5,7 @@
 //! * [`wiring`]: which service publishes and consumes which topic, written once;
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: the steps of the services and the due samples at each, computable by all;
+//! * [`capture_figures`]: the performance of a laboratory's motion capture;
 //! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
 //! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
@@ -14,6 +15,7 @@
 //!
 //! Nothing in this crate does input or output.
 
+pub mod capture_figures;
 pub mod digest;
 pub mod finiteness;
 pub mod flight_phase;

@@ -108,7 +108,6 @@ impl MotionCaptureDriver {
     }
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
-        let counts = self.feed.counts();
         let wire = self
             .source
             .as_ref()
@@ -122,7 +121,6 @@ impl MotionCaptureDriver {
             jitter,
         } = second;
         CaptureFigures {
-            time_ns: 0,
             health: match self.feed.health() {
                 Health::Silent => CaptureFigures::HEALTH_SILENT,
                 Health::Absent => CaptureFigures::HEALTH_ABSENT,
@@ -137,22 +135,6 @@ impl MotionCaptureDriver {
             latency_max,
             jitter,
             drift: self.feed.drift(),
-            frames: counts.frames,
-            believed: counts.believed,
-            absent: counts.absent,
-            occluded: counts.occluded,
-            frozen: counts.frozen,
-            repeated: counts.repeated,
-            late: counts.late,
-            mistimed: counts.mistimed,
-            unsettled: counts.unsettled,
-            jumped: counts.jumped,
-            exchanged: counts.exchanged,
-            clock_steps: counts.clock_steps,
-            lost: counts.lost,
-            restarted: counts.restarted,
-            settled: counts.settled,
-            rate_warnings: counts.rate_warnings,
             malformed: wire.malformed.total(),
             refused: self.diagnosis.vehicle().total(),
             others_refused: self.diagnosis.others().total(),
@@ -160,6 +142,7 @@ impl MotionCaptureDriver {
             connections: wire.connections,
             failures: wire.failures,
             reason: self.reason.bytes,
+            ..*self.feed.counts()
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Feed: from frames to accepted poses of the vehicle.
 //!
 //! Failure policy: a pose is accepted only if its frame is new, its time is known, its body is the vehicle's and seen,
-//! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`FeedCounts`]).
+//! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`CaptureFigures`]).
 //! Of a pose that is wrong or frozen in one part, the other part is handed out alone, and the pose is counted by reason.
 //! Missing poses never look like a vehicle that stands still: without an accepted pose there is no output.
 
@@ -13,11 +13,12 @@ mod track;
 use std::cmp::Ordering;
 
 use scenario::{CaptureSystem, MotionCapture, Problem};
+use shared_types::capture_figures::CaptureFigures;
 use shared_types::rotation::to_row_major;
 use shared_types::samples::MocapPose;
 use shared_types::service::nanoseconds;
+use zerocopy::FromZeros;
 
-pub use crate::counts::FeedCounts;
 pub use memory::FeedMemory;
 pub use stillness::PosePart;
 pub use track::Bounds;
@@ -142,7 +143,7 @@ pub struct Feed {
     numbering: Numbering,
     tracks: Tracks,
     figures: Figures,
-    counts: FeedCounts,
+    counts: CaptureFigures,
     last_stamp_ns: i64,
     stillness: Stillness,
     frozen: Option<PosePart>,
@@ -180,7 +181,7 @@ impl Feed {
                 settle_ns: nanoseconds(stated.settle),
             }),
             figures: Figures::new(stated.rate),
-            counts: FeedCounts::default(),
+            counts: CaptureFigures::new_zeroed(),
             last_stamp_ns: i64::MIN,
             stillness: Stillness::new(&calibration.world_from_capture),
             frozen: None,
@@ -191,9 +192,10 @@ impl Feed {
         })
     }
 
-    /// Returns the counts.
+    /// Returns the counts since the feed began, and no other figures. Each frame counts once: as believed, or for one of the
+    /// reasons why not.
     #[must_use]
-    pub fn counts(&self) -> &FeedCounts {
+    pub fn counts(&self) -> &CaptureFigures {
         &self.counts
     }
 

@@ -1,6 +1,6 @@
 //! Rate, latency and jitter of arrivals, over the last whole second.
 
-use crate::counts::FeedCounts;
+use shared_types::capture_figures::CaptureFigures;
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 1_000_000_000;
@@ -94,7 +94,7 @@ impl Figures {
     }
 
     /// Takes the arrival of a frame.
-    pub(crate) fn hear(&mut self, arrived_ns: u64, counts: &mut FeedCounts) {
+    pub(crate) fn hear(&mut self, arrived_ns: u64, counts: &mut CaptureFigures) {
         if let Some(began_ns) = self.began_ns {
             self.between
                 .push(seconds(arrived_ns.saturating_sub(self.arrived_ns)));

@@ -15,7 +15,6 @@
 
 pub mod clock;
 pub mod conventions;
-mod counts;
 pub mod diagnosis;
 pub mod feed;
 pub mod figures;

@@ -73,33 +73,24 @@ impl LaboratoryReport {
 
 impl CaptureReport {
     fn of(figures: &CaptureFigures) -> Self {
-        let happened = [
-            ("absent", figures.absent),
-            ("occluded", figures.occluded),
-            ("frozen", figures.frozen),
-            ("repeated", figures.repeated),
-            ("late", figures.late),
-            ("mistimed", figures.mistimed),
-            ("unsettled", figures.unsettled),
-            ("jumped", figures.jumped),
-            ("exchanged", figures.exchanged),
-            ("clock steps", figures.clock_steps),
-            ("lost", figures.lost),
-            ("restarted", figures.restarted),
-            ("rate warnings", figures.rate_warnings),
+        let of_packets = [
             ("malformed", figures.malformed),
             ("refused", figures.refused),
             ("others refused", figures.others_refused),
             ("foreign", figures.foreign),
             ("failures", figures.failures),
         ];
+        // What every flight has is told apart, or not at all.
+        let is_told =
+            |(name, count): &(&str, u64)| *count > 0 && !["frames", "believed", "settled"].contains(name);
+        let happened = figures.named().into_iter().chain(of_packets);
         Self {
             rate: figures.rate,
             latency: figures.latency,
             jitter: figures.jitter,
             frames: figures.frames,
             believed: figures.believed,
-            happened: happened.into_iter().filter(|(_, count)| *count > 0).collect(),
+            happened: happened.filter(is_told).collect(),
             refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
         }
     }
