@@ -1,6 +1,7 @@
 //! Geometric PID on SE(3): the nominal loop with an integral (Goodarzi, Lee and Leok, ECC 2013).
 //!
-//! İ = ki (ė + λe) with λ = 2 Kp/Kv, each component within a bound. Memory: I.
+//! İ = ki (ė + λe) with λ = 2 Kp/Kv, each component within a bound. The source's integral of the attitude error has no
+//! place behind commands of body rates. Memory: I.
 
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;

@@ -1,7 +1,8 @@
 //! Composite adaptation with constant basis functions: NF-Constant of Neural-Fly (O'Connell et al., arXiv 2205.06908).
 //!
-//! â̇ = (p/r) (d − â) + p (ė + λe) with constant p and λ = 2 Kp/Kv: the prediction error of the measured residual d and
-//! the tracking error drive one estimate. Memory: â.
+//! â̇ = (p/r) (d − â) + p (ė + λe) with λ = 2 Kp/Kv: the prediction error of the measured residual d and the tracking
+//! error drive one estimate. p is constant where the source steps a covariance P(t), and its damping −λâ is left out.
+//! Memory: â.
 
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;

@@ -2,8 +2,10 @@
 //!
 //! v_sp = ṗd − P e and a = p̈d + Kv (v_sp − V) − I − Kd v̇ are the nominal loop with Kp = Kv P, so the defaults of PX4
 //! (MPC_XY_P 0.95, MPC_XY_VEL_P/I/D_ACC 1.8/0.4/0.2, MPC_Z_P 1, MPC_Z_VEL_P/I 4/2) become its gains; `cascade_scale`
-//! multiplies the rates of all loops. The hover thrust is a mass here: m̂ moves towards the mass that explains the
-//! measured vertical acceleration, with a time constant of 1.5 s. Memory: I, the damping term Kd v̇, m̂.
+//! multiplies the rates of these two loops. The attitude loop is the nominal one: kR is `attitude_gain` and not
+//! MC_ROLL_P 6.5, and the jerk that it feeds forward is not PX4's. The hover thrust is a mass here: m̂ moves towards the
+//! mass that explains the measured vertical acceleration, with a time constant of 1.5 s. Memory: I, the damping term
+//! Kd v̇, m̂.
 
 use nalgebra::Vector3;
 use scenario::Baseline as Stated;
@@ -53,7 +55,7 @@ impl Px4 {
         }
     }
 
-    /// Returns the loops of position, velocity and attitude.
+    /// Returns the loops of position and velocity, scaled, with the nominal one of the attitude.
     #[must_use]
     pub fn nominal(stated: &Stated) -> Nominal {
         let scale = stated.cascade_scale;

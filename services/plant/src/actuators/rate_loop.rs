@@ -128,7 +128,7 @@ impl RateLoop {
         }
     }
 
-    /// Returns u²; an empty battery gives no thrust.
+    /// Returns u²; u is 0 where fade and droop leave nothing.
     fn voltage_squared(&self) -> f64 {
         self.stated.battery.as_ref().map_or(1.0, |battery| {
             let load = self.thrust / self.stated.initial_thrust;
