@@ -116,7 +116,7 @@ fn every_baseline_holds_the_vehicle_at_its_place_against_a_disturbance() {
         flight.fly(20.0);
         let away = flight.rig.motion.position_world.norm();
         assert!(away < 1e-3, "{kind:?}: {away} m away");
-        // The mass estimate of PX4 explains the vertical part of it, and the predictor of L1 leaks: a h = 2.2 %.
+        // The mass estimate of PX4 explains the vertical part of it, and the predictor of L1 leaks: 1 − e^(−ah) = 2.2 %.
         let (_, compensated) = flight.law.estimates().unwrap();
         let error = (compensated - flight.rig.disturbance).xy().norm();
         assert!(
