@@ -290,3 +290,62 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
         }
     }
 }
+
+/// Estimates of a law: the tick, b̂ (m/s²) and m̂ (kg).
+#[derive(Default)]
+struct Estimates(Vec<(u64, [f64; 3], f64)>);
+
+impl TickSink for Estimates {
+    type Error = Infallible;
+
+    fn wants(&self, topic: Topic) -> bool {
+        topic == Topic::ControlAdaptation
+    }
+
+    fn sample(&mut self, _topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        let adaptation = ControlAdaptation::read_from_bytes(bytes).unwrap();
+        let estimates = (adaptation.disturbance_hat_world, adaptation.mass_estimate);
+        self.0.push((adaptation.header.tick, estimates.0, estimates.1));
+        Ok(())
+    }
+}
+
+impl Estimates {
+    /// Largest change of b̂ (m/s²) or m̂ (g) within the seven holds after the first of some steps.
+    fn change(steps: &[(u64, [f64; 3], f64)]) -> f64 {
+        let (begin, disturbance, mass) = steps[0];
+        let steps = steps.iter().take_while(|(tick, ..)| *tick <= begin + 7 * 22);
+        let changes = steps.map(|(_, other, other_mass)| {
+            let squares = disturbance
+                .iter()
+                .zip(other)
+                .map(|(one, other)| (one - other) * (one - other));
+            squares.sum::<f64>().sqrt().max(1e3 * (mass - other_mass).abs())
+        });
+        changes.fold(0.0, f64::max)
+    }
+}
+
+#[test]
+fn laws_that_take_differences_do_not_learn_from_those_over_steps_that_were_left_out() {
+    for law in ["l1", "immersion_mass"] {
+        let settings = [
+            "duration=20.4",
+            "vehicle.change=[]",
+            &format!("controller.law={law}"),
+            &format!("fault=[{}]", fault(ServiceId::Controller, 20.02, 0.11, FREEZE)),
+        ];
+        let settings = settings.map(str::to_owned);
+        let scenario = scenario_file::load(&scenario("fig3_6"), &settings, None).unwrap();
+        let mut estimates = Estimates::default();
+        in_process::fly(&scenario, &mut estimates, &Interrupt::never()).unwrap();
+        let steps = estimates.0;
+        let last = steps.iter().rposition(|(tick, ..)| *tick < 20_020).unwrap();
+        assert_eq!(steps[last + 1].0 - steps[last].0, 132, "five steps are left out");
+        // In the two seconds before, without a gap: noise, and what the air does.
+        let usual = (last - 96..last - 7).map(|first| Estimates::change(&steps[first..]));
+        let usual = usual.fold(0.0, f64::max);
+        let found = Estimates::change(&steps[last..]);
+        assert!(found <= usual, "{law}: {found}, and {usual} without a gap");
+    }
+}

@@ -3,7 +3,7 @@
 //! The supervisor surrounds every law with input validation, failsafe stages, dead reckoning, bumpless transfer and
 //! limits; it knows [`flight_law::FlightLaw`] and no law. For a vehicle with a rate loop a law is an evaluation at one
 //! moment ([`Law`]), which the roll-out over the hold of a command repeats, and, for the baselines, what it learns from
-//! hold to hold ([`baseline::Baseline`]).
+//! step to step ([`baseline::Baseline`]).
 //!
 //! * [`flight_law`]: the law of a flight;
 //! * [`baseline`]: the trait of the baselines;
@@ -69,7 +69,7 @@ pub struct Moment<'a> {
     pub reference: &'a Reference,
     /// ψd, rad.
     pub yaw: f64,
-    /// Time since the step before, s.
+    /// Time since the step before, s, which is longer than usual where steps were left out; at the first the usual one.
     pub elapsed: f64,
     /// `true` if the estimates may learn from the motion: it is measured, and the vehicle is airborne.
     pub teaches: bool,

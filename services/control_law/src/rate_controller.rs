@@ -1,15 +1,15 @@
 //! Rate controller: commands of thrust and body rates, from hold to hold, by the roll-out and the yaw law.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use scenario::{GRAVITY, RateCommand, Scenario, Vector};
 
 use crate::adaptive::harmonics::Harmonics;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::rate_law::AdaptiveLaw;
-use crate::law::{Law, LawOutput, Telemetry};
+use crate::law::{Law, LawOutput, Moment, Telemetry};
 use crate::rates::{HoldStart, RollOut};
 use crate::signals::Commanded;
-use crate::signals::{Acting, Estimates, Measured, Reference};
+use crate::signals::{Acting, Estimates};
 use crate::yaw::YawLaw;
 
 /// Controller of thrust and body rates.
@@ -89,12 +89,6 @@ impl RateController {
         }
     }
 
-    /// Returns H, duration of a hold, s.
-    #[must_use]
-    pub fn hold(&self) -> f64 {
-        self.roll_out.hold
-    }
-
     /// Returns the adaptive law for the vehicle of the roll-out.
     #[must_use]
     pub fn adaptive_law<'a>(
@@ -124,30 +118,30 @@ impl RateController {
         (least..=largest).contains(&thrust) && self.is_airborne(acting)
     }
 
-    /// Returns ωz of the yaw law for the coming hold, rad/s, with ψd = `yaw` (rad).
-    pub fn yaw_rate(&mut self, world_from_body: &Matrix3<f64>, yaw: f64) -> f64 {
+    /// Returns ωz of the yaw law for the coming hold, rad/s.
+    pub fn yaw_rate(&mut self, moment: &Moment<'_>) -> f64 {
+        let Moment {
+            measured,
+            yaw,
+            elapsed,
+            ..
+        } = moment;
         let integral = self.memory.yaw_integral;
         let yaw = self
             .yaw
-            .command(world_from_body, yaw, integral, self.roll_out.hold);
+            .command(&measured.world_from_body, *yaw, integral, *elapsed);
         self.memory.yaw_integral = yaw.integral;
         yaw.rate
     }
 
-    /// Returns a law's command for the coming hold, with ψd = `yaw` (rad).
-    pub fn fly<L: Law>(
-        &mut self,
-        law: &L,
-        measured: &Measured,
-        acting: &Acting,
-        reference: &Reference,
-        yaw: f64,
-    ) -> RateCommandOutput<L::Evaluation> {
+    /// Returns a law's command for the coming hold.
+    pub fn fly<L: Law>(&mut self, law: &L, moment: &Moment<'_>) -> RateCommandOutput<L::Evaluation> {
+        let acting = &moment.acting;
         let start = HoldStart {
-            measured,
-            reference,
+            measured: &moment.measured,
+            reference: moment.reference,
             artificial_omega: self.memory.artificial_omega,
-            yaw_rate: self.yaw_rate(&measured.world_from_body, yaw),
+            yaw_rate: self.yaw_rate(moment),
             acting,
         };
         let output = self.roll_out.command(law, &start);

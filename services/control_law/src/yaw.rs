@@ -30,7 +30,7 @@ pub struct YawLaw {
 pub struct YawCommand {
     /// ωz, rad/s.
     pub rate: f64,
-    /// ki ∫(ψ − ψd) dt after the coming hold, rad/s.
+    /// ki ∫(ψ − ψd) dt up to this moment, rad/s.
     pub integral: f64,
 }
 
@@ -46,14 +46,14 @@ impl YawLaw {
         }
     }
 
-    /// Returns ωz for an attitude and ψd (rad), with the `integral` so far (rad/s), for a hold of `hold` seconds.
+    /// Returns ωz for an attitude and ψd (rad), with the `integral` (rad/s) of the step before, `elapsed` seconds ago.
     #[must_use]
     pub fn command(
         &self,
         world_from_body: &Matrix3<f64>,
         desired: f64,
         integral: f64,
-        hold: f64,
+        elapsed: f64,
     ) -> YawCommand {
         let [_, _, yaw] = roll_pitch_yaw(world_from_body);
         let error = shorter_way(yaw - desired);
@@ -62,7 +62,7 @@ impl YawLaw {
         let grown = if proportional.abs() > self.integral_max {
             integral
         } else {
-            integral + self.ki * error * hold
+            integral + self.ki * error * elapsed
         };
         YawCommand {
             rate: wanted.clamp(-self.rate_max, self.rate_max),
@@ -107,6 +107,19 @@ mod tests {
             let near = from_roll_pitch_yaw([0.0, 0.0, 0.1]);
             prop_assert!(LAW.command(&near, 0.0, integral, 0.02).integral > integral);
         }
+    }
+
+    #[test]
+    fn steps_that_are_left_out_are_integrated_as_the_time_that_they_are() {
+        let near = from_roll_pitch_yaw([0.0, 0.0, 0.1]);
+        let once = LAW.command(&near, 0.0, 0.0, 0.12).integral;
+        let six = (0..6).fold(0.0, |integral, _| {
+            LAW.command(&near, 0.0, integral, 0.02).integral
+        });
+        // ki e t
+        assert!((once - 0.5 * 0.1 * 0.12).abs() < 1e-15, "{once}");
+        assert!((six - once).abs() < 1e-15, "{six} {once}");
+        assert_eq!(LAW.command(&near, 0.0, 0.2, 0.0).integral, 0.2);
     }
 
     #[test]

@@ -40,6 +40,8 @@ pub struct ControlSupervisor {
     pub last: Option<Commanded>,
     /// The stage of the last step.
     pub stage: FailsafeStage,
+    /// Time between two steps, s.
+    step: f64,
 }
 
 /// Inputs of a step.
@@ -113,6 +115,7 @@ impl ControlSupervisor {
             safety: safety.map(|safety| Safety::new(scenario, safety)),
             last: None,
             stage: FailsafeStage::Nominal,
+            step: scenario.controller_step(),
         }
     }
 
@@ -185,6 +188,7 @@ impl ControlSupervisor {
             safety.transfer = Transfer::NONE;
             let command = safety.command(self.stage, last.as_ref(), &estimate);
             self.safety = Some(safety);
+            self.law.skip(now.elapsed());
             return ControlOutput::without_law(command);
         }
         let state = safety.state_for_law(state, age_ns, &estimate);
@@ -256,7 +260,11 @@ impl ControlSupervisor {
             acting: Acting::from(state),
             reference: target,
             yaw: input.reference.yaw,
-            elapsed: now.elapsed(),
+            elapsed: if now.elapsed_ns == 0 {
+                self.step
+            } else {
+                now.elapsed()
+            },
             teaches: tracked && input.teaches && !is_transferred,
         };
         let (parameters, estimates) = (&self.parameters, &self.estimates);

@@ -89,7 +89,7 @@ impl Scenario {
         let fastest = (GRAVITY + k2 * sigma_max) / delta.abs(); // ω̄
         let driven = fastest + (k1 + k2) * sigma_max; // ω̄ + κ
         let learned = fastest * fastest * driven * driven * driven;
-        13.5 * self.controller.damping() / (self.estimator_step() * beta * beta * learned)
+        13.5 * self.controller.damping() / (self.controller_step() * beta * beta * learned)
     }
 
     /// Returns the gains that may change in flight, those that follow from others included.
@@ -145,8 +145,9 @@ impl Scenario {
         rates.map_or(hold, |rates| hold / rates.steps(hold))
     }
 
-    /// Returns the step of the estimators of η, b and w, s.
-    fn estimator_step(&self) -> f64 {
+    /// Returns the time between two steps of the controller, over which its estimators learn, s.
+    #[must_use]
+    pub fn controller_step(&self) -> f64 {
         self.schedule().map_or(self.schedule.tick, |schedule| {
             seconds(schedule.time_ns(schedule.service_rate(ServiceId::Controller).period))
         })

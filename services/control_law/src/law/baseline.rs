@@ -1,4 +1,4 @@
-//! What every baseline has: it learns once a hold from [`Motion`], and compensates a disturbance by its estimate.
+//! What every baseline has: it learns once a step from [`Motion`], and compensates a disturbance by its estimate.
 //!
 //! Its memory is a fixed record, so that a restarted controller goes on from the checkpoint and a replay repeats every
 //! step.
@@ -14,7 +14,7 @@ pub fn error_slope(stated: &scenario::Baseline) -> f64 {
     2.0 * stated.position_gain / stated.velocity_gain
 }
 
-/// Motion at the beginning of a hold.
+/// Motion at a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// Errors against the reference.
@@ -33,10 +33,10 @@ pub struct Motion {
 
 /// Part of a law that learns.
 pub trait Baseline {
-    /// Learns over the coming hold of `h` seconds.
-    fn learn(&mut self, seen: &Motion, h: f64);
+    /// Learns for the time since the step before, `elapsed` s; after [`rest`](Self::rest) the motion is the first one.
+    fn learn(&mut self, seen: &Motion, elapsed: f64);
 
-    /// Prepares for a hold without learning: the vehicle or the link cannot follow, or no measurement arrived.
+    /// Drops the motion of the step before, because nothing was learned since or steps were left out.
     fn rest(&mut self) {}
 
     /// Returns the disturbance to compensate, in {I}, m/s².

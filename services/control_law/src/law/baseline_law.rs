@@ -22,8 +22,13 @@ pub struct BaselineLaw {
     nominal: Nominal,
     /// Mass that it starts with, kg.
     prior_mass: f64,
+    /// Time between two steps, s.
+    step: f64,
     learner: Learner,
 }
+
+/// Time since the step before beyond which steps were left out, in steps: the attitude in between is unknown.
+const LEFT_OUT: f64 = 1.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Learner {
@@ -42,7 +47,7 @@ enum Learner {
 struct Nothing;
 
 impl Baseline for Nothing {
-    fn learn(&mut self, _seen: &Motion, _h: f64) {}
+    fn learn(&mut self, _seen: &Motion, _elapsed: f64) {}
 
     fn compensation(&self) -> Vector3<f64> {
         Vector3::zeros()
@@ -83,30 +88,34 @@ impl BaselineLaw {
         Self {
             nominal,
             prior_mass,
+            step: scenario.controller_step(),
             learner,
         }
     }
 
-    /// Learns over the coming hold, if the motion teaches, and returns the command of that hold.
+    /// Learns, if the motion teaches, and returns the command of the coming hold.
     pub fn command(&mut self, moment: &Moment<'_>, rate_controller: &mut RateController) -> LawOutput {
         let Moment {
             measured,
             acting,
             reference,
+            elapsed,
             ..
         } = moment;
         let force = self.evaluate(measured, reference, &Vector3::zeros());
-        if moment.teaches && rate_controller.is_telling(force.thrust, acting) {
+        let learns = moment.teaches && rate_controller.is_telling(force.thrust, acting);
+        if !learns || *elapsed > LEFT_OUT * self.step {
+            self.learner_mut().rest();
+        }
+        if learns {
             let seen = self.seen(measured, acting, reference);
             let before = *self;
-            self.learner_mut().learn(&seen, rate_controller.hold());
+            self.learner_mut().learn(&seen, *elapsed);
             if !self.learner().is_finite() {
                 *self = before;
             }
-        } else {
-            self.learner_mut().rest();
         }
-        let output = rate_controller.fly(self, measured, acting, reference, moment.yaw);
+        let output = rate_controller.fly(self, moment);
         output.told(self.telemetry(&output.law))
     }
 

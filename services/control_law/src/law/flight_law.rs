@@ -84,6 +84,14 @@ impl FlightLaw {
         }
     }
 
+    /// Passes a step, `elapsed` seconds after the one before, in which something else commands.
+    pub fn skip(&mut self, elapsed: f64) {
+        match self {
+            Self::Nmpc(law) => law.shift(elapsed),
+            _ => self.rest(),
+        }
+    }
+
     /// Prepares for a pause.
     pub fn rest(&mut self) {
         match self {
@@ -138,17 +146,10 @@ fn adaptive_rates(
     moment: &Moment<'_>,
     rate_controller: &mut RateController,
 ) -> LawOutput {
-    let Moment {
-        measured,
-        acting,
-        reference,
-        yaw,
-        ..
-    } = moment;
     let law = rate_controller.adaptive_law(parameters, estimates, harmonics.as_deref());
-    let output = rate_controller.fly(&law, measured, acting, reference, *yaw);
+    let output = rate_controller.fly(&law, moment);
     if let Some(harmonics) = harmonics {
-        harmonics.teach(&output.law, reference.gamma);
+        harmonics.teach(&output.law, moment.reference.gamma);
     }
     output.told(Telemetry::from(&output.law))
 }

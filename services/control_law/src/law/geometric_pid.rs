@@ -33,13 +33,13 @@ impl GeometricPid {
 }
 
 impl Baseline for GeometricPid {
-    fn learn(&mut self, seen: &Motion, h: f64) {
+    fn learn(&mut self, seen: &Motion, elapsed: f64) {
         let tracking = &seen.tracking;
         if tracking.is_limited {
             return;
         }
         let error = tracking.velocity_error + tracking.position_error * self.slope;
-        let grown = self.integral + error * (self.gain * h);
+        let grown = self.integral + error * (self.gain * elapsed);
         self.integral = grown.map(|component| component.clamp(-self.largest, self.largest));
     }
 

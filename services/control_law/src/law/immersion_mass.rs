@@ -30,13 +30,13 @@ impl ImmersionMass {
 }
 
 impl Baseline for ImmersionMass {
-    fn learn(&mut self, seen: &Motion, h: f64) {
+    fn learn(&mut self, seen: &Motion, elapsed: f64) {
         let sample = ObserverSample {
             velocity_world: seen.velocity_world,
             thrust_axis_world: seen.thrust_axis_world,
             thrust: seen.thrust,
         };
-        self.observer.step(sample, h);
+        self.observer.step(sample, elapsed);
         self.observer.theta = self.observer.theta.clamp(self.range[0], self.range[1]);
     }
 

@@ -17,7 +17,7 @@ pub struct Indi {
 }
 
 impl Baseline for Indi {
-    fn learn(&mut self, seen: &Motion, _h: f64) {
+    fn learn(&mut self, seen: &Motion, _elapsed: f64) {
         self.residual = seen.residual;
     }
 

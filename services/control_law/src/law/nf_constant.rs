@@ -38,13 +38,13 @@ impl NfConstant {
 }
 
 impl Baseline for NfConstant {
-    fn learn(&mut self, seen: &Motion, h: f64) {
+    fn learn(&mut self, seen: &Motion, elapsed: f64) {
         let tracking = &seen.tracking;
-        let share = 1.0 - libm::exp(-self.prediction_gain * h);
+        let share = 1.0 - libm::exp(-self.prediction_gain * elapsed);
         let mut estimate = self.estimate + (seen.residual - self.estimate) * share;
         if !tracking.is_limited {
             let error = tracking.velocity_error + tracking.position_error * self.slope;
-            estimate += error * (self.tracking_gain * h);
+            estimate += error * (self.tracking_gain * elapsed);
         }
         self.estimate = estimate.map(|component| component.clamp(-self.largest, self.largest));
     }

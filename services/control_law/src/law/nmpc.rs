@@ -3,7 +3,7 @@
 //! The model has eleven states: p, V, the tilt, ωxy and T. Its inputs are the commanded ωx, ωy and T, one for each of
 //! the coming [`STEPS`] steps; ωz is the yaw law's. The residual acceleration d that the estimator sees pushes it all
 //! the way, so that a constant disturbance leaves no offset. A command is one pass of Gauss–Newton from the plan of the
-//! hold before, shifted by the hold: a linearisation along the plan, a Riccati recursion backwards, and the model
+//! hold before, shifted by the time since: a linearisation along the plan, a Riccati recursion backwards, and the model
 //! forwards again with the inputs within their limits. The work is the same at every step. Memory: the plan, d.
 //!
 //! The tilt is an error about the plan, R = R̄ exp(S(θ)) with θ = (θx, θy, 0), so that no attitude is special.
@@ -242,7 +242,7 @@ impl Nmpc {
             let modelled = Vector3::z() * GRAVITY - axis * (acting.thrust / self.model.mass);
             self.residual = acting.acceleration_world - modelled;
         }
-        let yaw_rate = rate_controller.yaw_rate(&measured.world_from_body, moment.yaw);
+        let yaw_rate = rate_controller.yaw_rate(moment);
         let start = Predicted {
             position: measured.position_world,
             velocity: measured.velocity_world(),
@@ -250,7 +250,7 @@ impl Nmpc {
             omega: measured.angular_velocity_body.xy(),
             thrust: acting.thrust,
         };
-        self.shift(rate_controller.hold());
+        self.shift(moment.elapsed);
         let push = Push {
             residual: self.residual,
             yaw_rate,
@@ -272,11 +272,17 @@ impl Nmpc {
         }
     }
 
-    /// Moves the plan on by `elapsed` seconds.
-    fn shift(&mut self, elapsed: f64) {
-        let share = (elapsed / self.step).min(1.0);
-        for index in 0..STEPS - 1 {
-            self.plan[index] += (self.plan[index + 1] - self.plan[index]) * share;
+    /// Moves the plan on by `elapsed` seconds; its last input stays.
+    pub fn shift(&mut self, elapsed: f64) {
+        let steps = elapsed / self.step;
+        // The input that begins within the last of these steps, and the share of that step.
+        let whole = (libm::ceil(steps) - 1.0).clamp(0.0, STEPS as f64);
+        let share = steps - whole;
+        let planned = self.plan;
+        let at = |index: usize| planned[index.min(STEPS - 1)];
+        for (index, input) in self.plan.iter_mut().enumerate() {
+            let index = index + whole as usize;
+            *input = at(index) + (at(index + 1) - at(index)) * share;
         }
     }
 
@@ -495,6 +501,28 @@ mod tests {
                 prop_assert!(input.iter().all(|number| number.is_finite()));
                 let [least, largest] = law.model.limits;
                 prop_assert!(input == input.sup(&least).inf(&largest));
+            }
+        }
+    }
+
+    #[test]
+    fn a_plan_moves_on_by_the_time_that_has_passed() {
+        let ramp = |index: f64| Vector3::new(index, -2.0 * index, 1.0 + index);
+        let last = (STEPS - 1) as f64;
+        for (steps, first) in [
+            (0.0, 0.0),
+            (0.25, 0.25),
+            (1.0, 1.0),
+            (6.0, 6.0),
+            (6.5, 6.5),
+            (1e4, last),
+        ] {
+            let mut law = law();
+            law.plan = std::array::from_fn(|index| ramp(index as f64));
+            law.shift(steps * law.step);
+            for (index, input) in law.plan.iter().enumerate() {
+                let expected = ramp((first + index as f64).min(last));
+                assert!((input - expected).norm() < 1e-12, "{steps}, {index}: {input}");
             }
         }
     }

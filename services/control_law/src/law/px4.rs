@@ -69,13 +69,13 @@ impl Px4 {
 }
 
 impl Baseline for Px4 {
-    fn learn(&mut self, seen: &Motion, h: f64) {
+    fn learn(&mut self, seen: &Motion, elapsed: f64) {
         let tracking = &seen.tracking;
         if !tracking.is_limited {
             // The error of the velocity against v_sp.
             let error =
                 tracking.velocity_error + (POSITION * self.scale).component_mul(&tracking.position_error);
-            let grown = self.integral + INTEGRAL.component_mul(&error) * (self.scale * self.scale * h);
+            let grown = self.integral + INTEGRAL.component_mul(&error) * (self.scale * self.scale * elapsed);
             self.integral = grown.map(|component| component.clamp(-self.largest, self.largest));
         }
         let acceleration = seen.modelled_acceleration + seen.residual;
@@ -85,7 +85,7 @@ impl Baseline for Px4 {
         let seen_lift = lift - seen.residual.z;
         if seen_lift > LEAST_LIFT {
             let explained = self.prior_mass * lift / seen_lift;
-            self.mass += (explained - self.mass) * (1.0 - libm::exp(-h / HOVER_TIME));
+            self.mass += (explained - self.mass) * (1.0 - libm::exp(-elapsed / HOVER_TIME));
         }
     }
 

@@ -82,15 +82,16 @@ impl Flight {
 
     /// The command of a hold.
     fn command(&mut self) -> LawOutput {
-        self.law.advance(HOLD);
+        self.command_after(HOLD)
+    }
+
+    /// The command so many seconds after the one before.
+    fn command_after(&mut self, elapsed: f64) -> LawOutput {
+        self.law.advance(elapsed);
         let reference = resting_reference();
         let moment = Moment {
-            measured: self.rig.motion,
-            acting: self.rig.acting(),
-            reference: &reference,
-            yaw: 0.0,
-            elapsed: HOLD,
-            teaches: true,
+            elapsed,
+            ..self.rig.moment(&reference, 0.0)
         };
         self.law.command(
             &self.parameters,
@@ -142,6 +143,24 @@ fn an_estimate_of_the_mass_alone_finds_the_mass_and_leaves_the_rest() {
         (away - Vector3::new(0.3 / 36.0, 0.0, 0.0)).norm() < 3e-4,
         "{away}"
     );
+}
+
+#[test]
+fn integrals_grow_by_the_time_since_the_step_before() {
+    for kind in [LawKind::GeometricPid, LawKind::Px4] {
+        // The vehicle stays where it is for three steps, or for one of their length.
+        let [three, one] = [&[HOLD; 3][..], &[3.0 * HOLD]].map(|times| {
+            let mut flight = Flight::new(&with_law(kind));
+            flight.command_after(0.0);
+            times.iter().for_each(|elapsed| {
+                let _ = flight.command_after(*elapsed);
+            });
+            flight.law.estimates().unwrap()
+        });
+        assert!((three.0 - one.0).abs() < 1e-12, "{kind:?}: {three:?} {one:?}");
+        assert!((three.1 - one.1).norm() < 1e-12, "{kind:?}: {three:?} {one:?}");
+        assert!(one.1.norm() > 0.1, "{kind:?}: {one:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Law for a vehicle with body-rate commands, against a vehicle with lags that is measured without error.
 
 use control_law::adaptive::offset::hanging_offset;
+use control_law::law::Moment;
 use control_law::rate_controller::RateController;
 use control_law::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
@@ -51,6 +52,18 @@ impl Rig {
         }
     }
 
+    /// The inputs of a step, one hold after the one before.
+    pub(crate) fn moment<'a>(&self, reference: &'a Reference, yaw: f64) -> Moment<'a> {
+        Moment {
+            measured: self.motion,
+            acting: self.acting(),
+            reference,
+            yaw,
+            elapsed: HOLD,
+            teaches: true,
+        }
+    }
+
     fn acceleration(&self) -> Vector3<f64> {
         let thrust_axis = self.motion.world_from_body.column(2).into_owned();
         Vector3::z() * GRAVITY + self.disturbance - thrust_axis * (self.thrust / MASS)
@@ -98,7 +111,7 @@ fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) 
     let (mut time, mut farthest) = (0.0, 0.0_f64);
     while time < seconds {
         let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-        let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), yaw);
+        let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), yaw));
         assert!(command.is_telling);
         rig.fly(command.thrust.max(0.0), &command.rates_body);
         estimates = estimates.advanced(&command.law.rates, HOLD);
@@ -150,7 +163,7 @@ fn the_roll_out_commands_smaller_body_rates() {
         let mut squares = 0.0;
         for _ in 0..50 {
             let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-            let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0);
+            let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), 0.0));
             rig.fly(command.thrust.max(0.0), &command.rates_body);
             squares += command.rates_body.norm_squared();
         }
@@ -195,7 +208,7 @@ fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let parameters = Parameters::from(&scenario);
     let estimates = Estimates::from(&scenario.controller.initial);
     let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-    let command = rate_controller.fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0);
+    let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), 0.0));
     assert_eq!(
         command.law,
         control_law::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
@@ -217,7 +230,7 @@ fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
         };
         let law = rate_controller.adaptive_law(&parameters, &estimates, None);
         rate_controller
-            .fly(&law, &rig.motion, &rig.acting(), &resting_reference(), 0.0)
+            .fly(&law, &rig.moment(&resting_reference(), 0.0))
             .is_telling
     };
     assert!(telling(0.0, 1.96));
