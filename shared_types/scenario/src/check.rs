@@ -33,6 +33,9 @@ use super::{Key, Problem, Scenario, Vector};
 /// Largest plausible magnitude of a number in a scenario; products of several stay finite.
 const LARGEST: f64 = 1e9;
 
+/// Length of a vector up to which it gives no direction: the square of a smaller one may be 0.
+const NO_DIRECTION: f64 = 1e-9;
+
 impl Scenario {
     /// Returns all problems of the scenario; empty for a valid one.
     #[must_use]
@@ -147,6 +150,23 @@ impl Findings {
         components.fold(true, |good, (index, &component)| {
             self.number(&key.then(index), component) && good
         })
+    }
+
+    /// Requires three numbers that give a direction; `reason` says what is without one.
+    fn direction(&mut self, key: &Key, value: &Vector, reason: &str, fix: &str) -> bool {
+        if !self.vector(key, value) {
+            return false;
+        }
+        let length = value
+            .iter()
+            .map(|component| component * component)
+            .sum::<f64>()
+            .sqrt();
+        if length <= NO_DIRECTION {
+            let reason = format!("{reason}: {value:?} is no longer than {NO_DIRECTION:e}");
+            self.add(key.clone(), reason, fix);
+        }
+        length > NO_DIRECTION
     }
 
     fn positive(&mut self, key: &Key, symbol: &str, value: f64) -> bool {

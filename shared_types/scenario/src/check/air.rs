@@ -19,7 +19,7 @@ impl Turbulence {
 
 impl Wind {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
-        found.vector(&at.then("mean"), &self.mean);
+        let mean = at.then("mean");
         found.vector(&at.then("sine"), &self.sine);
         let frequency = at.then("sine_frequency");
         found.not_negative(&frequency, "the frequency", self.sine_frequency);
@@ -28,13 +28,11 @@ impl Wind {
         }
         if let Some(dryden) = &self.dryden {
             dryden.check(&at.then("dryden"), found);
-            if self.mean == [0.0; 3] {
-                found.add(
-                    at.then("dryden"),
-                    "without a mean wind no gusts pass the vehicle",
-                    "state `mean`, or `gusts` with a correlation time in place of `dryden`",
-                );
-            }
+            let reason = "without a mean wind no gusts of `dryden` pass the vehicle";
+            let fix = "state a wind such as [1.0, 0.0, 0.0], or `gusts` with a correlation time in place of `dryden`";
+            found.direction(&mean, &self.mean, reason, fix);
+        } else {
+            found.vector(&mean, &self.mean);
         }
     }
 }
@@ -133,11 +131,6 @@ impl Fan {
 }
 
 fn check_direction(direction: &Vector, key: &Key, found: &mut Findings) {
-    if found.vector(key, direction) && *direction == [0.0; 3] {
-        found.add(
-            key.clone(),
-            "the fan blows in no direction",
-            "give a direction other than [0, 0, 0]",
-        );
-    }
+    let fix = "give a direction of any length, such as [1.0, 0.0, 0.0]";
+    found.direction(key, direction, "the fan blows in no direction", fix);
 }

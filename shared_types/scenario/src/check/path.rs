@@ -106,14 +106,9 @@ impl Circle {
 impl Line {
     fn check(&self, at: &Key, found: &mut Findings) {
         found.vector(&at.then("start"), &self.start);
-        found.vector(&at.then("direction"), &self.direction);
-        if self.direction == [0.0; 3] {
-            found.add(
-                at.then("direction"),
-                "the line has no direction",
-                "give a direction other than [0, 0, 0], or use `hover`",
-            );
-        }
+        let fix = "give a direction such as [1.0, 0.0, 0.0], or use `hover`";
+        let direction = at.then("direction");
+        found.direction(&direction, &self.direction, "the line has no direction", fix);
     }
 }
 

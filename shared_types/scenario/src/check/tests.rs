@@ -12,7 +12,7 @@ mod safety;
 use proptest::prelude::*;
 
 use crate::tests_support::fig1;
-use crate::{Circle, Curve, Hover, Line, Problem, Scenario, TiltedEight, VehicleChange, Waypoints};
+use crate::{Circle, Curve, Hover, Line, Problem, Scenario, TiltedEight, Vector, VehicleChange, Waypoints};
 
 /// The problems of the paper's first figure after it has been spoilt.
 fn problems(spoil: impl FnOnce(&mut Scenario)) -> Vec<Problem> {
@@ -20,6 +20,9 @@ fn problems(spoil: impl FnOnce(&mut Scenario)) -> Vec<Problem> {
     spoil(&mut scenario);
     scenario.problems()
 }
+
+/// Vectors that give no direction: the square of the second is 0.
+const NOWHERE: [Vector; 3] = [[0.0, -0.0, 0.0], [1e-170, 0.0, 0.0], [0.0, 5e-10, -5e-10]];
 
 /// The only problem is at this key, gives this reason and this fix (each in part).
 #[track_caller]
@@ -438,12 +441,14 @@ fn a_line_without_direction_is_refused() {
             direction,
         })
     };
-    refused(
-        |scenario| scenario.path.curve = line([0.0, -0.0, 0.0]),
-        "path.curve.line.direction",
-        "no direction",
-        "use `hover`",
-    );
+    for nowhere in NOWHERE {
+        refused(
+            |scenario| scenario.path.curve = line(nowhere),
+            "path.curve.line.direction",
+            "no direction",
+            "use `hover`",
+        );
+    }
     accepted(|scenario| scenario.path.curve = line([0.0, 0.0, -0.1]));
 }
 

@@ -1,10 +1,10 @@
 //! Sections of the laboratory rig in a scenario.
 
-use super::assert_only;
+use super::{NOWHERE, assert_only};
 use crate::tests_support::rig;
 use crate::{
-    Actuators, Cameras, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand, RcLink,
-    Scenario, Turbulence, VehicleChange, YawStep,
+    Actuators, Cameras, Dryden, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand,
+    RcLink, Scenario, Turbulence, Vector, VehicleChange, Wind, YawStep,
 };
 
 /// The problems of the flight in the laboratory after it has been spoilt.
@@ -338,20 +338,36 @@ fn a_fan_that_is_switched_off_before_it_is_on_is_refused() {
     accepted(|scenario| fan(scenario).off_at = None);
 }
 
+/// A wind with Dryden's gusts about a mean.
+fn blow(scenario: &mut Scenario, mean: Vector) {
+    scenario.vehicle.drag = [0.06; 3];
+    let (deviation, length) = ([0.5; 3], [2.0; 3]);
+    let dryden = Some(Dryden { deviation, length });
+    let wind = scenario.vehicle.wind.insert(Wind::default());
+    (wind.mean, wind.dryden) = (mean, dryden);
+}
+
 #[test]
-fn a_fan_that_blows_nowhere_is_refused() {
-    refused(
-        |scenario| fan(scenario).direction = [0.0; 3],
-        "vehicle.fan.direction",
-        "blows in no direction",
-        "other than [0, 0, 0]",
-    );
-    refused(
-        |scenario| fan(scenario).moves[1].direction = [0.0; 3],
-        "vehicle.fan.moves.1.direction",
-        "blows in no direction",
-        "other than [0, 0, 0]",
-    );
+fn air_that_blows_nowhere_is_refused() {
+    for nowhere in NOWHERE {
+        let (reason, fix) = ("blows in no direction", "such as [1.0, 0.0, 0.0]");
+        refused(
+            |s| fan(s).direction = nowhere,
+            "vehicle.fan.direction",
+            reason,
+            fix,
+        );
+        let key = "vehicle.fan.moves.1.direction";
+        refused(|s| fan(s).moves[1].direction = nowhere, key, reason, fix);
+        refused(
+            |s| blow(s, nowhere),
+            "vehicle.wind.mean",
+            "without a mean wind",
+            fix,
+        );
+    }
+    accepted(|s| fan(s).direction = [0.0, 2e-9, 0.0]);
+    accepted(|s| blow(s, [0.0, 2e-9, 0.0]));
 }
 
 #[test]
