@@ -4,7 +4,7 @@ use std::fmt::{Display, Formatter, Write as _};
 
 use serde::Serialize;
 use statistics::interval::{clopper_pearson, lower_bound, wilson};
-use statistics::paired::Paired;
+use statistics::paired::{Paired, sign_test};
 use statistics::quantile::{median, quantile, sorted};
 
 use crate::definition::{Definition, Method};
@@ -344,9 +344,11 @@ pub struct Difference {
     /// Samples that both completed.
     pub pairs: usize,
     /// Samples that the entry lost and the reference did not.
-    pub only_law_failed: usize,
+    pub only_law_failed: u64,
     /// Samples that the reference lost and the entry did not.
-    pub only_reference_failed: usize,
+    pub only_reference_failed: u64,
+    /// p of McNemar's exact test of these two numbers, two-sided.
+    pub mcnemar_p: f64,
     /// Median of the differences, in the column's unit.
     pub median: f64,
     /// Bootstrap interval of the median.
@@ -523,6 +525,7 @@ impl Report {
                     "{} / {}",
                     difference.only_law_failed, difference.only_reference_failed
                 ),
+                probability(difference.mcnemar_p),
             ])
         });
         let reference = self.laws.first().map_or("", |law| law.name.as_str());
@@ -536,6 +539,7 @@ impl Report {
             "sign test, p",
             "Wilcoxon, p",
             "only it / only the reference failed",
+            "McNemar, p",
         ];
         (
             format!("Differences from `{reference}`, sample by sample"),
@@ -676,24 +680,15 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
             let Some(paired) = Paired::of(&pairs, seed) else {
                 continue;
             };
-            // `survived` is the first criterion.
-            let survived = other.criteria[0]
-                .iter()
-                .zip(&reference.criteria[0])
-                .zip(&other.is_flown);
-            let only = |mine: bool| {
-                survived
-                    .clone()
-                    .filter(|((a, b), flown)| **flown && **a == mine && **b != mine)
-                    .count()
-            };
+            let [only_law_failed, only_reference_failed] = failed_alone(other, reference);
             differences.push(Difference {
                 law: entry.name.clone(),
                 reference: plan.entries[0].name.clone(),
                 name: shown.name.clone(),
                 pairs: pairs.len(),
-                only_law_failed: only(false),
-                only_reference_failed: only(true),
+                only_law_failed,
+                only_reference_failed,
+                mcnemar_p: sign_test::p_value(only_law_failed, only_reference_failed),
                 median: paired.median,
                 interval: paired.median_interval,
                 mean: paired.mean,
@@ -706,6 +701,22 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
         }
     }
     differences
+}
+
+/// Returns the number of samples in which the first alone did not survive, and in which the second alone did not, of
+/// those that both flew.
+fn failed_alone(one: &EntryResults, other: &EntryResults) -> [u64; 2] {
+    // `survived` is the first criterion.
+    let [survived, other_survived] = [one, other].map(|entry| entry.criteria[0].iter());
+    let is_flown = one.is_flown.iter().zip(&other.is_flown);
+    let pairs = survived.zip(other_survived).zip(is_flown);
+    let pairs = pairs.filter(|(_, (one, other))| **one && **other);
+    pairs.fold([0, 0], |[first, second], ((&one, &other), _)| {
+        [
+            first + u64::from(!one && other),
+            second + u64::from(one && !other),
+        ]
+    })
 }
 
 /// Returns a p-value, none of which is 0.
@@ -774,5 +785,29 @@ impl Display for Report {
             writeln!(formatter, "{title}\n{table}\n")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_pairs_that_both_flew_count_as_lost_by_one_alone() {
+        let entry = |survived: &[bool], is_flown: &[bool]| EntryResults {
+            criteria: vec![survived.to_vec()],
+            is_flown: is_flown.to_vec(),
+            ..EntryResults::default()
+        };
+        let one = entry(
+            &[true, false, false, true, false, true],
+            &[true, true, true, true, true, true],
+        );
+        let other = entry(
+            &[true, true, true, false, false, false],
+            &[true, true, true, true, true, false],
+        );
+        assert_eq!(failed_alone(&one, &other), [2, 1]);
+        assert_eq!(failed_alone(&other, &one), [1, 2]);
     }
 }

@@ -1,4 +1,6 @@
 //! The exact sign test: J. Arbuthnot (1710); W. J. Conover, Practical Nonparametric Statistics, 3.4.
+//!
+//! Of pairs that only one of two laws survives it is McNemar's exact test (ibid., 3.5).
 
 use crate::beta;
 
@@ -29,6 +31,9 @@ mod tests {
             (2, 7, 0.1796875),
             (20, 40, 0.01348929373119186),
             (0, 10, 2.0 / 1024.0),
+            // Laboratories that only composite adaptation, and only INDI lost (docs/experiments.md).
+            (98, 128, 0.053483625594766646),
+            (18, 55, 1.6913617102985627e-05),
         ] {
             let p = p_value(won, lost);
             assert!(
