@@ -8,11 +8,13 @@
 //! * [`conditions`]: the conditions, and the quantities whose margin is searched;
 //! * [`flights`]: the flights, and the results of a law in a condition;
 //! * [`margins`]: the search for the largest value that a law survives;
+//! * [`front`]: the laws that none beats in performance and margin;
 //! * [`report`]: the results as tables, as JSON and as a page with a heat map.
 
 pub mod arguments;
 pub mod conditions;
 pub mod flights;
+pub mod front;
 pub mod laws;
 pub mod margins;
 pub mod page;

@@ -6,11 +6,11 @@ use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout, Plot, ScatterPlot, TickFormat};
 
+use crate::front::MARGIN;
 use crate::report::{GridReport, centimetres};
 
-/// Condition and quantity of the drawing of performance against margin.
+/// Condition of the drawing of performance against margin.
 const PERFORMANCE: &str = "gusts";
-const MARGIN: &str = "delay";
 
 const STYLE: &str = "
 :root { color-scheme: light dark; --line: #8884; }

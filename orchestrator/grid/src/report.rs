@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::conditions::{Condition, MARGINS};
 use crate::flights::{Base, Cell};
+use crate::front::{self, FrontPoint};
 use crate::laws::ControlLaw;
 use crate::margins::{Margin, SURVIVED};
 
@@ -25,6 +26,8 @@ pub struct GridReport {
     pub cells: Vec<Cell>,
     /// The margins, laws first; none if they were not searched.
     pub margins: Vec<Margin>,
+    /// Performance and margin of every law; none if margins were not searched.
+    pub front: Vec<FrontPoint>,
 }
 
 /// A table: its title, its columns, and a line a law.
@@ -48,14 +51,32 @@ impl GridReport {
         cells: Vec<Cell>,
         margins: Vec<Margin>,
     ) -> Self {
-        Self {
+        let mut report = Self {
             base: base.name(),
             seeds: seeds.to_vec(),
             laws: laws.to_vec(),
             conditions: conditions.to_vec(),
             cells,
             margins,
-        }
+            front: Vec::new(),
+        };
+        let points = report.laws.iter().filter_map(|law| report.point(&law.name));
+        report.front = front::compared(&points.collect::<Vec<_>>());
+        report
+    }
+
+    /// Returns performance and margin of a law; none if margins were not searched.
+    fn point(&self, law: &str) -> Option<FrontPoint> {
+        let delay = self.margin(law, front::MARGIN)?.survived;
+        let cells = self.cells.iter().filter(|cell| cell.law == law);
+        let distances: Vec<_> = cells.clone().map(|cell| cell.rms).collect();
+        Some(FrontPoint {
+            law: law.to_owned(),
+            rms: front::geometric_mean(&distances),
+            lost: cells.map(|cell| cell.lost.len()).sum(),
+            delay,
+            beaten_by: Vec::new(),
+        })
     }
 
     /// Returns the result of a law in a condition.
@@ -79,7 +100,7 @@ impl GridReport {
         own.filter_map(|cell| cell.rms).reduce(f64::min)
     }
 
-    /// Returns the tables: errors, peaks, body rates and margins.
+    /// Returns the tables: errors, peaks, body rates, margins and front.
     #[must_use]
     pub fn tables(&self) -> Vec<LawTable> {
         let seeds = self.seeds.len();
@@ -100,6 +121,7 @@ impl GridReport {
         ];
         if !self.margins.is_empty() {
             tables.push(self.margin_table());
+            tables.push(self.front_table());
         }
         tables
     }
@@ -148,6 +170,32 @@ impl GridReport {
                 .map(|quantity| format!("{}, {}", quantity.name, quantity.unit))
                 .collect(),
             lines: self.laws.iter().map(line).collect(),
+        }
+    }
+
+    fn front_table(&self) -> LawTable {
+        let line = |point: &FrontPoint| {
+            let beaten_by = match point.beaten_by.as_slice() {
+                [] => "none: it is on the front".to_owned(),
+                [shown @ .., _, _] if shown.len() > 1 => {
+                    format!("{} and {} more", point.beaten_by[..2].join(", "), shown.len())
+                }
+                laws => laws.join(", "),
+            };
+            let delay = point
+                .delay
+                .map_or_else(|| "–".to_owned(), |delay| delay.to_string());
+            let cells = vec![centimetres(point.rms), point.lost.to_string(), delay, beaten_by];
+            (point.law.clone(), cells)
+        };
+        LawTable {
+            title: "Front: a law is beaten by those that are as near to the path, lose no more flights and survive as much \
+                    delay, and are better in one of the three"
+                .to_owned(),
+            columns: ["geometric mean of the RMS, cm", "flights lost", "delay survived, ms", "beaten by"]
+                .map(str::to_owned)
+                .to_vec(),
+            lines: self.front.iter().map(line).collect(),
         }
     }
 
