@@ -9,7 +9,9 @@ use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
 use super::check::Check;
+use super::host::HostFacts;
 use super::needs::Needs;
+use super::processor;
 
 /// Time between two wake-ups, ns.
 const PERIOD_NS: u64 = 1_000_000;
@@ -105,10 +107,9 @@ fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Latenes
 
 /// Returns whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.
 #[must_use]
-pub fn judge(lateness: &Lateness, needs: &Needs) -> Check {
+pub fn judge(lateness: &Lateness, host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "wake-ups";
-    let fix = "set `deployment.priority` and an isolated `deployment.core`, choose the governor `performance`, and \
-               stop other programs (docs/deployment.md)";
+    let fix = fix(host, needs);
     let figure = format!(
         "99 of 100 at most {} late, 999 of 1000 at most {}; a step waits {} for its inputs",
         microseconds(lateness.p99),
@@ -124,6 +125,23 @@ pub fn judge(lateness: &Lateness, needs: &Needs) -> Check {
     }
 }
 
+/// Returns what makes wake-ups sharper, of that only what is not so already.
+fn fix(host: &HostFacts, needs: &Needs) -> String {
+    let ServiceDeployment { core, priority, .. } = needs.foremost;
+    let isolated = host.cores("isolated");
+    let has_own_core = core.is_some_and(|core| isolated.contains(&core));
+    let has_governor = processor::governor(host).fix.is_none();
+    let changes = [
+        (priority.is_none(), "set `deployment.priority`"),
+        (!has_own_core, "set an isolated `deployment.core`"),
+        (!has_governor, "choose the governor `performance`"),
+        (true, "stop other programs"),
+    ];
+    let changes = changes.iter().filter(|(is_missing, _)| *is_missing);
+    let changes: Vec<_> = changes.map(|(_, change)| *change).collect();
+    changes.join("; ") + " (docs/deployment.md)"
+}
+
 /// A short time for people.
 #[must_use]
 pub fn microseconds(time: f64) -> String {
@@ -133,6 +151,7 @@ pub fn microseconds(time: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::CheckOutcome::{Green, Red, Yellow};
+    use super::super::host::fake;
     use super::*;
 
     #[test]
@@ -161,10 +180,43 @@ mod tests {
                 p99_9,
                 max: 1e-2,
             };
-            let check = judge(&lateness, &needs);
+            let (_folder, host) = fake(&[], None);
+            let check = judge(&lateness, &host, &needs);
             assert_eq!(check.verdict, verdict, "{check:?}");
             assert_eq!(check.fix.is_none(), verdict == Green);
         }
+    }
+
+    #[test]
+    fn what_is_set_already_is_no_fix() {
+        const CPU: &str = "sys/devices/system/cpu";
+        let isolated = format!("{CPU}/isolated");
+        let governor = format!("{CPU}/cpu3/cpufreq/scaling_governor");
+        let status = "Cpus_allowed_list:\t0-1\n";
+        let fix_of = |core, priority, governs: &str| {
+            let files = [
+                ("proc/self/status", status),
+                (isolated.as_str(), "3"),
+                (governor.as_str(), governs),
+            ];
+            let (_folder, host) = fake(&files, None);
+            let mut needs = Needs::ordinary();
+            (needs.foremost.core, needs.foremost.priority) = (core, priority);
+            fix(&host, &needs)
+        };
+        assert_eq!(
+            fix_of(None, None, "powersave"),
+            "set `deployment.priority`; set an isolated `deployment.core`; choose the governor `performance`; stop other \
+             programs (docs/deployment.md)"
+        );
+        assert_eq!(
+            fix_of(Some(3), Some(30), "performance"),
+            "stop other programs (docs/deployment.md)"
+        );
+        assert_eq!(
+            fix_of(Some(1), Some(30), "performance"),
+            "set an isolated `deployment.core`; stop other programs (docs/deployment.md)"
+        );
     }
 
     #[test]

@@ -68,6 +68,6 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Ma
         Duration::from_secs_f64(arguments.seconds),
         stopped,
     )?;
-    checks.push(wake_up::judge(&lateness, needs));
+    checks.push(wake_up::judge(&lateness, &host, needs));
     Some(MachineReport::new(checks, lateness))
 }
