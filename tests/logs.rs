@@ -511,10 +511,7 @@ fn a_topic_is_exported_as_a_table_with_the_numbers_of_the_log() {
     let json = text(&succeed(&mut place.gerono(&arguments)).stdout);
     for (row, line) in rows.iter().zip(json.lines()) {
         let line: serde_json::Value = serde_json::from_str(line).unwrap();
-        let position = names
-            .iter()
-            .position(|name| *name == "position_world[2]")
-            .unwrap();
+        let position = names.iter().position(|name| *name == "position_world.2").unwrap();
         let exact = line["sample"]["position_world"][2].as_f64().unwrap();
         assert_eq!(row[position].parse::<f64>().unwrap().to_bits(), exact.to_bits());
         assert_eq!(row.len(), names.len());

@@ -11,7 +11,6 @@ from gerono import _gerono
 
 _MEMBER = re.compile(r"^([\w/]+)(?:\[(\d+)\])? (\w+)$", re.MULTILINE)
 _KINDS = {"float64": "<f8", "uint64": "<u8", "uint32": "<u4", "uint16": "<u2", "uint8": "u1", "bool": "?"}
-_AXES = ("x", "y", "z")
 
 
 def dtype_of(definition: str) -> np.dtype[Any]:
@@ -54,9 +53,10 @@ def samples_of(topic: str, words: np.ndarray) -> np.ndarray:
 
 
 def columns(samples: np.ndarray, telemetry: list[str] | None = None) -> dict[str, np.ndarray]:
-    """Return samples as columns of numbers: `z1` becomes `z1_x`, `z1_y`, `z1_z`.
+    """Return samples as columns of numbers: `z1` becomes `z1.0`, `z1.1`, `z1.2`, matrices row by row.
 
-    The first column is `time`, s. Of own telemetry only the numbers that the scenario names are there.
+    The first column is `time`, s; names of elements are those of `gerono export --csv`, of faults and of sweeps. Of own
+    telemetry only the numbers that the scenario names are there.
     """
     found = {"time": samples["stamp_ns"] / 1e9}
     for name in samples.dtype.names or ():
@@ -66,12 +66,6 @@ def columns(samples: np.ndarray, telemetry: list[str] | None = None) -> dict[str
         elif values.ndim == 1:
             found[name] = values
         else:
-            for index in np.ndindex(values.shape[1:]):
-                found[f"{name}_{_suffix(index, values.shape[1:])}"] = values[(slice(None), *index)]
+            elements = values.reshape(len(values), -1)
+            found |= {f"{name}.{index}": elements[:, index] for index in range(elements.shape[1])}
     return found
-
-
-def _suffix(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    if all(length == 3 for length in shape):
-        return "".join(_AXES[place] for place in index)
-    return "_".join(str(place) for place in index)

@@ -37,7 +37,7 @@ pub enum MocapCommand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Capture {
     /// Vicon Tracker's UDP object stream.
-    #[value(alias = "vicon_udp")]
+    #[value(name = "vicon_udp", alias = "vicon")]
     Vicon,
     /// VRPN over TCP.
     Vrpn,
@@ -130,7 +130,7 @@ impl MocapSend {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono mocap send --as vrpn\n  \
         gerono mocap send --as natnet --natnet 3.1 --log runs/fig1-1 --rate 120\n  \
-        gerono mocap send --as vicon --to 127.0.0.1:51001 --rest --seconds 10";
+        gerono mocap send --as vicon_udp --to 127.0.0.1:51001 --rest --seconds 10";
 }
 
 fn natnet_version(text: &str) -> Result<Version, ValueError> {

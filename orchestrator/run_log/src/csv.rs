@@ -13,7 +13,7 @@ use super::schema::Schema;
 /// Writes the samples of a topic of every `every`-th tick as CSV (RFC 4180, lines end with a line feed).
 ///
 /// The first line names the columns: members of records are joined by a dot (`header.tick`), arrays have a column
-/// an element (`position_world[0]`), but a text has one and padding has none. Numbers are read back to the bit; those that are not
+/// an element (`position_world.0`), but a text has one and padding has none. Numbers are read back to the bit; those that are not
 /// finite are the words `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
@@ -82,7 +82,7 @@ mod tests {
         let cell = |name: &str| &row.iter().find(|(column, _)| column == name).unwrap().1;
         assert_eq!(row[0], ("header.tick".to_owned(), "7".to_owned()));
         for (axis, number) in z1.iter().enumerate() {
-            let read: f64 = cell(&format!("z1[{axis}]")).parse().unwrap();
+            let read: f64 = cell(&format!("z1.{axis}")).parse().unwrap();
             assert_eq!(read.to_bits(), number.to_bits());
         }
     }

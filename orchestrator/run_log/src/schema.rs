@@ -140,7 +140,7 @@ impl Member {
     fn columns(&self) -> Vec<String> {
         let names: Vec<_> = match self.length {
             Some(length) if !self.is_text() => (0..length)
-                .map(|index| format!("{}[{index}]", self.name))
+                .map(|index| format!("{}.{index}", self.name))
                 .collect(),
             _ => vec![self.name.clone()],
         };

@@ -121,7 +121,7 @@ pub struct Export {
     /// Write only this topic.
     #[arg(long, value_name = "TOPIC", value_parser = topic, add = manual::completion::topic())]
     pub topic: Option<Topic>,
-    /// Write a table with a column for every member, and for every element of an array: `position_world[0]`.
+    /// Write a table with a column for every member, and for every element of an array: `position_world.0`.
     #[arg(long, requires = "topic")]
     pub csv: bool,
 }

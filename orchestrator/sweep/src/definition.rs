@@ -10,6 +10,7 @@ use statistics::distribution::Distribution;
 use toml::{Table, Value};
 
 use crate::expression::is_name;
+use crate::row::present_name;
 
 /// A sweep as its file states it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -265,8 +266,12 @@ impl Definition {
     /// Reads the text of a sweep and checks what can be checked without its scenario.
     fn parse(text: &str, path: &Path) -> Result<Self, Failure> {
         let refused = |reason: String| Failure::bad_input(format!("{}: {reason}", path.display()));
-        let definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
+        let mut definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
         definition.check().map_err(refused)?;
+        let of_maps = definition.map.iter_mut().map(|map| &mut map.value);
+        for name in of_maps.chain([&mut definition.rank]) {
+            *name = present_name(name).to_owned();
+        }
         Ok(definition)
     }
 

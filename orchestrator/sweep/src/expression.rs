@@ -366,8 +366,7 @@ impl Parser<'_> {
             self.place += number;
             return Ok(Node::Number(value));
         }
-        let name = self.rest().find(|character| !is_part_of_name(character));
-        let name = self.rest()[..name.unwrap_or(self.rest().len())].to_owned();
+        let name = self.rest()[..self.name_length()].to_owned();
         if name.is_empty() {
             return Err(self.error("here a number, a name or a bracket should be"));
         }
@@ -408,6 +407,17 @@ impl Parser<'_> {
         } else {
             Err(self.error("here a `)` should be"))
         }
+    }
+
+    /// Length of the name that begins here, with the dots in it: `vehicle.mass`, `vehicle.drag.0`.
+    fn name_length(&self) -> usize {
+        let rest = self.rest();
+        let is_inside = |(at, character): (usize, char)| {
+            let is_dot = at > 0 && character == '.' && rest[at + 1..].starts_with(is_part_of_name);
+            is_dot || is_part_of_name(character)
+        };
+        let end = rest.char_indices().find(|&place| !is_inside(place));
+        end.map_or(rest.len(), |(at, _)| at)
     }
 
     /// Length of the number that begins here; 0 if none does.

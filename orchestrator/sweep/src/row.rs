@@ -139,11 +139,22 @@ const RESULTS: [FlightResult; 10] = [
     ("mass_estimate", |summary| {
         summary.phases.last()?.parameters.mass_estimate
     }),
-    ("disturbance_estimate_x", |summary| estimate(summary, 0)),
-    ("disturbance_estimate_y", |summary| estimate(summary, 1)),
-    ("disturbance_estimate_z", |summary| estimate(summary, 2)),
+    ("disturbance_estimate.0", |summary| estimate(summary, 0)),
+    ("disturbance_estimate.1", |summary| estimate(summary, 1)),
+    ("disturbance_estimate.2", |summary| estimate(summary, 2)),
     ("gamma", |summary| summary.phases.last()?.gamma),
 ];
+
+/// Returns the present name of a column that earlier programs called otherwise.
+#[must_use]
+pub(crate) fn present_name(name: &str) -> &str {
+    match name {
+        "disturbance_estimate_x" => "disturbance_estimate.0",
+        "disturbance_estimate_y" => "disturbance_estimate.1",
+        "disturbance_estimate_z" => "disturbance_estimate.2",
+        name => name,
+    }
+}
 
 /// A result of a phase: its name, and how it follows.
 type PhaseResult = (&'static str, fn(&Phase) -> Option<f64>);
@@ -240,7 +251,11 @@ impl Layout {
         let numbers = numbers.into_iter().chain(results).chain(of_phases);
         columns.extend(numbers.map(|name| column(&name, Kind::Number)));
         columns.extend(["lost", "survived"].map(|name| column(name, Kind::Flag)));
-        let place = |name: &str| columns.iter().position(|column| column.name == name);
+        let place = |name: &str| {
+            columns
+                .iter()
+                .position(|column| column.name == present_name(name))
+        };
         let criteria = definition.judge.iter().map(|(name, text)| {
             let expression = Expression::parse(text, place)?;
             let used = expression.places();

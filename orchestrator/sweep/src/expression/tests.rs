@@ -3,9 +3,9 @@ use proptest::prelude::*;
 use super::*;
 
 fn value(text: &str) -> f64 {
-    let names = ["m", "r", "missing"];
+    let names = ["m", "r", "missing", "vehicle.drag.0"];
     let expression = Expression::parse(text, |name| names.iter().position(|other| *other == name));
-    expression.unwrap().value(&[2.0, 3.0, f64::NAN])
+    expression.unwrap().value(&[2.0, 3.0, f64::NAN, 5.0])
 }
 
 #[test]
@@ -29,6 +29,7 @@ fn operators_bind_as_in_mathematics() {
         ("0.001 < m < 0.5", 0.0),
         ("3 > m < r == 3", 1.0),
         ("not 1 < m < r", 0.0),
+        ("vehicle.drag.0*2 < 11", 1.0),
         ("missing < 1 or m < r", 1.0),
         ("missing < 1 and m > r", 0.0),
     ] {
