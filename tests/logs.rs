@@ -418,6 +418,20 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
 
     let replayed = replay(&recovered(&place, "out"), &Options::default(), None).unwrap();
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
+    assert!(replayed.compared() > 1000 && replayed.log_ends.is_some());
+    let cut = text(&fails(&place, &["replay", "out", "--quiet"], 10).stdout);
+    let agree = format!("as far as the log goes: all {} samples", replayed.compared());
+    assert!(
+        cut.contains("The log was recovered: it ends") && cut.contains(&agree) && !cut.contains("identical"),
+        "{cut}"
+    );
+    // A part that the log has is whole.
+    let part = succeed(&mut place.gerono(&["replay", "out", "--to", "0.2", "--quiet"]));
+    assert!(
+        text(&part.stdout).contains("identical: "),
+        "{}",
+        text(&part.stdout)
+    );
     let digest = succeed(&mut place.gerono(&["digest", "out"]));
     assert!(
         text(&digest.stderr).contains("was recovered"),

@@ -130,7 +130,13 @@ fn a_killed_orchestrator_leaves_whole_files_and_a_newest_one_that_is_recovered()
     );
     answer(&place, &["recover", "out"]);
     assert!(!place.path("out/run.recovered.mcap").exists());
-    assert_replayed(&place, &["out"]);
+    let replayed = output(&mut place.gerono(&["replay", "out"]));
+    let words = String::from_utf8_lossy(&replayed.stdout);
+    assert!(
+        replayed.status.code() == Some(10) && words.contains("samples") && words.contains("agree"),
+        "{words} {}",
+        complaint(&replayed)
+    );
     assert!(answer(&place, &["info", "out"]).contains("recovered"));
 }
 
@@ -164,7 +170,8 @@ fn a_full_disk_ends_the_run_with_the_newest_file_incomplete() {
 fn a_missing_file_is_named_and_the_replay_says_what_it_could_not_do() {
     let place = Place::new();
     fly_split(&place, "out", 3.0, &["--host", "inprocess"]);
-    std::fs::remove_file(place.path("out/run.1.mcap")).unwrap();
+    let digest = answer(&place, &["digest", "out"]);
+    std::fs::rename(place.path("out/run.1.mcap"), place.path("lost.mcap")).unwrap();
     for command in [
         &["digest", "out"][..],
         &["diff", "out", "out"],
@@ -195,6 +202,15 @@ fn a_missing_file_is_named_and_the_replay_says_what_it_could_not_do() {
     );
     // Services of a flight in one process have no checkpoints to go on from.
     assert!(words.contains("steps could not be done again"), "{words}");
+    // The file is found again: the log is whole, and the note does not say that it ends where the recovered file does.
+    std::fs::rename(place.path("lost.mcap"), place.path("out/run.1.mcap")).unwrap();
+    let whole = succeed(&mut place.gerono(&["digest", "out"]));
+    assert_eq!(String::from_utf8_lossy(&whole.stdout), digest);
+    let note = complaint(&whole);
+    assert!(
+        note.contains("the log goes on in its file 1") && !note.contains("planned end"),
+        "{note}"
+    );
 }
 
 #[test]

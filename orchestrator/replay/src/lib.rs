@@ -137,7 +137,7 @@ pub struct Replayed {
     pub without_inputs: Vec<(ServiceId, Topic)>,
     /// Of each topic that was published in the replay.
     pub comparisons: Vec<Comparison>,
-    /// Reason why the log ends early, if it does.
+    /// Why the log has no more than was replayed, as a sentence, if it is incomplete or was recovered.
     pub log_ends: Option<String>,
 }
 
@@ -184,7 +184,7 @@ impl Replayed {
         self.comparisons.iter().map(count).sum()
     }
 
-    /// Returns whether all that could be compared is the same, and all could.
+    /// Returns whether all that could be compared is the same, and all could as far as the log goes.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         let is_whole = self.steps_without_inputs == 0 && self.resumptions == 0 && !self.lacks_samples;
@@ -377,6 +377,16 @@ impl Replay<'_> {
         recoveries.any(|recovery| recovery.lacks_samples_in(&replayed))
     }
 
+    /// Returns why the log has no more, if it is not a whole one and was replayed to its end.
+    fn log_ends(&self) -> Option<String> {
+        if let Some(reason) = &self.source.ends {
+            return Some(format!("The log ends early: {reason}"));
+        }
+        let is_at_end = self.ends_before <= self.scope.last;
+        let recovery = self.source.reader.recoveries().last().filter(|_| is_at_end)?;
+        Some(format!("The log was recovered: {}", recovery.ending()))
+    }
+
     /// The first service and step after which it did not know what is recorded.
     fn first_checkpoint(&self) -> Option<CheckpointDifference> {
         let different = self.replays.iter().filter_map(|replay| {
@@ -402,12 +412,12 @@ impl Replay<'_> {
             first_checkpoint: self.first_checkpoint(),
             strange_checkpoints: self.recorded_steps.strange_checkpoints(),
             lacks_samples: self.lacks_samples(),
+            log_ends: self.log_ends(),
             starts: self.starts,
             not_again: self.not_again,
             external_services: self.external_services,
             without_inputs: self.without_inputs,
             comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),
-            log_ends: self.source.ends,
         }
     }
 }

@@ -208,14 +208,26 @@ impl LogReader {
         let Opened { records, head } = Opened::open(path)?;
         let part = head.part.filter(|_| follows);
         let following = part.map_or_else(Vec::new, |_| files_after(path));
-        let later = following.iter().filter_map(|(_, path)| Opened::open(path).ok());
-        let later = later.filter_map(|opened| opened.head.recovery);
         let is_recovered = head.recovery.is_some();
         let followed_by = followed_by(&head);
+        let numbers: Vec<u64> = following.iter().map(|(number, _)| *number).collect();
+        let later = following.iter().filter_map(|(number, path)| {
+            let opened = Opened::open(path).ok()?;
+            Some((*number, opened.head.recovery?))
+        });
+        let own = head
+            .recovery
+            .map(|recovery| (part.map_or(0, |part| part.number), recovery));
+        let recoveries = own.into_iter().chain(later).map(|(number, mut recovery)| {
+            // A file that was lost then may be there again.
+            let next = numbers.iter().copied().find(|next| *next > number);
+            recovery.goes_on_in = next.or(recovery.goes_on_in);
+            recovery
+        });
         Ok(Self {
             path: path.to_owned(),
             manifest: head.manifest,
-            recoveries: head.recovery.into_iter().chain(later).collect(),
+            recoveries: recoveries.collect(),
             part: head.part,
             following: following.into(),
             goes_on: false,

@@ -106,8 +106,8 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     if options.from.is_some() {
         text += &format!("{}\n", starts_in_words(replayed, options));
     }
-    if let Some(reason) = &replayed.log_ends {
-        text += &format!("The log ends early: {reason}\n");
+    if let Some(sentence) = &replayed.log_ends {
+        text += &format!("{sentence}\n");
     }
     if replayed.lacks_samples {
         text += "Samples are missing in the recovered log.\n";
@@ -179,7 +179,11 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     } else {
         ""
     };
-    if replayed.is_identical() {
+    if replayed.is_identical() && replayed.log_ends.is_some() {
+        text += &format!(
+            "as far as the log goes: all {compared} samples of {steps} steps and {checkpoints} checkpoints agree{by_whom}\n"
+        );
+    } else if replayed.is_identical() {
         text +=
             &format!("identical: {compared} samples of {steps} steps, {checkpoints} checkpoints{by_whom}\n");
     } else {

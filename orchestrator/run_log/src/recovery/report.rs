@@ -31,7 +31,7 @@ pub struct Recovery {
     pub planned_last_tick: Option<u64>,
     /// `true` if the manifest was damaged, so that the scenario was given again.
     pub is_scenario_restated: bool,
-    /// Number of the file in which the log goes on, if it was split and there was one beside the source.
+    /// Number of the file in which the log goes on, if it was split and there is one beside it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goes_on_in: Option<u64>,
     /// If the source itself was a recovered log, what that lacked.
@@ -190,9 +190,13 @@ impl fmt::Display for Recovery {
 
 impl Recovery {
     /// Describes the end of the log, in words.
-    fn ending(&self) -> String {
+    #[must_use]
+    pub fn ending(&self) -> String {
         if self.lacks_nothing() {
             return "nothing is missing".to_owned();
+        }
+        if let Some(number) = self.goes_on_in {
+            return format!("the log goes on in its file {number}");
         }
         let planned = match (self.planned_last_tick, self.last_tick()) {
             (Some(planned), Some(last)) if last < planned => {
