@@ -293,6 +293,24 @@ fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
     };
     let alone = begin(&mut told("alone", "inprocess"));
     // The processes have flown their last ticks, and are ended.
+#[test]
+fn a_library_that_truncates_descriptors_leaves_no_log_that_counts_as_whole() {
+    for misconduct in [
+        "for (int file = 3; file < 64; file++) (void)!ftruncate(file, 0)",
+        "for (int file = 3; file < 64; file++) (void)!lseek(file, 0, SEEK_SET)",
+    ] {
+        let place = example(misconduct, "", &[]);
+        let alone = output(&mut fly(&place, "alone", &["--host", "inprocess"]));
+        assert_eq!(alone.status.code(), Some(4), "{}", complaint(&alone));
+        assert!(
+            complaint(&alone).contains("a plug-in, has changed it"),
+            "{}",
+            complaint(&alone)
+        );
+        assert!(!place.log("alone").exists());
+    }
+}
+
     succeed(&mut fly(&place, "processes", &[]));
     let in_real_time = output(&mut told("real", "realtime"));
     assert_flown_to_the_end(&in_real_time);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Seek};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -67,6 +67,16 @@ pub enum LogError {
         /// The file, with the name of an incomplete log.
         path: PathBuf,
     },
+    /// The file is not as long as what was written.
+    #[error("the log {} has {length} bytes and not the {written} that were written: another program, or a plug-in, has changed it; `gerono recover` keeps what is whole of it", .path.display())]
+    Altered {
+        /// The file, with the name of an incomplete log.
+        path: PathBuf,
+        /// Its size.
+        length: u64,
+        /// The size that it should have.
+        written: u64,
+    },
     /// The finished file cannot be given its name.
     #[error("cannot rename the log {} to {}: {source}; it is complete, rename it by hand", .partial.display(), .path.display())]
     Rename {
@@ -110,6 +120,8 @@ pub(super) struct McapFile {
     path: PathBuf,
     /// `None` after a failed write.
     writer: Option<Writer<NoSeek<BufWriter<File>>>>,
+    /// The same file, with the same position, to compare its length with what was written.
+    own: File,
     /// A message's bytes; kept to spare an allocation.
     payload: Vec<u8>,
     messages: u64,
@@ -187,16 +199,19 @@ impl McapFile {
             .disable_seeking(true)
             .chunk_size(chunk_bytes)
             .compression_threads(0);
+        let failed = |source| LogError::Create {
+            path: partial_path(path),
+            source,
+        };
+        let own = file.try_clone().map_err(failed)?;
         let writer = compression
             .apply(options)
             .create(NoSeek::new(BufWriter::with_capacity(BUFFER_BYTES, file)))
-            .map_err(|error| LogError::Create {
-                path: partial_path(path),
-                source: io_error(error),
-            })?;
+            .map_err(|error| failed(io_error(error)))?;
         Ok(Self {
             path: path.to_owned(),
             writer: Some(writer),
+            own,
             payload: CDR_HEADER.to_vec(),
             messages: 0,
             bytes: 0,
@@ -312,8 +327,37 @@ impl McapFile {
         result
     }
 
+    /// Refuses to go on in a file that something else has cut or written to: its next chunk would fill the gap with zeros, so
+    /// that the length alone would be right at the end.
+    fn check_length(&mut self) -> Result<(), LogError> {
+        if self.writer.is_none() {
+            return Ok(());
+        }
+        let sizes = self.own.metadata().and_then(|found| {
+            // Devices and pipes have no length.
+            let is_file = found.is_file();
+            let written = if is_file { self.own.stream_position()? } else { 0 };
+            Ok(is_file.then_some((found.len(), written)))
+        });
+        let problem = match sizes {
+            Ok(Some((length, written))) if length != written => LogError::Altered {
+                path: self
+                    .result
+                    .as_ref()
+                    .map_or_else(|| partial_path(&self.path), |_| self.path.clone()),
+                length,
+                written,
+            },
+            Ok(_) => return Ok(()),
+            Err(source) => self.failed(source),
+        };
+        self.abandon();
+        Err(problem)
+    }
+
     /// Closes the chunk and hands it to the system.
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
+        self.check_length()?;
         if self.durability.as_ref().is_some_and(Durability::has_failed) {
             self.end_durability()?;
         }
@@ -364,7 +408,9 @@ impl McapFile {
     /// Unless it was asked for, it is not forced to the disk, which takes longer than many a flight. A reader recognises a file
     /// whose end was lost to a power failure.
     pub(super) fn finish(mut self) -> Result<Written, LogError> {
+        self.check_length()?;
         self.attempt(Writer::finish)?;
+        self.check_length()?;
         let is_durable = self.durability.is_some();
         self.end_durability()?;
         if let Some(result) = self.result.take() {

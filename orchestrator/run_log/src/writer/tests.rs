@@ -280,6 +280,37 @@ fn a_disk_that_fails_in_flight_is_reported_with_the_next_chunk() {
     assert!(matches!(writer.finish(), Err(LogError::Closed { .. })));
 }
 
+/// What cuts the file in flight leaves zeros behind the next chunk, and the right length.
+#[test]
+fn a_log_that_something_else_cuts_or_lengthens_is_not_called_complete() {
+    let scenario = scenario(0.01, 1.0);
+    for (length, at_the_end) in [(0, false), (0, true), (1 << 20, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut writer = RunLogWriter::create(&path, &Manifest::new(&scenario), Compression::None).unwrap();
+        let mut failures = Vec::new();
+        for (topic, bytes) in samples(&scenario.schedule().unwrap()) {
+            let tick = header_of(&bytes).tick;
+            failures.extend(writer.write(topic, &bytes).err());
+            failures.extend(writer.end_tick(tick).err());
+            if tick == 60 && !at_the_end {
+                cut(&partial_path(&path), length);
+            }
+        }
+        cut(&partial_path(&path), length);
+        let finished = writer.finish().err();
+        let first = failures.into_iter().chain(finished).next().unwrap();
+        assert!(matches!(first, LogError::Altered { .. }), "{first}");
+        assert!(first.to_string().contains("gerono recover"), "{first}");
+        assert!(!path.exists());
+    }
+}
+
+fn cut(path: &Path, length: u64) {
+    let file = std::fs::OpenOptions::new().write(true).open(path).unwrap();
+    file.set_len(length).unwrap();
+}
+
 #[test]
 fn a_disk_that_is_full_at_the_end_leaves_no_complete_log() {
     let folder = tempfile::tempdir().unwrap();
