@@ -276,6 +276,15 @@ fn a_library_that_ends_the_process_is_an_error_with_its_name() {
         assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
         assert!(complaint(&alone).contains(&said), "{}", complaint(&alone));
     }
+    let thread = "pthread_t it; pthread_create(&it, NULL, leave_in_thread, NULL); pthread_join(it, NULL)";
+    let place = example(thread, "", &["-pthread"]);
+    let alone = output(&mut fly(&place, "alone", &["--host", "inprocess"]));
+    assert_eq!(alone.status.code(), Some(3), "{}", complaint(&alone));
+    assert!(
+        complaint(&alone).contains("called `exit` while a plug-in flies"),
+        "{}",
+        complaint(&alone)
+    );
     let place = example("exit(0)", "", &[]);
     let flown = output(&mut fly(&place, "processes", &["--restarts", "controller=1"]));
     assert_eq!(flown.status.code(), Some(3), "{}", complaint(&flown));
@@ -284,15 +293,6 @@ fn a_library_that_ends_the_process_is_an_error_with_its_name() {
     assert!(complaint(&flown).contains(reason), "{}", complaint(&flown));
 }
 
-#[test]
-fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
-    let place = example("", "it.destroy = never", &[]);
-    let scenario = place.path("eight.toml");
-    let told = |out: &str, host: &str| {
-        place.gerono(&["run", scenario.to_str().unwrap(), "--out", out, "--host", host])
-    };
-    let alone = begin(&mut told("alone", "inprocess"));
-    // The processes have flown their last ticks, and are ended.
 #[test]
 fn a_library_that_truncates_descriptors_leaves_no_log_that_counts_as_whole() {
     for misconduct in [
@@ -311,6 +311,15 @@ fn a_library_that_truncates_descriptors_leaves_no_log_that_counts_as_whole() {
     }
 }
 
+#[test]
+fn a_library_whose_destroy_hangs_leaves_a_whole_log_and_a_reason() {
+    let place = example("", "it.destroy = never", &[]);
+    let scenario = place.path("eight.toml");
+    let told = |out: &str, host: &str| {
+        place.gerono(&["run", scenario.to_str().unwrap(), "--out", out, "--host", host])
+    };
+    let alone = begin(&mut told("alone", "inprocess"));
+    // The processes have flown their last ticks, and are ended.
     succeed(&mut fly(&place, "processes", &[]));
     let in_real_time = output(&mut told("real", "realtime"));
     assert_flown_to_the_end(&in_real_time);

@@ -146,7 +146,7 @@ enum Stop<E> {
 /// Ends the process: the thread that flies is inside of the library, and no other way leads out of it.
 fn give_up() -> ! {
     eprintln!("a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)");
-    std::process::exit(i32::from(Exit::FlightFailed.code()))
+    plugin::end_process(Exit::FlightFailed.code())
 }
 
 /// Ends the flight on request.

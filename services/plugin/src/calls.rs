@@ -4,6 +4,7 @@
 use std::cell::Cell;
 use std::ffi::c_int;
 use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -35,11 +36,38 @@ thread_local! {
     static CURRENT: Cell<Option<Call>> = const { Cell::new(None) };
 }
 
-#[expect(unsafe_code, reason = "two functions of the C library")]
+#[expect(unsafe_code, reason = "functions of the C library")]
 unsafe extern "C" {
     fn atexit(callback: extern "C" fn()) -> c_int;
     fn at_quick_exit(callback: extern "C" fn()) -> c_int;
     safe fn _exit(code: c_int) -> !;
+    safe fn getpid() -> c_int;
+    safe fn gettid() -> c_int;
+}
+
+/// Services of libraries that have not been freed.
+static SERVICES: AtomicUsize = AtomicUsize::new(0);
+
+/// Counts a service of a library while it lives.
+pub(crate) struct Living;
+
+impl Living {
+    pub(crate) fn begin() -> Self {
+        SERVICES.fetch_add(1, Ordering::Relaxed);
+        Self
+    }
+}
+
+impl Drop for Living {
+    fn drop(&mut self) {
+        SERVICES.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Ends the process with a code of Gerono's own, from any thread: `exit` in a thread other than the main one counts as a
+/// library's.
+pub fn end_process(code: u8) -> ! {
+    _exit(code.into())
 }
 
 /// A function of a library has changed the floating-point mode; it was set back.
@@ -86,8 +114,8 @@ impl Call {
     }
 }
 
-/// Makes `exit` and `quick_exit` an error while a thread is in a library: the exit code 0 would claim a flight that has not
-/// ended. `_exit` and the system call `exit_group` run no code of the process, so nothing can be said there.
+/// Makes `exit` and `quick_exit` an error while a thread is in a library, and in threads that libraries have started: the exit
+/// code 0 would claim a flight that has not ended. `_exit` and the system call `exit_group` run no code of the process, so nothing can be said there.
 pub(crate) fn guard_exit() {
     static GUARD: Once = Once::new();
     #[expect(unsafe_code, reason = "functions of the C library")]
@@ -100,7 +128,16 @@ pub(crate) fn guard_exit() {
 
 /// Called by the C library at `exit`, in the thread that called it.
 extern "C" fn at_exit() {
-    let Some(call) = CURRENT.take() else { return };
+    let Some(call) = CURRENT.take() else {
+        // Gerono's own processes end in their main threads.
+        if SERVICES.load(Ordering::Relaxed) > 0 && gettid() != getpid() {
+            let _said = std::panic::catch_unwind(|| {
+                panic!("a thread that is not Gerono's called `exit` while a plug-in flies");
+            });
+            _exit(FLIGHT_FAILED);
+        }
+        return;
+    };
     let Call {
         library,
         role,

@@ -26,4 +26,6 @@ pub mod loader;
 #[cfg(feature = "load")]
 mod setup_texts;
 
+#[cfg(feature = "load")]
+pub use calls::end_process;
 pub use export::{Plugin, Setup};

@@ -19,7 +19,7 @@ use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId, Topic};
 
 use crate::abi;
-use crate::calls::{self, Call, FloatModeChanged};
+use crate::calls::{self, Call, FloatModeChanged, Living};
 use crate::guarded::Guarded;
 use crate::setup_texts::SetupTexts;
 use trial::Trial;
@@ -133,6 +133,8 @@ struct PluginService {
     state_size: usize,
     /// Trial of the saved state; none in the second instance itself.
     trial: Option<Box<Trial>>,
+    /// Counts it, for the end of the process.
+    _living: Living,
 }
 
 /// Which inputs and outputs of a step have a sample; bit i stands for port i.
@@ -322,6 +324,7 @@ impl PluginService {
             state: RefCell::new(Guarded::new(state_size.min(MAX_STATE))),
             state_size,
             trial: None,
+            _living: Living::begin(),
         };
         if state_size > MAX_STATE {
             return Err(interface(format!(
