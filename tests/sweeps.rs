@@ -344,10 +344,18 @@ fn laws_are_ranked_by_what_the_sweep_says_and_numbers_drawn_as_a_heat_map() {
         assert_eq!(winner["law"], ranked, "{winner}");
     }
     assert_eq!(summary["laws"][0]["quantiles"][0]["name"], "ultimate");
+    let mut bars = Vec::new();
     for law in ["slow", "fast"] {
         let drawing = place.path(&format!("results/map-vehicle.mass-b-{law}.svg"));
-        assert!(drawing.exists(), "{}", drawing.display());
+        let drawing = std::fs::read_to_string(drawing).unwrap();
+        assert_eq!(drawing.matches("stroke=\"#fff\"").count(), 6);
+        // The bar of colours has the same five values for both laws.
+        let bar = drawing
+            .lines()
+            .filter(|line| line.contains("text-anchor=\"start\""));
+        bars.push(bar.map(str::to_owned).collect::<Vec<_>>());
     }
+    assert!(bars[0].len() == 6 && bars[0] == bars[1], "{bars:?}");
 }
 
 #[test]

@@ -19,6 +19,7 @@ pub mod definition;
 pub mod expression;
 pub mod flight;
 mod fly;
+mod heat_map;
 pub mod library;
 mod merge;
 pub mod ordered;

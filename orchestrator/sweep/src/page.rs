@@ -2,15 +2,14 @@
 
 use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
-use kuva::prelude::{
-    ColorMap, Figure, Heatmap, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot,
-};
-use statistics::quantile::{median, quantile, sorted};
+use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
+use statistics::quantile::sorted;
 
 use crate::definition::{Map, part_of_file_name};
 use crate::expression::Expression;
+use crate::heat_map::{self, Grid, Scale};
 use crate::prepared::Prepared;
-use crate::report::{EntryResults, Report, Results, Shown, digits};
+use crate::report::{EntryResults, Report, Results};
 
 /// Most points of a drawing: of more every n-th is shown.
 const POINTS: usize = 3000;
@@ -107,10 +106,6 @@ fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
         .with_layouts(vec![layout]);
     SvgBackend::new().render_scene(&figure.render())
 }
-
-/// Most levels of a heat map, and the number of its ranges where there are more.
-const MOST_LEVELS: usize = 12;
-const RANGES: usize = 8;
 
 /// Every n-th of so many, such that no more than [`POINTS`] of so many laws are left.
 fn thinned<T>(values: Vec<T>, laws: usize) -> Vec<T> {
@@ -209,102 +204,44 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
 /// The drawings that the sweep asks for, with the names of their files.
 #[must_use]
 pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, String)> {
-    let plan = &prepared.plan;
-    let asked = plan.source.definition.map.iter();
-    let drawn = asked.flat_map(|map| {
-        plan.entries
-            .iter()
-            .zip(&results.entries)
-            .filter_map(move |(entry, of_entry)| {
-                let drawing = map_drawing(map, prepared, results, of_entry)?;
-                let [x, y] = [&map.x, &map.y].map(|axis| part_of_file_name(axis));
-                Some((format!("map-{x}-{y}-{}.svg", entry.file_name()), drawing))
-            })
-    });
-    drawn.collect()
+    let asked = prepared.plan.source.definition.map.iter();
+    asked
+        .flat_map(|map| drawings_of(map, prepared, results).unwrap_or_default())
+        .collect()
 }
 
-fn map_drawing(map: &Map, prepared: &Prepared, results: &Results, entry: &EntryResults) -> Option<String> {
+/// The drawings of a map: one an entry, with the name of its file.
+fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<(String, String)>> {
     let plan = &prepared.plan;
     let values = |name: &str| {
         let place = plan.columns().position(|column| column == name)?;
         Some(results.varied[place].as_slice())
     };
     let (xs, ys) = (values(&map.x)?, values(&map.y)?);
-    match prepared.layout.criteria().position(|name| name == map.value) {
-        Some(criterion) => dots(map, xs, ys, &entry.criteria[criterion], &entry.is_flown),
-        None => {
-            let place = results.shown.iter().position(|shown| shown.name == map.value)?;
-            heat_map(map, xs, ys, &results.shown[place], &entry.numbers[place])
-        }
-    }
-}
-
-/// A value over two others: the median of each part of the plane.
-fn heat_map(map: &Map, xs: &[f64], ys: &[f64], shown: &Shown, values: &[f64]) -> Option<String> {
-    let (columns, rows) = (Parts::of(xs), Parts::of(ys));
-    let mut cells = vec![vec![Vec::new(); columns.labels.len()]; rows.labels.len()];
-    for ((x, y), value) in xs.iter().zip(ys).zip(values) {
-        if value.is_finite() {
-            cells[rows.place(*y)][columns.place(*x)].push(shown.factor * value);
-        }
-    }
-    let medians = cells.into_iter().map(|row| {
-        let row = row
-            .into_iter()
-            .map(|cell| median(&sorted(cell)).unwrap_or(f64::NAN));
-        row.collect::<Vec<_>>()
-    });
-    let medians: Vec<Vec<f64>> = medians.collect();
-    medians
-        .iter()
-        .flatten()
-        .copied()
-        .find(|median| median.is_finite())?;
-    let plot = Heatmap::new()
-        .with_data(medians)
-        .with_color_map(ColorMap::Oranges)
-        .with_values();
-    let plots = vec![Plot::from(plot)];
-    let layout = DrawingLayout::auto_from_plots(&plots)
-        .with_title(shown.title.clone())
-        .with_x_categories(columns.labels)
-        .with_y_categories(rows.labels)
-        .with_x_label(map.x.clone())
-        .with_y_label(map.y.clone());
-    Some(figure(plots, layout))
-}
-
-/// Parts of a varied value: its values if they are few, else ranges with as many samples each.
-struct Parts {
-    /// Where each but the first begins.
-    borders: Vec<f64>,
-    labels: Vec<String>,
-}
-
-impl Parts {
-    fn of(values: &[f64]) -> Self {
-        let all = sorted(values.iter().copied());
-        let mut levels = all.clone();
-        levels.dedup();
-        if levels.len() <= MOST_LEVELS {
-            return Self {
-                borders: levels[1.min(levels.len())..].to_vec(),
-                labels: levels.iter().map(|level| digits(*level)).collect(),
-            };
-        }
-        #[expect(clippy::cast_precision_loss, reason = "a few parts")]
-        let at = |part: usize| quantile(&all, part as f64 / RANGES as f64).unwrap_or(f64::NAN);
-        let label = |part: usize| format!("{} to {}", digits(at(part)), digits(at(part + 1)));
-        Self {
-            borders: (1..RANGES).map(at).collect(),
-            labels: (0..RANGES).map(label).collect(),
-        }
-    }
-
-    fn place(&self, value: f64) -> usize {
-        self.borders.iter().take_while(|border| value >= **border).count()
-    }
+    let criterion = prepared.layout.criteria().position(|name| name == map.value);
+    let drawings: Vec<Option<String>> = if let Some(criterion) = criterion {
+        let dots = |entry: &EntryResults| dots(map, xs, ys, &entry.criteria[criterion], &entry.is_flown);
+        results.entries.iter().map(dots).collect()
+    } else {
+        let place = results.shown.iter().position(|shown| shown.name == map.value)?;
+        let shown = &results.shown[place];
+        let grids = results
+            .entries
+            .iter()
+            .map(|entry| Grid::of(xs, ys, shown, &entry.numbers[place]));
+        let grids: Vec<Grid> = grids.collect();
+        let scale = Scale::of(&grids)?;
+        let entries = plan.entries.iter().zip(&grids);
+        entries
+            .map(|(entry, grid)| Some(heat_map::drawing(map, &shown.title, &entry.name, grid, scale)))
+            .collect()
+    };
+    let [x, y] = [&map.x, &map.y].map(|axis| part_of_file_name(axis));
+    let named =
+        plan.entries.iter().zip(drawings).filter_map(|(entry, drawing)| {
+            Some((format!("map-{x}-{y}-{}.svg", entry.file_name()), drawing?))
+        });
+    Some(named.collect())
 }
 
 /// A criterion over two values: a dot a sample.
