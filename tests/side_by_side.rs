@@ -7,6 +7,7 @@
 mod common;
 
 mod checkpoints;
+mod curve_files;
 mod doctor;
 mod documentation;
 mod faults;

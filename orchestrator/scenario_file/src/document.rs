@@ -25,6 +25,18 @@ pub(super) fn deepest_span(document: &Spanned<DeTable<'_>>, key: &Key) -> Range<
     place.span()
 }
 
+/// Returns whether the document states a value for a key.
+pub(super) fn states(document: &Spanned<DeTable<'_>>, key: &Key) -> bool {
+    let Some((first, rest)) = key.segments().split_first() else {
+        return true;
+    };
+    let first = document.get_ref().get(first.as_str());
+    let found = rest
+        .iter()
+        .try_fold(first, |place, segment| Some(child(place?.get_ref(), segment)));
+    found.flatten().is_some()
+}
+
 fn child<'a, 'i>(value: &'a DeValue<'i>, segment: &str) -> Option<&'a Spanned<DeValue<'i>>> {
     match value {
         DeValue::Table(table) => table.get(segment),

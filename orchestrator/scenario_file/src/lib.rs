@@ -2,10 +2,11 @@
 //! report that shows every line that is wrong, the reason and the fix.
 //!
 //! A file is read in the order of what can go wrong: it is there ([`ScenarioError::Unreadable`]), it is TOML,
-//! the `--set` arguments fit into it (`setting`), its keys and types are those of a scenario (`structure`),
-//! and its values can be flown ([`Scenario::problems`]). What comes of one of these steps is reported all at
+//! the `--set` arguments fit into it (`setting`), its keys and types are those of a scenario (`structure`), the
+//! file of its path holds points (`curve_file`), and its values can be flown ([`Scenario::problems`]). What comes of one of these steps is reported all at
 //! once. The document keeps the place of every value, that of an argument included (`sources`).
 
+mod curve_file;
 mod document;
 mod error;
 mod keys;
@@ -45,10 +46,10 @@ pub fn load_from(
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
-    let mut scenario = load_text(path, text, sets, seed)?;
     // Without a working folder there is no file to be found in it either.
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let folder = file.parent().unwrap_or(Path::new("/"));
+    let mut scenario = load_in(Some(folder), path, text, sets, seed)?;
     if let Some(programs) = &mut scenario.programs {
         programs.anchor(folder);
     }
@@ -59,7 +60,8 @@ pub fn load_from(
     Ok(scenario)
 }
 
-/// As [`load`], of a scenario whose text is at hand; `path` is what errors call it.
+/// As [`load`], of a scenario whose text is at hand and has all that files gave to it, as that of a log; `path` is what
+/// errors call it.
 ///
 /// # Errors
 /// [`ScenarioError`] if what it and the arguments say cannot be flown.
@@ -69,8 +71,19 @@ pub fn load_text(
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
+    load_in(None, path, text, sets, seed)
+}
+
+fn load_in(
+    folder: Option<&Path>,
+    path: &Path,
+    text: &str,
+    sets: &[String],
+    seed: Option<u64>,
+) -> Result<Scenario, ScenarioError> {
     let refused = |findings| ScenarioError::refused(path, findings);
-    let mut scenario = scenario_from_text(&path.display().to_string(), text, sets).map_err(refused)?;
+    let name = path.display().to_string();
+    let mut scenario = scenario_from_text(&name, text, sets, folder).map_err(refused)?;
     scenario.seed = seed.unwrap_or(scenario.seed);
     Ok(scenario)
 }
@@ -100,7 +113,13 @@ pub fn json_schema() -> String {
     text
 }
 
-fn scenario_from_text(name: &str, text: &str, sets: &[String]) -> Result<Scenario, Vec<Finding>> {
+/// The scenario of a text; the file of its path is read in `folder`.
+fn scenario_from_text(
+    name: &str,
+    text: &str,
+    sets: &[String],
+    folder: Option<&Path>,
+) -> Result<Scenario, Vec<Finding>> {
     let sources = Sources::new(name, text, sets);
     let values = setting::placed_values(&sources);
     let mut document = DeTable::parse(text).map_err(|error| {
@@ -110,7 +129,14 @@ fn scenario_from_text(name: &str, text: &str, sets: &[String]) -> Result<Scenari
     })?;
     setting::apply_all(&sources, &values, document.get_mut())?;
 
-    let (scenario, mut findings) = structure::read(&sources, &mut document);
+    let (mut scenario, mut findings) = structure::read(&sources, &mut document);
+    if let (Some(scenario), Some(folder)) = (&mut scenario, folder)
+        && let Err(finding) = curve_file::read_into(scenario, folder, &sources, &document)
+    {
+        findings.push(*finding);
+        // Without its points the path could only be refused once more.
+        return Err(findings);
+    }
     if let Some(scenario) = &scenario
         && scenario.has_plugin(ServiceId::Controller)
     {

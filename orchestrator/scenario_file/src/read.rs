@@ -12,7 +12,7 @@ use super::sources::Sources;
 use command_line::terminal::printable;
 
 /// Longest scenario file, bytes: what is longer is some other file.
-const LONGEST_FILE: u64 = 1 << 20;
+pub(super) const LONGEST_FILE: u64 = 1 << 20;
 
 /// The text of a scenario file.
 pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
@@ -50,7 +50,8 @@ pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
     })
 }
 
-fn bytes(path: &Path) -> io::Result<Vec<u8>> {
+/// Reads a file, and a byte more than the longest scenario has.
+pub(super) fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(LONGEST_FILE + 1).read_to_end(&mut bytes)?;
     Ok(bytes)

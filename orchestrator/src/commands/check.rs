@@ -1,7 +1,7 @@
 //! `gerono check`: the resolved schedule and wiring of a scenario.
 
 use comfy_table::{Table, presets};
-use scenario::Scenario;
+use scenario::{Key, Problem, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 use tuning::digits;
@@ -57,6 +57,9 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     )
 }
 
+/// Depth below the ground that no warning is due for, m: the points of a path are rounded.
+const WITHIN: f64 = 1e-3;
+
 fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
@@ -98,7 +101,52 @@ fn gains(scenario: &Scenario) -> String {
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
     let warnings = tuning::warnings(scenario).into_iter();
+    let warnings = warnings.chain(path_warnings(scenario));
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
+}
+
+/// Warns of a path below the ground, and of one that begins far from the vehicle.
+fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
+    let points = view::path::points(scenario);
+    let [x, y, z] = scenario.vehicle.initial.position;
+    let at = Key::root().then("path").then("curve");
+    // Without `[flight]` the vehicle may start in the air; then the ground is taken to be at z = 0.
+    let ground = if scenario.flight.is_some() { z } else { z.max(0.0) };
+    let lowest = points
+        .iter()
+        .map(|point| f64::from(point[2]))
+        .fold(ground, f64::max);
+    let below = (lowest > ground + WITHIN).then(|| {
+        let reason = format!(
+            "the path goes down to z = {lowest:.2} m, {:.2} m below the ground",
+            lowest - ground
+        );
+        Problem::new(
+            at.clone(),
+            reason,
+            "z points down: what is above the ground has a smaller z",
+        )
+    });
+    let takeoff = scenario
+        .flight
+        .as_ref()
+        .map_or(0.0, |flight| flight.takeoff_height);
+    let start = [x, y, z - takeoff];
+    let away = points.first().map_or(0.0, |first| {
+        let squares = start
+            .iter()
+            .zip(first)
+            .map(|(from, to)| (from - f64::from(*to)) * (from - f64::from(*to)));
+        squares.sum::<f64>().sqrt()
+    });
+    let limit = scenario.path.alpha2;
+    let far = (away > limit && scenario.capture_system().is_none()).then(|| {
+        let reason =
+            format!("the path begins {away:.2} m from the vehicle, farther away than α2 = {limit:?} m");
+        let fix = "let the vehicle start nearer by `vehicle.initial.position`, or move the curve";
+        Problem::new(at, reason, fix)
+    });
+    below.into_iter().chain(far)
 }
 
 /// The programs and plug-ins that fly in place of services, a line each.

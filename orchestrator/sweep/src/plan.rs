@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use command_line::failure::Failure;
-use scenario::Scenario;
+use scenario::{Curve, Scenario};
 use scenario_file::ScenarioError;
 use statistics::design::{Design, sample_seed};
 use toml::Value;
@@ -192,14 +192,16 @@ impl Plan {
         keys.map(setting).collect()
     }
 
-    /// Returns the SHA-256 of every file that flights read, by the law and the service for which they read it.
+    /// Returns the SHA-256 of every file that flights read, by the law and what they read it for.
     ///
     /// # Errors
     /// [`ScenarioError`] if the scenario cannot be flown as it stands.
     pub fn files(&self) -> Result<BTreeMap<String, String>, ScenarioError> {
         let mut files = BTreeMap::new();
         let chooses = |varied: &Varied| {
-            varied.name.starts_with("plugins.") && !varied.name.starts_with("plugins.parameters")
+            let is_of_plugins =
+                varied.name.starts_with("plugins.") && !varied.name.starts_with("plugins.parameters");
+            is_of_plugins || FILES_OF_PATH.contains(&varied.name.as_str())
         };
         let samples = if self.varied.iter().any(chooses) {
             self.samples
@@ -209,10 +211,9 @@ impl Plan {
         for entry in &self.entries {
             let stated = [self.source.definition.set.as_slice(), entry.set.as_slice()].concat();
             let mut take = |scenario: &Scenario| {
-                let plugins = scenario.plugins.iter();
-                for (role, sha256) in plugins.flat_map(|plugins| &plugins.sha256) {
+                for (what, sha256) in files_of(scenario) {
                     files
-                        .entry(format!("the plug-in in place of `{role}` of `{}`", entry.name))
+                        .entry(format!("{what} of `{}`", entry.name))
                         .and_modify(|known: &mut String| {
                             if !known.contains(sha256) {
                                 known.push_str(sha256);
@@ -295,6 +296,20 @@ impl Varied {
     fn is_key(&self) -> bool {
         self.name.contains('.') || self.name == "duration"
     }
+}
+
+/// Keys that choose the file of a path.
+const FILES_OF_PATH: [&str; 2] = ["path.curve", "path.curve.waypoints.file"];
+
+/// Returns what a flight reads files for, with their SHA-256.
+fn files_of(scenario: &Scenario) -> impl Iterator<Item = (String, &String)> {
+    let plugins = scenario.plugins.iter().flat_map(|plugins| &plugins.sha256);
+    let plugins = plugins.map(|(role, sha256)| (format!("the plug-in in place of `{role}`"), sha256));
+    let of_path = match &scenario.path.curve {
+        Curve::Waypoints(way) => way.sha256.as_ref(),
+        _ => None,
+    };
+    plugins.chain(of_path.map(|sha256| ("the file of the path".to_owned(), sha256)))
 }
 
 /// Refuses a name of the user's own that nothing uses: every flight would be the same.

@@ -1,6 +1,7 @@
 //! Curves of paths.
 
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -101,16 +102,36 @@ pub struct Lissajous {
 
 /// A smooth curve through points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Waypoints {
     /// The points in {I}, m: at least two, at least three for a closed curve; no two neighbours coincide.
     pub points: Vec<Vector>,
     /// `true` if the last point leads back to the first.
-    #[serde(default)]
     pub closed: bool,
     /// γ from one point to the next.
-    #[serde(default = "default::waypoint_interval")]
     pub interval: f64,
+    /// File in place of `points`, relative to the scenario's: CSV with the columns `x,y,z` or `duration,x^0,…`, z up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// SHA-256 of the file; another file is refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// Displacement of the file's points in {I}, m, such as `[0.0, 0.0, -1.0]` for 1 m higher.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<Vector>,
+}
+
+impl Default for Waypoints {
+    fn default() -> Self {
+        Self {
+            points: Vec::new(),
+            closed: false,
+            interval: 1.0,
+            file: None,
+            sha256: None,
+            offset: None,
+        }
+    }
 }
 
 impl Curve {
@@ -145,10 +166,6 @@ impl Lissajous {
 
 mod default {
     pub(super) fn circle_frequency() -> f64 {
-        1.0
-    }
-
-    pub(super) fn waypoint_interval() -> f64 {
         1.0
     }
 }

@@ -112,6 +112,7 @@ fn check(parameters: &scenario::Waypoints) -> Result<(), CurveError> {
         points,
         closed,
         interval,
+        ..
     } = parameters;
     let needed = if *closed { 3 } else { 2 };
     if points.len() < needed {
@@ -186,6 +187,7 @@ mod tests {
             points,
             closed,
             interval,
+            ..scenario::Waypoints::default()
         })
         .unwrap()
     }
@@ -393,6 +395,7 @@ mod tests {
                 points: points.to_vec(),
                 closed,
                 interval,
+                ..scenario::Waypoints::default()
             })
             .unwrap_err()
         };

@@ -29,6 +29,7 @@ fn a_step_allocates_nothing_on_any_curve() {
             points: vec![[0.0; 3], [1.0; 3], [0.0, 1.0, 2.0]],
             closed: true,
             interval: 0.1,
+            ..Waypoints::default()
         }),
     ];
     for curve in curves {

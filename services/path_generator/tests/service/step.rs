@@ -71,6 +71,7 @@ proptest! {
             points: vec![[0.0, 0.0, -1.0], [1.0, 0.0, -1.2], [1.0, 1.0, -1.0], [0.0, 1.0, -0.8]],
             closed: true,
             interval: 0.7,
+            ..Waypoints::default()
         }), initial_gamma_dot: 0.6, ..paper_path() };
         let mut whole = generator(path.clone());
         for tick in 0..stop {
@@ -327,8 +328,7 @@ fn a_scenario_without_a_valid_path_is_refused() {
     assert!(matches!(error, PathGeneratorError::Transition(_)), "{error}");
     let one_point = Waypoints {
         points: vec![[0.0; 3]],
-        closed: false,
-        interval: 1.0,
+        ..Waypoints::default()
     };
     let no_curve = Path {
         curve: Curve::Waypoints(one_point),

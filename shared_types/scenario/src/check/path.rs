@@ -135,7 +135,7 @@ impl Waypoints {
             found.add(
                 points.clone(),
                 format!("{kind} curve through {count} points"),
-                format!("give at least {least} points"),
+                format!("give at least {least} points, or their `file`"),
             );
         }
         for (index, point) in self.points.iter().enumerate() {

@@ -50,7 +50,7 @@ fn waypoints(points: &[[f64; 3]], closed: bool) -> Curve {
     Curve::Waypoints(Waypoints {
         points: points.to_vec(),
         closed,
-        interval: 1.0,
+        ..Waypoints::default()
     })
 }
 
@@ -499,8 +499,8 @@ fn an_interval_of_nothing_is_refused() {
         |scenario| {
             scenario.path.curve = Curve::Waypoints(Waypoints {
                 points: vec![[0.0; 3], [1.0; 3]],
-                closed: false,
                 interval: 0.0,
+                ..Waypoints::default()
             });
         },
         "path.curve.waypoints.interval",

@@ -298,8 +298,7 @@ fn a_path_below_the_ground_is_refused_with_the_direction_of_z() {
             "path.curve.waypoints.points",
             Curve::Waypoints(Waypoints {
                 points: vec![[0.0; 3], [0.0, 0.0, 3.0]],
-                closed: false,
-                interval: 1.0,
+                ..Waypoints::default()
             }),
         ),
     ];
