@@ -201,6 +201,17 @@ def test_an_error_of_a_step_is_raised_by_the_flight(hover):
         hover.fly(controller=Fails())
 
 
+def test_a_class_that_commands_nothing_loses_the_vehicle(hover):
+    class Idle(controller.Hover):
+        def step(self, now, state, reference, command, errors):
+            pass
+
+    flight = hover.fly(controller=Idle())
+    assert flight.summary.outcome == "lost"
+    assert flight.summary.lost.time < 3.0
+    assert "m from the path" in flight.summary.reason
+
+
 def test_numbers_that_are_not_finite_end_the_flight(hover):
     class NotFinite(controller.Hover):
         def step(self, now, state, reference, command, errors):
