@@ -342,6 +342,8 @@ fn laboratory_of(system: &str, port: u16, device: &str) -> Scenario {
             "motion_capture={{source = \"{system}\", server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0]}}"
         ),
         format!("rc_output.transmitter={{device = \"{device}\", arming_channel = 5}}"),
+        // Cameras are believed by their time, and ticks that nobody waits for come as fast as the machine makes them.
+        "duration=3600.0".to_owned(),
     ];
     scenario_file::load(&common::scenario("laboratory"), &sets, None).unwrap()
 }
@@ -368,20 +370,19 @@ fn a_step_in_a_laboratory_allocates_nothing() {
             .start_ns
             .store(monotonic_ns(), Ordering::Release);
         let mut allocations = 0;
-        let mut believed = 0;
+        let mut figures = CaptureFigures::new_zeroed();
         for _ in 0..=host.schedule().last_tick() {
             cameras.send();
             let count = allocations::allocations_during(|| host.fly(&mut Stopping::default()).unwrap());
-            let figures: CaptureFigures = page.control_block().notices[ServiceId::Plant.index()].look();
-            if believed > 0 {
+            if figures.believed > 0 {
                 allocations += count;
             }
-            believed = figures.believed;
-            if believed > 1000 {
+            figures = page.control_block().notices[ServiceId::Plant.index()].look();
+            if figures.believed > 1000 {
                 break;
             }
         }
-        assert!(believed > 1000, "{name}: {believed}");
+        assert!(figures.believed > 1000, "{name}: {figures:?}");
         assert_eq!(allocations, 0, "{name}");
         let link: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
         assert!(link.sent > 0);
