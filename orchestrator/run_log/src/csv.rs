@@ -13,8 +13,8 @@ use super::schema::Schema;
 /// Writes the samples of a topic of every `every`-th tick as CSV (RFC 4180, lines end with a line feed).
 ///
 /// The first line names the columns: members of records are joined by a dot (`header.tick`), arrays have a column
-/// an element (`position_world.0`), but a text has one and padding has none. Numbers are read back to the bit; those that are not
-/// finite are the words `NaN`, `inf` and `-inf`.
+/// an element (`position_world.0`), but a text has one and padding has none. Numbers are read back to the bit; those that
+/// are not finite are the words `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
 /// [`ExportError`]; lines written before it are whole.

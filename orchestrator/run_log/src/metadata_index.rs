@@ -24,9 +24,9 @@ const RECORDS_MAX: usize = 64;
 /// # Errors
 /// What the system says if the file cannot be read.
 pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
-    let file = File::open(path)?;
+    let mut file = File::open(path)?;
     let size = file.metadata()?.len();
-    let summary = summary_of(path)?.unwrap_or_default();
+    let summary = summary_of(&mut file)?.unwrap_or_default();
     let mut found = Vec::new();
     for index in summary.metadata_indexes.iter().take(RECORDS_MAX) {
         if let Some(record) = bytes_at(&file, size, index.offset, index.length)?
@@ -46,8 +46,7 @@ pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
 ///
 /// # Errors
 /// What the system says if the file cannot be read.
-pub(super) fn summary_of(path: &Path) -> io::Result<Option<Summary>> {
-    let mut file = File::open(path)?;
+pub(super) fn summary_of(file: &mut File) -> io::Result<Option<Summary>> {
     let size = file.metadata()?.len();
     let options = SummaryReaderOptions::default().with_file_size(size);
     let mut reader = SummaryReader::new_with_options(options.with_record_length_limit(BYTES_MAX));

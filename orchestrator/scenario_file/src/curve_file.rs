@@ -14,7 +14,7 @@ mod table;
 use std::ops::Range;
 use std::path::Path;
 
-use scenario::{Curve, Key, Scenario, Vector};
+use scenario::{Curve, Key, Scenario, Vector, Waypoints};
 use sha2::{Digest, Sha256};
 use shared_types::sample::hex;
 use toml::Spanned;
@@ -26,9 +26,6 @@ use table::Table;
 
 /// Most points of a path: what is longer is a recording and no path.
 const MOST_POINTS: usize = 10_000;
-
-/// Distance along each axis below which two points in a row are the same, m, as for points in the scenario.
-const COINCIDENT: f64 = 1e-6;
 
 /// Largest difference of a time from equal times, in intervals: files round.
 const UNEVEN: f64 = 0.01;
@@ -173,7 +170,7 @@ fn points_in_rows(table: &Table) -> Result<Points, Wrong> {
         .map(|row| columns.map(|column| row.numbers[column]))
         .collect();
     for (index, pair) in points.windows(2).enumerate() {
-        if coincide(&pair[0], &pair[1]) {
+        if Waypoints::coincide(&pair[0], &pair[1]) {
             let reason = "this is the point of the line before";
             return Err(Wrong::new(
                 &table.rows[index + 1].span,
@@ -213,8 +210,4 @@ fn interval(table: &Table, column: usize) -> Result<f64, Wrong> {
         }
     }
     Ok(interval)
-}
-
-fn coincide(a: &Vector, b: &Vector) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() < COINCIDENT)
 }

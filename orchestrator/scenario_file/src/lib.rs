@@ -3,8 +3,9 @@
 //!
 //! A file is read in the order of what can go wrong: it is there ([`ScenarioError::Unreadable`]), it is TOML,
 //! the `--set` arguments fit into it (`setting`), its keys and types are those of a scenario (`structure`), the
-//! file of its path holds points (`curve_file`), and its values can be flown ([`Scenario::problems`]). What comes of one of these steps is reported all at
-//! once. The document keeps the place of every value, that of an argument included (`sources`).
+//! file of its path holds points (`curve_file`), and its values can be flown ([`Scenario::problems`]). What comes of
+//! one of these steps is reported all at once. The document keeps the place of every value, that of an argument included
+//! (`sources`).
 
 mod curve_file;
 mod document;

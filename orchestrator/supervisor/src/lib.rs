@@ -219,8 +219,8 @@ impl FlightFailure {
         )
     }
 
-    /// Names the services in whose place other code flies, if the flight has failed at another service and no name of theirs
-    /// is told: whatever they publish reaches every service, and a finite number that is absurd ends in one that is not.
+    /// Names the services in whose place other code flies, if the flight has failed at another service and the failure
+    /// names none of them: what they publish reaches every service, and an absurd number ends in one that is not finite.
     #[must_use]
     pub fn suspecting(self, foreign: impl IntoIterator<Item = ServiceId>) -> Self {
         let suspects: Vec<_> = foreign

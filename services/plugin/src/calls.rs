@@ -114,8 +114,9 @@ impl Call {
     }
 }
 
-/// Makes `exit` and `quick_exit` an error while a thread is in a library, and in threads that libraries have started: the exit
-/// code 0 would claim a flight that has not ended. `_exit` and the system call `exit_group` run no code of the process, so nothing can be said there.
+/// Makes `exit` and `quick_exit` an error while a thread is in a library, and in threads that libraries have started: the
+/// exit code 0 would claim a flight that has not ended. `_exit` and the system call `exit_group` run no code of the
+/// process, so nothing can be said there.
 pub(crate) fn guard_exit() {
     static GUARD: Once = Once::new();
     #[expect(unsafe_code, reason = "functions of the C library")]

@@ -3,7 +3,7 @@
 //! A vehicle falls that touches the ground faster than [`FALL`], tips over, or has its motors stopped by the envelope.
 
 use std::convert::Infallible;
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use host::in_process::{InProcess, TickSink};
@@ -241,14 +241,23 @@ fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
 /// An estimator to which the cameras show something else for a time.
 struct Deceived {
     estimator: Box<dyn ErasedService>,
-    /// Ticks in which they do.
-    ticks: Range<u64>,
-    /// Time before and after it in which the driver refuses poses, ms.
+    deception: Deception,
+}
+
+/// What cameras show from [`DECEIVED`] on.
+#[derive(Clone, Copy)]
+struct Deception {
+    /// Ticks for which they show it.
+    lasts: u64,
+    /// Ticks at its begin and after its end in which the driver refuses poses.
     settles: u64,
     shown: fn(&MocapPose, &Vector3<f64>) -> MocapPose,
     /// Parameter of what is shown.
     by: Vector3<f64>,
 }
+
+/// Tick from which cameras show something else.
+const DECEIVED: u64 = 15_000;
 
 impl ErasedService for Deceived {
     fn id(&self) -> ServiceId {
@@ -256,16 +265,17 @@ impl ErasedService for Deceived {
     }
 
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
-        let mut inputs = inputs.to_vec();
-        let settles = [self.ticks.start, self.ticks.end].map(|at| at..at + self.settles);
+        let (mut inputs, deception) = (inputs.to_vec(), self.deception);
+        let end = DECEIVED + deception.lasts;
+        let settles = [DECEIVED, end].map(|at| at..at + deception.settles);
         let mut shown = None;
         if settles.iter().any(|ticks| ticks.contains(&now.tick)) {
             inputs[0] = InputView::default();
-        } else if self.ticks.contains(&now.tick) {
+        } else if (DECEIVED..end).contains(&now.tick) {
             let pose = inputs[0]
                 .bytes
                 .map(|bytes| MocapPose::read_from_bytes(bytes).unwrap());
-            shown = pose.map(|pose| (self.shown)(&pose, &self.by));
+            shown = pose.map(|pose| (deception.shown)(&pose, &deception.by));
         }
         if let Some(pose) = &shown {
             inputs[0].bytes = Some(pose.as_bytes());
@@ -286,22 +296,11 @@ impl ErasedService for Deceived {
     }
 }
 
-/// What cameras show from 15 s on.
-struct Deception {
-    lasts: u64,
-    settles: u64,
-    shown: fn(&MocapPose, &Vector3<f64>) -> MocapPose,
-    by: Vector3<f64>,
-}
-
-fn fly_deceived(changes: &[&str], deception: &Deception) -> Flown {
+fn fly_deceived(changes: &[&str], deception: Deception) -> Flown {
     fly_with(changes, |service| match service.id() {
         ServiceId::Estimator => Box::new(Deceived {
             estimator: service,
-            ticks: 15_000..15_000 + deception.lasts,
-            settles: deception.settles,
-            shown: deception.shown,
-            by: deception.by,
+            deception,
         }),
         _ => service,
     })
@@ -352,15 +351,15 @@ fn a_body_whose_markers_are_confused_flies_and_lands_by_its_positions() {
                     shown,
                     by,
                 };
-                assert_flies_on(&[change], &deception, 0.15 + 5.0 * off);
+                assert_flies_on(&[change], deception, 0.15 + 5.0 * off);
             }
         }
     }
 }
 
-fn assert_flies_on(changes: &[&str], deception: &Deception, farthest: f64) {
+fn assert_flies_on(changes: &[&str], deception: Deception, farthest: f64) {
     let flown = fly_deceived(changes, deception);
-    let (by, lasts) = (&deception.by, deception.lasts);
+    let (by, lasts) = (deception.by, deception.lasts);
     let what = format!("{changes:?}, {by:?} for {lasts} ms: {flown:?}");
     assert!(!flown.has_fallen() && flown.is_over, "{what}");
     assert!(flown.strayed < farthest && flown.touch < 0.5, "{what}");
@@ -378,7 +377,7 @@ fn positions_do_not_bring_a_false_attitude_within_reach() {
                     shown: |pose, turn| confused(pose, turn, 0.0),
                     by,
                 };
-                assert_flies_on(&[GUSTS, law], &deception, 0.5);
+                assert_flies_on(&[GUSTS, law], deception, 0.5);
             }
         }
     }
@@ -400,7 +399,7 @@ fn a_turned_offset_does_not_make_the_vehicle_sway() {
                 shown: |pose, turn| confused(pose, turn, 0.02),
                 by,
             };
-            let flown = fly_deceived(&[&cameras], &deception);
+            let flown = fly_deceived(&[&cameras], deception);
             let what = format!("{period} s, {by:?}: {flown:?}");
             assert!(
                 !flown.has_fallen() && flown.is_over && flown.upright > 0.7,
@@ -426,7 +425,7 @@ fn a_body_whose_position_is_frozen_waits_level() {
             let by = Vector3::new(1.0, 1.0, -1.0);
             let flown = fly_deceived(
                 &[change],
-                &Deception {
+                Deception {
                     lasts,
                     settles: 0,
                     shown,

@@ -121,6 +121,17 @@ pub struct Waypoints {
     pub offset: Option<Vector>,
 }
 
+/// Distance along each axis below which two waypoints are the same, m: less than any motion capture resolves.
+const COINCIDENT: f64 = 1e-6;
+
+impl Waypoints {
+    /// Returns whether two points are the same as far as a path is concerned.
+    #[must_use]
+    pub fn coincide(a: &Vector, b: &Vector) -> bool {
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() < COINCIDENT)
+    }
+}
+
 impl Default for Waypoints {
     fn default() -> Self {
         Self {

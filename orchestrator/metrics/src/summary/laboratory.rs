@@ -80,7 +80,7 @@ impl CaptureReport {
             ("foreign", figures.foreign),
             ("failures", figures.failures),
         ];
-        // What every flight has is told apart, or not at all.
+        // What every flight has stands elsewhere, or nowhere.
         let is_told =
             |(name, count): &(&str, u64)| *count > 0 && !["frames", "believed", "settled"].contains(name);
         let happened = figures.named().into_iter().chain(of_packets);

@@ -30,7 +30,8 @@ pub(crate) enum Origin {
 /// If the file cannot be read, or was made to keep its reader busy.
 pub(crate) fn origin(path: &Path) -> io::Result<Origin> {
     let kinds = kinds();
-    if let Some(summary) = summary_of(path)?.filter(|summary| !summary.channels.is_empty()) {
+    if let Some(summary) = summary_of(&mut File::open(path)?)?.filter(|summary| !summary.channels.is_empty())
+    {
         let is_copy = |index: &mcap::records::MetadataIndex| index.name == COPY_RECORD_NAME;
         if summary.metadata_indexes.iter().any(is_copy) {
             return Ok(Origin::Foreign);

@@ -5,10 +5,10 @@
 
 use std::ops::Range;
 
-use scenario::Vector;
+use scenario::{Vector, Waypoints};
 
 use super::table::{Row, Table};
-use super::{MOST_POINTS, Points, Wrong, coincide};
+use super::{MOST_POINTS, Points, Wrong};
 
 /// Largest time from one point to the next, s.
 const SPACING: f64 = 0.1;
@@ -62,7 +62,10 @@ fn sampled(pieces: &[Piece], interval: f64, count: usize) -> Result<Vec<Vector>,
         }
         let piece = &pieces[at];
         let point = piece.position((time - begin).min(piece.duration));
-        if points.last().is_some_and(|last| coincide(last, &point)) {
+        if points
+            .last()
+            .is_some_and(|last| Waypoints::coincide(last, &point))
+        {
             let reason = format!("the path stands still at {time:.2} s");
             return Err(Wrong::new(
                 &piece.span,

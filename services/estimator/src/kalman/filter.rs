@@ -31,11 +31,13 @@
 //!   `restart_after` has passed as well the vehicle is lost: there is no state any more, and the next capture restarts
 //!   the filter.
 
+mod parts;
+
 use nalgebra::SVector;
 use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
-use shared_types::service::{nanoseconds, seconds};
+use shared_types::service::nanoseconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::attitude_trust::AttitudeTrust;
@@ -70,12 +72,6 @@ const LESS_SURE: [f64; 2] = [4.0, 16.0];
 /// Time after the last used capture for which these factors apply, ns. Later the state is unsure enough that a jump of
 /// centimetres could be taken for a speed.
 const LESS_SURE_FOR_NS: u64 = 100_000_000;
-
-/// Largest distance from the estimate at which the position of a body whose markers were confused is used, m; what the time
-/// without sight adds to it, m/s, and the longest such time, ns.
-const FARTHEST_CONFUSED: f64 = 0.08;
-const FARTHER_UNSEEN: f64 = 0.3;
-const UNSEEN_NS: u64 = 1_000_000_000;
 
 /// Time for which a state without positions counts as tracked as long as attitudes correct it, ns.
 const LEVELLED_NS: u64 = 3_000_000_000;
@@ -260,16 +256,11 @@ impl KalmanFilter {
             return self.refuse();
         };
         let is_whole = capture.is_whole();
-        let Some(mut track) = self
-            .memory
-            .track
-            .filter(|_| is_whole || !self.is_long_lost(now_ns))
-        else {
-            return if is_whole {
-                self.start_from(now_ns, exposure_ns, &pose)
-            } else {
-                self.refuse()
-            };
+        if !is_whole && self.is_long_lost(now_ns) {
+            return self.refuse();
+        }
+        let Some(mut track) = self.memory.track else {
+            return self.start_from(now_ns, exposure_ns, &pose);
         };
         if exposure_ns <= track.state.time_ns {
             return Outcome::Ignored;
@@ -323,10 +314,11 @@ impl KalmanFilter {
             return self.stand(now_ns, exposure_ns, &pose, &track);
         }
         let unused_ns = now_ns.saturating_sub(track.used_at_ns);
-        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, self.noise());
+        let noise = self.noise();
+        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, noise);
         if let Some((believed, innovation)) = likely {
             track.state = believed;
-            track.state.correct(&innovation, self.noise());
+            track.state.correct(&innovation, noise);
             if !track.state.is_sound() {
                 return self.start_from(now_ns, exposure_ns, &pose);
             }
@@ -349,75 +341,6 @@ impl KalmanFilter {
         track.compare_rest(exposure_ns, &pose);
         self.memory.track = Some(track);
         self.refuse()
-    }
-
-    /// Takes of a capture whose attitude is false its position, unless that is false as well.
-    fn take_position(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, mut track: Track) {
-        let with_attitude = |world_from_body| Pose {
-            world_from_body,
-            ..*pose
-        };
-        if self.has_ground && track.ground.has_flown {
-            // A vehicle at rest has the attitude that it had.
-            let pose = with_attitude(track.ground.rest.pose.world_from_body);
-            if self.touches_down(&pose, &mut track) {
-                self.land(now_ns, exposure_ns, &pose, &track);
-                return;
-            }
-            track.state.stands = false;
-        }
-        track.ground.observe_rise(&pose.position_world);
-        let before = track.state.nominal.world_from_body;
-        let pose = with_attitude(before);
-        let unseen_ns = now_ns.saturating_sub(track.used_at_ns);
-        let noise = self.noise().of_confused_body(seconds(unseen_ns));
-        let residual = track.state.residual(&pose);
-        let farthest = FARTHEST_CONFUSED + FARTHER_UNSEEN * seconds(unseen_ns);
-        if let Some(innovation) = track.state.innovation(residual, noise)
-            && unseen_ns <= UNSEEN_NS
-            && track.state.knows_tilt()
-            && residual.norm() <= farthest
-            && innovation.squared_distance() <= self.gate
-        {
-            let mut corrected = track.state;
-            corrected.correct(&innovation, noise);
-            if corrected.is_sound() {
-                // What positions tell of the attitude does not bring a false one within reach.
-                track.trust.captured_from_estimated *= before * corrected.nominal.world_from_body.transpose();
-                track.state = corrected;
-                track.used_at_ns = now_ns;
-                track.compare_rest(exposure_ns, &pose);
-            }
-        }
-        self.memory.track = Some(track);
-    }
-
-    /// Takes of a capture whose position is false its attitude, which the vehicle can have reached.
-    fn take_attitude(
-        &mut self,
-        now_ns: u64,
-        exposure_ns: u64,
-        pose: &Pose,
-        mut track: Track,
-        turn_if_missed: f64,
-    ) {
-        let pose = Pose {
-            position_world: track.state.nominal.tracked_point(),
-            ..*pose
-        };
-        let (noise, residual) = (self.noise().of_attitude(), track.state.residual(&pose));
-        let unused_ns = now_ns.saturating_sub(track.levelled_at_ns);
-        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, noise);
-        if let Some((mut believed, innovation)) = likely {
-            believed.correct(&innovation, noise);
-            if believed.is_sound() {
-                let corrected = &believed.nominal.world_from_body;
-                track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
-                track.state = believed;
-                track.levelled_at_ns = now_ns;
-            }
-        }
-        self.memory.track = Some(track);
     }
 
     /// Returns whether a capture shows that the ground holds the vehicle, which has flown.

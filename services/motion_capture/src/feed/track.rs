@@ -201,32 +201,29 @@ impl Tracks {
 
     /// Takes the vehicle's next position alone. Returns whether it follows.
     pub(super) fn reach(&mut self, position: &Vector3<f64>, at_ns: u64) -> bool {
-        let Some(believed) = &mut self.believed else {
-            return false;
-        };
-        let place = Place {
+        self.follow(|believed| Place {
             position: *position,
             at_ns,
-            ..*believed
-        };
-        let follows = self.bounds.can_reach(believed, &place);
-        if follows {
-            *believed = place;
-        }
-        follows
+            ..believed
+        })
     }
 
     /// Takes the vehicle's next attitude alone. Returns whether it follows.
     pub(super) fn turn(&mut self, rotation: &Matrix3<f64>, at_ns: u64) -> bool {
+        self.follow(|believed| Place {
+            rotation: *rotation,
+            turned_at_ns: at_ns,
+            ..believed
+        })
+    }
+
+    /// Takes the next place, one part of which stays, if the vehicle can have got there.
+    fn follow(&mut self, next: impl FnOnce(Place) -> Place) -> bool {
         let Some(believed) = &mut self.believed else {
             return false;
         };
-        let place = Place {
-            rotation: *rotation,
-            turned_at_ns: at_ns,
-            ..*believed
-        };
-        let follows = self.bounds.can_turn(believed, &place);
+        let place = next(*believed);
+        let follows = self.bounds.can_follow(believed, &place);
         if follows {
             *believed = place;
         }

@@ -4,9 +4,6 @@ use super::Findings;
 use super::events::Events;
 use crate::{Circle, Curve, Hover, Key, Line, Lissajous, Path, TiltedEight, Vector, Waypoints};
 
-/// Distance below which two waypoints are the same, m: less than any motion capture resolves.
-const COINCIDENT: f64 = 1e-6;
-
 impl Path {
     pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
         found.not_negative(&at.then("speed"), "vd", self.speed);
@@ -146,7 +143,7 @@ impl Waypoints {
 
     fn check_neighbours(&self, at: &Key, found: &mut Findings) {
         for (index, pair) in self.points.windows(2).enumerate() {
-            if coincide(&pair[0], &pair[1]) {
+            if Self::coincide(&pair[0], &pair[1]) {
                 found.add(
                     at.then(index + 1),
                     format!("points {index} and {} coincide", index + 1),
@@ -156,7 +153,7 @@ impl Waypoints {
         }
         if let [first, _, .., last] = self.points.as_slice()
             && self.closed
-            && coincide(last, first)
+            && Self::coincide(last, first)
         {
             found.add(
                 at.then(self.points.len() - 1),
@@ -165,8 +162,4 @@ impl Waypoints {
             );
         }
     }
-}
-
-fn coincide(a: &Vector, b: &Vector) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() < COINCIDENT)
 }
