@@ -11,7 +11,7 @@
 //! | up to 60 ms early | the line was too high: it goes through this packet from now on |
 //! | up to 60 ms late | mapped by the line |
 //! | all packets of two windows more than 4 ms late | the way has become longer, or the clock was set back: the line is raised to the soonest of them |
-//! | earlier or later by more than 60 ms | refused; if more of them agree on another offset than do not, by 25, the sender's clock was set, and the estimate restarts |
+//! | earlier or later by more than 60 ms | refused; if more of them agree on another offset than do not, by 25 within 50 ms or more, the sender's clock was set, and the estimate restarts |
 //!
 //! Lowering or raising the line keeps its slope; points from before do not count any more.
 
@@ -35,6 +35,8 @@ const WINDOW_LATE_NS: i64 = 4_000_000;
 const LATE_WINDOWS: u32 = 2;
 /// Refused stamps that agree, beyond those that do not, after which they are accepted.
 const CONFIRMATIONS: u32 = 25;
+/// Time from the first to the last of them, ns, at least: packets that something has held up come together.
+const CONFIRMED_FOR_NS: u64 = 50_000_000;
 /// Largest distance of offsets that agree, ns.
 const AGREEMENT_NS: i64 = 20_000_000;
 /// Time for which stamps are collected before the first is mapped, ns.
@@ -88,6 +90,8 @@ pub struct RemoteClock {
     late_windows: u32,
     doubted: u32,
     doubted_offset_ns: i64,
+    /// Arrival of the first of them, ns.
+    doubted_since_ns: u64,
 }
 
 impl Default for RemoteClock {
@@ -112,6 +116,7 @@ impl RemoteClock {
             late_windows: 0,
             doubted: 0,
             doubted_offset_ns: 0,
+            doubted_since_ns: 0,
         }
     }
 
@@ -206,8 +211,10 @@ impl RemoteClock {
         } else {
             self.doubted = 1;
             self.doubted_offset_ns = point.offset_ns;
+            self.doubted_since_ns = point.arrived_ns;
         }
-        if self.doubted < CONFIRMATIONS {
+        let lasts_ns = point.arrived_ns.saturating_sub(self.doubted_since_ns);
+        if self.doubted < CONFIRMATIONS || lasts_ns < CONFIRMED_FOR_NS {
             return Mapped::Doubted;
         }
         self.begin(point);

@@ -166,3 +166,38 @@ fn a_stamp_that_is_early_by_mistake_is_forgotten_after_two_windows() {
     let (worst, mapped) = listen(&mut clock, &mut sender, 23, 5);
     assert!(worst < MS && mapped == 500, "{worst} ns");
 }
+
+/// Packets that something has held up, and that come all at once, are late ones and no clock that was set.
+#[test]
+fn packets_that_were_held_up_do_not_set_the_clock() {
+    for (held_ms, rate) in [(190, 200), (310, 100), (110, 500), (950, 100)] {
+        let mut clock = RemoteClock::new();
+        let mut sender = Sender {
+            offset_ns: -3,
+            drift: 1e-5,
+            random: 5,
+        };
+        let mut last_arrival = 0;
+        for frame in 0..6 * rate {
+            let sent = 1_000_000_000 + frame * (1_000_000_000 / rate);
+            let (stamp, arrival) = sender.packet(sent);
+            let is_held = (4_000..4_000 + held_ms).contains(&(sent / MS - 1_000));
+            let arrival = if is_held {
+                (5_000 + held_ms) as u64 * MS.cast_unsigned()
+            } else {
+                arrival
+            };
+            last_arrival = arrival.max(last_arrival);
+            let mapped = clock.hear(stamp, last_arrival);
+            let late_ms = (last_arrival.cast_signed() - sent) / MS;
+            if sent > 2_000_000_000 && late_ms < 60 {
+                let is_right = matches!(mapped, Mapped::At(at) if (at - sent).abs() < MS);
+                assert!(
+                    is_right,
+                    "{held_ms} ms at {rate} Hz: {mapped:?} at {sent}, {late_ms} ms late"
+                );
+            }
+            assert!(mapped != Mapped::Stepped, "{held_ms} ms at {rate} Hz");
+        }
+    }
+}
