@@ -33,6 +33,9 @@ const APART_DEVIATIONS: f64 = 24.0;
 const UNEXPLAINED: f64 = 1.0;
 /// Captures at rest after the first, at least.
 const CAPTURES: u32 = 2;
+/// Change of a height up to which it is repeated, and of another coordinate above which the body has moved, m.
+const REPEATED: f64 = 1e-9;
+const MOVED: f64 = 1e-6;
 /// Longest comparison, s: later the free flight is too uncertain.
 const LONGEST: f64 = 1.0;
 /// Rise after which a vehicle that stood flies, m.
@@ -91,6 +94,13 @@ impl Rest {
         way <= STILL * noise.position.sqrt() && turn <= STILL * noise.attitude.sqrt()
     }
 
+    /// Returns whether a pose has the height of the first one although it has moved: cameras have noise in every coordinate, so
+    /// such a height is an old one, and says nothing of a descent.
+    fn repeats_height(&self, pose: &Pose) -> bool {
+        let [dx, dy, dz] = (pose.position_world - self.pose.position_world).abs().into();
+        dz <= REPEATED && dx.max(dy) > MOVED
+    }
+
     /// Ends the comparison: it begins again with the next capture that is used.
     pub fn end(&mut self) {
         self.captures = Self::OVER;
@@ -115,6 +125,9 @@ impl Rest {
         let time = seconds(self.free_ns.saturating_sub(self.since_ns));
         if self.is_over() || time > LONGEST || !self.holds(pose, noise) {
             self.end();
+            return false;
+        }
+        if self.repeats_height(pose) {
             return false;
         }
         self.captures += 1;

@@ -21,6 +21,8 @@ struct Lift {
     speed: f64,
     thrust: f64,
     tick: u64,
+    /// The height that cameras show, if it is frozen, m.
+    frozen: Option<f64>,
 }
 
 impl Lift {
@@ -32,6 +34,7 @@ impl Lift {
             speed: 0.0,
             thrust: 0.0,
             tick: 0,
+            frozen: None,
         }
     }
 
@@ -46,8 +49,11 @@ impl Lift {
                 self.filter.hear(self.now_ns(), &frame(self.now_ns(), asked));
             }
             if self.tick.is_multiple_of(10) {
-                self.filter
-                    .see(self.now_ns(), &capture(self.now_ns(), self.height));
+                let mut seen = capture(self.now_ns(), self.height);
+                if let Some(height) = self.frozen {
+                    seen.position_world[2] = -height;
+                }
+                self.filter.see(self.now_ns(), &seen);
                 // As after a death.
                 let mut restarted = grounded();
                 restarted.restore(&self.filter.save());
@@ -158,4 +164,27 @@ fn a_vehicle_that_has_come_down_stands_once_its_motors_stop() {
     assert!(stands(&lift) && lift.height == 0.0);
     lift.go_on(500, Some(1.2 * WEIGHT), |_| {});
     assert!(!stands(&lift) && lift.errors()[0].abs() < 0.1);
+}
+
+/// Free flight takes a vehicle that sinks away from a height that is frozen, as the ground would: it does not stand there.
+#[test]
+fn a_height_that_freezes_in_the_descent_is_no_ground() {
+    let mut lift = Lift::new(MASS);
+    lift.go_on(500, Some(1.2 * WEIGHT), |_| ());
+    // Until it sinks at 0.3 m/s.
+    while lift.speed > -0.3 {
+        lift.go_on(20, Some(0.9 * WEIGHT), |_| ());
+    }
+    lift.go_on(200, Some(WEIGHT), |_| ());
+    assert!(
+        lift.height > 0.05 && lift.speed < -0.2,
+        "{} m, {} m/s",
+        lift.height,
+        lift.speed
+    );
+    let seen = capture(lift.now_ns() / 10_000_000 * 10_000_000, lift.height);
+    lift.frozen = Some(-seen.position_world[2]);
+    lift.go_on(100, Some(WEIGHT), |lift| {
+        assert!(!lift.filter.state().unwrap().stands, "at {} m", lift.height);
+    });
 }
