@@ -10,7 +10,7 @@ use shared_types::sample::{Field, Flag};
 
 use super::Feed;
 use super::numbering::Numbering;
-use super::track::Place;
+use super::track::{Candidate, Place, PoseDecision};
 use crate::clock::{ClockLine, RemoteClock};
 use crate::frame_clock::FrameClock;
 use crate::wire::CapturePose;
@@ -53,6 +53,14 @@ shared_types::sample! {
         pub number: u32,
         /// Number of the frame that was given the stamp.
         pub given_to: u32,
+        /// Capture of the newest of the poses that are not accepted yet, ns.
+        pub candidate_at_ns: u64,
+        /// Capture of the first of them, ns.
+        pub candidate_since_ns: u64,
+        /// Position of the newest in the system's frame, m.
+        pub candidate_position: [f64; 3],
+        /// Its rotation from the markers' frame to the system's, row-major.
+        pub candidate_rotation: [f64; 9],
         /// `true` if the clock's line is known.
         pub is_timed: Flag,
         /// `true` if frames have numbers.
@@ -63,6 +71,10 @@ shared_types::sample! {
         pub is_seen: Flag,
         /// Frames in a row in which x, y, z and the heading have stood still alone.
         pub still_for: [u8; 4],
+        /// Why poses are not accepted yet, by its place in [`VERDICTS`] from 1 on; 0 if there are none.
+        pub candidate_verdict: u8,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
     }
 }
 
@@ -75,6 +87,8 @@ impl Feed {
         let place = self.tracks.believed();
         let number = self.numbering.newest();
         let seen = self.stillness.last.as_ref();
+        let candidate = self.tracks.candidate();
+        let newest = candidate.map(|candidate| &candidate.newest);
         FeedMemory {
             heard_at_ns: self.heard_at_ns,
             arrived_ns: line.map_or(0, |line| line.arrived_ns),
@@ -90,6 +104,12 @@ impl Feed {
             rotation: to_row_major(&place.map_or(Matrix3::identity(), |place| place.rotation)),
             seen_position: seen.map_or([0.0; 3], |seen| seen.position.into()),
             seen_rotation: to_row_major(&seen.map_or(Matrix3::identity(), |seen| seen.capture_from_markers)),
+            candidate_at_ns: newest.map_or(0, |newest| newest.at_ns),
+            candidate_since_ns: candidate.map_or(0, |candidate| candidate.since_ns),
+            candidate_position: newest.map_or([0.0; 3], |newest| newest.position.into()),
+            candidate_rotation: to_row_major(&newest.map_or(Matrix3::identity(), |newest| newest.rotation)),
+            candidate_verdict: candidate.map_or(0, |candidate| number_of(candidate.verdict)),
+            pad0: [0; 7],
             still_for: self.stillness.still_for,
             is_seen: seen.is_some().into(),
             number: number.unwrap_or(0),
@@ -120,14 +140,23 @@ impl Feed {
         if memory.period_ns > 0.0 {
             self.frame_clock = FrameClock::after(memory.given_to, memory.given_stamp_ns, memory.period_ns);
         }
-        if memory.is_tracked.is_set() {
-            self.tracks.restore(Place {
-                position: memory.position.into(),
-                rotation: from_row_major(&memory.rotation),
-                at_ns: memory.at_ns,
-                turned_at_ns: memory.turned_at_ns,
-            });
-        }
+        let believed = memory.is_tracked.is_set().then(|| Place {
+            position: memory.position.into(),
+            rotation: from_row_major(&memory.rotation),
+            at_ns: memory.at_ns,
+            turned_at_ns: memory.turned_at_ns,
+        });
+        let candidate = verdict_of(memory.candidate_verdict).map(|verdict| Candidate {
+            newest: Place {
+                position: memory.candidate_position.into(),
+                rotation: from_row_major(&memory.candidate_rotation),
+                at_ns: memory.candidate_at_ns,
+                turned_at_ns: memory.candidate_at_ns,
+            },
+            since_ns: memory.candidate_since_ns,
+            verdict,
+        });
+        self.tracks.restore(believed, candidate);
         if memory.is_seen.is_set() {
             self.stillness.last = Some(CapturePose {
                 position: memory.seen_position.into(),
@@ -138,10 +167,33 @@ impl Feed {
     }
 }
 
+/// Decisions on poses that are not accepted.
+const VERDICTS: [PoseDecision; 4] = [
+    PoseDecision::Unsettled,
+    PoseDecision::Turned,
+    PoseDecision::Jumped,
+    PoseDecision::Exchanged,
+];
+
+fn number_of(verdict: PoseDecision) -> u8 {
+    (1..)
+        .zip(VERDICTS)
+        .find(|(_, one)| *one == verdict)
+        .map_or(0, |(number, _)| number)
+}
+
+fn verdict_of(number: u8) -> Option<PoseDecision> {
+    VERDICTS.get(usize::from(number.checked_sub(1)?)).copied()
+}
+
 /// Returns whether a memory holds numbers and attitudes.
 fn is_possible(memory: &FeedMemory) -> bool {
     memory.is_finite()
-        && [&memory.rotation, &memory.seen_rotation]
-            .into_iter()
-            .all(|rotation| defect(&from_row_major(rotation)) <= ATTITUDE_DEFECT)
+        && [
+            &memory.rotation,
+            &memory.seen_rotation,
+            &memory.candidate_rotation,
+        ]
+        .into_iter()
+        .all(|rotation| defect(&from_row_major(rotation)) <= ATTITUDE_DEFECT)
 }

@@ -356,12 +356,13 @@ fn a_memory_with_an_impossible_number_is_not_used() {
         room.truth();
     }
     let memory = room.feed.save();
-    let spoils: [fn(&mut FeedMemory); 5] = [
+    let spoils: [fn(&mut FeedMemory); 6] = [
         |memory| memory.position[1] = f64::NAN,
         |memory| memory.slope = f64::INFINITY,
         |memory| memory.rotation[4] = 3.0,
         |memory| memory.seen_position[0] = f64::NAN,
         |memory| memory.seen_rotation = [0.0; 9],
+        |memory| memory.candidate_rotation[0] = f64::NAN,
     ];
     for (number, spoil) in spoils.into_iter().enumerate() {
         let mut spoilt = memory;
@@ -372,6 +373,33 @@ fn a_memory_with_an_impossible_number_is_not_used() {
         assert_eq!(feed.save(), fresh, "{number}");
         feed.restore(&memory, room.now_ns);
         assert_eq!(feed.save(), memory, "{number}");
+    }
+}
+
+/// Poses that were refused before the driver died are refused after its restart, and the vehicle's are accepted.
+#[test]
+fn a_restarted_feed_refuses_the_poses_of_another_body_with_which_the_vehicle_was_exchanged() {
+    for gap in [10, 50, 150] {
+        let mut room = Room::new();
+        for _ in 0..100 {
+            room.truth();
+        }
+        let exchanged = |room: &mut Room| room.fly(&[("quad", room.wand()), ("wand", room.quad())]);
+        for _ in 0..20 {
+            assert_eq!(exchanged(&mut room), None);
+        }
+        assert_eq!(room.feed.counts().exchanged, 20);
+        let mut restarted = Feed::new(CaptureSystem::ViconUdp, &stated()).unwrap();
+        room.number += gap;
+        room.now_ns += u64::from(gap) * 10 * MS;
+        restarted.restore(&room.feed.save(), room.now_ns);
+        room.feed = restarted;
+        for _ in 0..100 {
+            assert_eq!(exchanged(&mut room), None, "{gap} frames");
+        }
+        assert_eq!(room.feed.counts().exchanged, 100);
+        let truths: Vec<_> = (0..6).map(|_| room.truth().is_some()).collect();
+        assert!(truths[5], "{gap} frames: {truths:?}");
     }
 }
 

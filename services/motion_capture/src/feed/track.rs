@@ -6,7 +6,7 @@
 //! Of a body that turns at once, the position follows without the attitude until it has settled: confused markers have
 //! the same centre as before. Of a pose that is frozen in part, the other part can follow alone.
 //! Poses that continue refused ones are refused too, even if they have come into reach by then: a pose belongs to the
-//! track from which the body gets there sooner. A track restarts when poses followed each other for the
+//! track from which the body gets there sooner, and to the refused ones if it is where the last of them was. A track restarts when poses followed each other for the
 //! stated time, unless they began where another body was: then the markers were exchanged, and the poses are refused
 //! for any time.
 
@@ -69,10 +69,10 @@ pub(super) struct Place {
 
 /// Poses that follow each other and are not accepted yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Candidate {
-    newest: Place,
-    since_ns: u64,
-    verdict: PoseDecision,
+pub(super) struct Candidate {
+    pub(super) newest: Place,
+    pub(super) since_ns: u64,
+    pub(super) verdict: PoseDecision,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +99,12 @@ impl Place {
             at_ns,
             turned_at_ns: at_ns,
         }
+    }
+
+    /// Returns whether another one cannot be told from it.
+    fn is_as(&self, other: &Self) -> bool {
+        let [way, turn] = self.way_and_turn(other);
+        way <= POSITION_NOISE && turn <= ATTITUDE_NOISE
     }
 
     /// Returns way and turn to another one, m and rad.
@@ -152,9 +158,14 @@ impl Tracks {
         self.believed.as_ref()
     }
 
-    /// Goes on from an accepted pose of the vehicle.
-    pub(super) fn restore(&mut self, believed: Place) {
-        self.believed = Some(believed);
+    /// Returns the poses that are not accepted yet.
+    pub(super) fn candidate(&self) -> Option<&Candidate> {
+        self.candidate.as_ref()
+    }
+
+    /// Goes on from an accepted pose of the vehicle, and from poses that were not accepted yet.
+    pub(super) fn restore(&mut self, believed: Option<Place>, candidate: Option<Candidate>) {
+        (self.believed, self.candidate) = (believed, candidate);
     }
 
     /// Takes the vehicle's next pose.
@@ -166,12 +177,18 @@ impl Tracks {
     ) -> PoseDecision {
         let place = Place::new(position, rotation, at_ns);
         let time = |from: &Place| self.bounds.time_between(from, &place);
-        let continued = self
-            .candidate
-            .filter(|candidate| self.bounds.can_follow(&candidate.newest, &place));
+        let longest_ns = self.bounds.settle_ns.max(LONGEST_NS);
+        let continued = self.candidate.filter(|Candidate { newest, verdict, .. }| {
+            // Another body is another one however long nobody has seen it.
+            let lasts =
+                at_ns.saturating_sub(newest.at_ns) <= longest_ns || *verdict == PoseDecision::Exchanged;
+            lasts && self.bounds.can_follow(newest, &place)
+        });
         if let Some(believed) = self.believed
             && self.bounds.can_follow(&believed, &place)
-            && continued.is_none_or(|candidate| time(&believed) <= time(&candidate.newest))
+            && continued.is_none_or(|candidate| {
+                !candidate.newest.is_as(&place) && time(&believed) <= time(&candidate.newest)
+            })
         {
             self.believed = Some(place);
             self.candidate = None;
@@ -351,6 +368,20 @@ mod tests {
                 }
                 prop_assert_eq!(body.next(&Matrix3::identity()), PoseDecision::Follows);
             }
+        }
+
+        /// A ghost that shows now and then never settles, however long that lasts.
+        #[test]
+        fn poses_with_longer_gaps_than_the_time_to_settle_do_not_settle(gap in 31..100_u64, times in 1..20) {
+            let mut body = Body::settled([0.0; 3], [0.0; 3]);
+            for _ in 0..times {
+                body.frame += gap;
+                let at_ns = body.frame * FRAME_NS;
+                let ghost = Vector3::new(5.0, 0.0, 1e-4 * body.frame as f64);
+                let decision = body.tracks.vehicle(&ghost, &Matrix3::identity(), at_ns);
+                prop_assert_eq!(decision, PoseDecision::Jumped);
+            }
+            prop_assert_eq!(body.next(&Matrix3::identity()), PoseDecision::Follows);
         }
 
         #[test]
