@@ -10,9 +10,9 @@
 //!     angle(R_expected, R_captured) ≤ 0.1 rad + min(10 rad/s · t, 0.3 rad) + min(0.2 rad/s · b, 0.6 rad)
 //! ```
 //!
-//! with the time t since the last trusted capture, and the time b from it to the first capture after it. Further captures
-//! that are not trusted do not extend b: a false attitude that lasts is never believed, nor is a turn of 30° at once
-//! after a gap of up to half a second.
+//! with the time t since the last trusted capture, and the longest time b without captures since then: the time to the
+//! first capture after it, or a later gap of more than 0.25 s. Captures that are not trusted do not extend b: a false
+//! attitude that lasts is never believed, nor is a turn of 30° at once after a gap of up to half a second.
 
 use nalgebra::Matrix3;
 use shared_types::rotation::angle_between;
@@ -26,6 +26,8 @@ const LARGEST_DEPARTURE: f64 = 0.3;
 /// Drift of the predicted attitude while the body is not seen, rad/s, and the largest such error, rad.
 const DRIFT_RATE: f64 = 0.2;
 const LARGEST_DRIFT: f64 = 0.6;
+/// Time between two captures that are not trusted above which the body was not seen between them, ns.
+const GAP_NS: u64 = 250_000_000;
 
 /// The last trusted attitude, and the times that limit the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +36,12 @@ pub struct AttitudeTrust {
     pub captured_from_estimated: Matrix3<f64>,
     /// Time of the last trusted capture, ns since the start of the flight.
     pub trusted_ns: u64,
-    /// Time from the last trusted capture to the first one after it, ns; 0 while there is none.
+    /// Time of the last capture, trusted or not, ns since the start of the flight.
+    pub tested_ns: u64,
+    /// Longest time since the last trusted capture in which the body was not seen, ns; 0 while no capture has followed it.
     pub unseen_ns: u64,
+    /// `true` if the last capture was not trusted.
+    pub is_refused: bool,
 }
 
 impl AttitudeTrust {
@@ -45,22 +51,32 @@ impl AttitudeTrust {
         Self {
             captured_from_estimated: captured * estimated.transpose(),
             trusted_ns: time_ns,
+            tested_ns: time_ns,
             unseen_ns: 0,
+            is_refused: false,
         }
+    }
+
+    /// Returns whether a capture that was not trusted lasts up to a time: the last one, without a gap since.
+    #[must_use]
+    pub fn is_refused_until(&self, time_ns: u64) -> bool {
+        self.is_refused && time_ns.saturating_sub(self.tested_ns) <= GAP_NS
     }
 
     /// Returns whether the vehicle can have reached a captured attitude, beside the one predicted for that time.
     pub fn test(&mut self, time_ns: u64, predicted: &Matrix3<f64>, captured: &Matrix3<f64>) -> bool {
-        let since_ns = time_ns.saturating_sub(self.trusted_ns);
-        if self.unseen_ns == 0 {
-            self.unseen_ns = since_ns;
+        let since = seconds(time_ns.saturating_sub(self.trusted_ns));
+        let gap_ns = time_ns.saturating_sub(self.tested_ns);
+        if self.unseen_ns == 0 || gap_ns > GAP_NS {
+            self.unseen_ns = self.unseen_ns.max(gap_ns);
         }
-        let since = seconds(since_ns);
+        self.tested_ns = time_ns;
         let reach = NOISE
             + (DEPARTURE_RATE * since).min(LARGEST_DEPARTURE)
             + (DRIFT_RATE * seconds(self.unseen_ns)).min(LARGEST_DRIFT);
         let expected = self.captured_from_estimated * predicted;
-        angle_between(&expected, captured) <= reach
+        self.is_refused = angle_between(&expected, captured) > reach;
+        !self.is_refused
     }
 }
 
@@ -127,5 +143,26 @@ mod tests {
         let captured = exp(&Vector3::new(0.9, 0.0, 0.0));
         assert!(!at_rest().test(1_000_000_000, &Matrix3::identity(), &captured));
         assert!(at_rest().test(3_000_000_000, &Matrix3::identity(), &captured));
+        // Nor does it matter that one capture before that time was a false one.
+        let mut trust = at_rest();
+        assert!(!trust.test(
+            10_000_000,
+            &Matrix3::identity(),
+            &exp(&Vector3::new(0.0, 2.0, 0.0))
+        ));
+        assert!(trust.is_refused_until(260_000_000) && !trust.is_refused_until(261_000_000));
+        assert!(trust.test(3_000_000_000, &Matrix3::identity(), &captured));
+        assert!(!trust.is_refused_until(3_000_000_000));
+    }
+
+    #[test]
+    fn a_false_attitude_that_is_seen_now_and_then_is_never_trusted() {
+        let (mut trust, turn) = (at_rest(), exp(&Vector3::new(0.0, 0.53, 0.0)));
+        for gap in 1..100 {
+            assert!(
+                !trust.test(gap * 490_000_000, &Matrix3::identity(), &turn),
+                "{gap}"
+            );
+        }
     }
 }

@@ -11,10 +11,11 @@
 //!   [`restart_after`](Kalman::restart_after), the newest one is accepted instead and the filter restarts;
 //! * one whose attitude no vehicle can have reached is refused and counted, however long that lasts, because the
 //!   capture system has confused the markers: [`attitude_trust`](super::attitude_trust); while frames do not say how the
-//!   vehicle turns, and for two seconds afterwards, attitudes are not tested, because the last one may be a false one;
+//!   vehicle turns, and for two seconds afterwards, attitudes are not tested, because the last one may be a false one,
+//!   unless the last one was refused already;
 //! * the position of such a capture corrects the state, unless it is too far from the estimate as well, because confused
 //!   markers have the same centre; so the attitude stays right as far as a tilt shows as an acceleration;
-//! * of a capture whose position is refused by the driver the attitude corrects the state: with a known tilt the prediction
+//! * of a capture whose position is frozen the attitude corrects the state: with a known tilt the prediction
 //!   of the position holds for some seconds, in which the state coasts and counts as tracked;
 //! * one that is no pose at all, or from the future, is refused and counted, and the filter never starts from it;
 //! * when impossible numbers (a thrust of 10⁷ N, say) have used up the digits of the covariance, the next accepted
@@ -280,7 +281,7 @@ impl KalmanFilter {
         let motors_turn = !self.has_come_to_rest(exposure_ns);
         let flies = motors_turn && (!track.state.stands || track.ground.has_flown);
         let is_turn_known = self.is_turn_known(track.trust.trusted_ns, exposure_ns);
-        if flies && !is_turn_known {
+        if flies && !is_turn_known && !track.trust.is_refused_until(exposure_ns) {
             track.settling_since_ns = exposure_ns;
         }
         let has_settled = exposure_ns >= track.settling_since_ns.saturating_add(SETTLED_NS);

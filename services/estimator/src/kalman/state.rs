@@ -66,7 +66,9 @@ shared_types::sample! {
         pub captured_from_estimated: [f64; 9],
         /// Time of the last trusted capture, ns since the start of the flight.
         pub trusted_ns: u64,
-        /// Time from the last trusted capture to the first one after it, ns.
+        /// Time of the last capture, trusted or not, ns since the start of the flight.
+        pub tested_ns: u64,
+        /// Longest time since the last trusted capture in which the body was not seen, ns; 0 while no capture has followed it.
         pub unseen_ns: u64,
         /// The commands that act or are under way, oldest first.
         pub commands: [Command; 64],
@@ -98,8 +100,10 @@ shared_types::sample! {
         pub rest_captures: u32,
         /// `true` if the vehicle has flown since it stood.
         pub has_flown: Flag,
+        /// `true` if the attitude of the last capture was not trusted.
+        pub attitude_refused: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 3],
+        pub pad0: [u8; 2],
     }
 }
 
@@ -164,7 +168,8 @@ fn save_track(track: &Track, state: &mut KalmanState) {
     state.captured_from_estimated = to_row_major(&track.trust.captured_from_estimated);
     state.settling_since_ns = track.settling_since_ns;
     state.trusted_ns = track.trust.trusted_ns;
-    state.unseen_ns = track.trust.unseen_ns;
+    (state.tested_ns, state.unseen_ns) = (track.trust.tested_ns, track.trust.unseen_ns);
+    state.attitude_refused = track.trust.is_refused.into();
     save_ground(&track.ground, state);
 }
 
@@ -210,6 +215,8 @@ fn restored_track(state: &KalmanState) -> Track {
         trust: AttitudeTrust {
             captured_from_estimated: from_row_major(&state.captured_from_estimated),
             trusted_ns: state.trusted_ns,
+            tested_ns: state.tested_ns,
+            is_refused: state.attitude_refused.is_set(),
             unseen_ns: state.unseen_ns,
         },
         ground: restored_ground(state),

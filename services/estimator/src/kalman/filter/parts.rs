@@ -1,5 +1,5 @@
 //! Captures of which one part is right: the position of a body whose markers were confused, or the attitude of one whose
-//! position is frozen or has jumped.
+//! position is frozen.
 
 use shared_types::service::seconds;
 
@@ -50,6 +50,7 @@ impl KalmanFilter {
                 track.trust.captured_from_estimated *= before * corrected.nominal.world_from_body.transpose();
                 track.state = corrected;
                 track.used_at_ns = now_ns;
+                track.refused_since_ns = None;
                 track.compare_rest(exposure_ns, &pose);
             }
         }
@@ -79,6 +80,7 @@ impl KalmanFilter {
                 track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
                 track.state = believed;
                 track.levelled_at_ns = now_ns;
+                track.refused_since_ns = None;
             }
         }
         self.memory.track = Some(track);

@@ -182,6 +182,52 @@ fn a_false_attitude_at_a_restart_without_a_known_turn_does_not_lock_the_truth_ou
     }
 }
 
+/// Nor does a pause of the frames let in an attitude that was refused before it.
+#[test]
+fn a_false_attitude_that_was_refused_is_refused_through_a_pause_of_the_frames() {
+    for pause in [260, 500, 1000] {
+        let mut rig = laboratory(|world| {
+            world.swapped = 2500..5500;
+            world.swapped_position = nalgebra::Vector3::zeros();
+            world.swapped_rotation = nalgebra::Vector3::x() * f64::to_radians(90.0);
+            world.silence = 3000..3000 + pause;
+        });
+        let seen = outcomes(&mut rig, 5505);
+        let late = seen.iter().filter(|(tick, _)| *tick > 2510);
+        for (tick, outcome) in late {
+            assert!(
+                matches!(outcome, Outcome::Refused),
+                "{pause} ms: {outcome:?} at {tick}"
+            );
+        }
+        assert!(rig.filter.is_tracking(rig.now_ns()), "{pause} ms");
+        let seen = outcomes(&mut rig, 6000);
+        let used = count(&seen, |outcome| matches!(outcome, Outcome::Used(_)));
+        assert!(used > 45, "{pause} ms: {used} of the true ones");
+    }
+}
+
+/// A capture of which a part was used is none that was refused.
+#[test]
+fn an_outlier_after_captures_that_were_used_in_part_restarts_nothing() {
+    let mut rig = laboratory(|world| {
+        world.swapped = 2500..2510;
+        world.swapped_position = nalgebra::Vector3::y() * 0.5;
+        world.swapped_rotation = nalgebra::Vector3::zeros();
+    });
+    outcomes(&mut rig, 2510);
+    rig.world.swapped = 2510..4520;
+    rig.world.swapped_position = nalgebra::Vector3::zeros();
+    rig.world.swapped_rotation = nalgebra::Vector3::x() * f64::to_radians(90.0);
+    outcomes(&mut rig, 4520);
+    rig.world.swapped = 4520..4530;
+    rig.world.swapped_position = nalgebra::Vector3::y() * 0.5;
+    rig.world.swapped_rotation = nalgebra::Vector3::zeros();
+    let seen = outcomes(&mut rig, 4700);
+    assert_eq!(count(&seen, |outcome| matches!(outcome, Outcome::Started)), 0);
+    assert!(count(&seen, |outcome| matches!(outcome, Outcome::Used(_))) >= 16);
+}
+
 /// As after a death of the estimator that lasted too long.
 #[test]
 fn true_attitudes_after_a_gap_in_the_frames_are_used() {
