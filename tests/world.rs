@@ -242,22 +242,24 @@ fn assert_it_came_from_the_ground_and_returned(log: &Path) {
 /// Fastest touch-down that is a landing and no fall, m/s: the scenario states 0.3 m/s.
 const TOUCH_DOWN: f64 = 0.6;
 
-/// Flies until its disk is full. Whether the machine let it.
-fn lands_when_its_disk_is_full(place: &Place, flight: &str, world: &str) -> bool {
-    let settings = settings(place, free_port());
-    let simulated = World::begin(place, &settings, &["--out", world]);
+/// Flies to the path, where something ends the flight of an orchestrator, with this exit code. Whether the machine let it.
+fn lands(place: &Place, attempt: u32, duration: f64, end: impl FnOnce(u32), code: i32) -> bool {
+    let [flight, world] = ["flight", "world"].map(|name| format!("{name}{attempt}"));
+    let mut settings = settings(place, free_port());
+    let simulated = World::begin(place, &settings, &["--out", &world]);
     until("the device", || place.path("radio").exists().then_some(()));
-    let run = ["--host", "realtime", "--out", flight];
+    settings.push(format!("duration={duration:?}"));
+    let run = ["--host", "realtime", "--out", &flight];
     let run = begin(&mut place.gerono(&arguments("run", &settings, &run)));
     let came_to_the_path = comes_to_the_path(place);
-    fill_the_disk_of(run.id());
+    end(run.id());
     let ended = finish(run);
     simulated.end();
-    let kept_time = kept_time(place, world);
+    let kept_time = kept_time(place, &world);
     if kept_time {
         assert!(came_to_the_path, "{}", said(&ended));
-        assert_eq!(ended.status.code(), Some(4), "{}", said(&ended));
-        let truths = samples::<VehicleTruth>(&place.log(world));
+        assert_eq!(ended.status.code(), Some(code), "{}", said(&ended));
+        let truths = samples::<VehicleTruth>(&place.log(&world));
         let height = |truth: &VehicleTruth| -truth.position_world[2];
         assert_eq!(truths.last().map(height), Some(0.0));
         let touch_down = truths.iter().rposition(|truth| height(truth) > 0.0).unwrap();
@@ -271,10 +273,14 @@ fn lands_when_its_disk_is_full(place: &Place, flight: &str, world: &str) -> bool
 #[test]
 fn a_full_disk_lands_a_vehicle_in_the_laboratory() {
     let place = Place::new();
-    let landed = (0..5).any(|attempt| {
-        let [flight, world] = ["flight", "world"].map(|name| format!("{name}{attempt}"));
-        lands_when_its_disk_is_full(&place, &flight, &world)
-    });
+    let landed = (0..5).any(|attempt| lands(&place, attempt, 120.0, fill_the_disk_of, 4));
+    assert!(landed, "the machine stands still in every flight");
+}
+
+#[test]
+fn a_vehicle_that_nobody_lands_is_on_the_ground_at_the_end_of_the_duration() {
+    let place = Place::new();
+    let landed = (0..5).any(|attempt| lands(&place, attempt, 45.0, |_| (), 0));
     assert!(landed, "the machine stands still in every flight");
 }
 

@@ -13,6 +13,7 @@ mod decisions;
 mod heartbeat;
 mod kill_switch;
 mod laboratory;
+mod last_landing;
 mod monitor;
 mod policies;
 mod recorder;
@@ -36,7 +37,7 @@ use scenario::Scenario;
 use shared_types::samples::{PathReference, RcFrame, RunEvent};
 use shared_types::schedule::Edge;
 use shared_types::service::{nanoseconds, seconds};
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{FlightPhase, Schedule, ServiceId, Topic};
 
 use self::heartbeat::Heartbeats;
 use self::kill_switch::KillSwitch;
@@ -173,7 +174,7 @@ where
         .distrust(context.scenario.external_services(), &context.schedule, clock)
         .remember_for_restarts(&context.schedule);
     let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
-    flight.motors = Motors::unknown();
+    flight.motors = Motors::UNKNOWN;
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
     flight.inherit_kill_switch();
@@ -219,6 +220,8 @@ struct Flight<'a> {
     last_action: u8,
     /// Phase and cause of the newest reference.
     last_decision: (u8, u8),
+    /// z of the vehicle when it was on the ground last, in {I}, m; that of the floor until it is known.
+    ground_z: f64,
     /// The last events, for people at other terminals.
     events: LiveEvents,
 }
@@ -256,6 +259,7 @@ impl<'a> Flight<'a> {
             tuned: None,
             last_action: RcFrame::ACTION_NONE,
             last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
+            ground_z: 0.0,
             events: LiveEvents::default(),
         }
     }
@@ -313,6 +317,7 @@ impl<'a> Flight<'a> {
                 self.fail(FlightFailure::Record(error));
             }
             self.replace_the_hung();
+            self.land_before_the_end();
             server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.supervisor.remove_unfinished();
@@ -460,7 +465,10 @@ impl<'a> Flight<'a> {
     {
         let received = self.recorder.receive();
         let frame = self.recorder.newest::<RcFrame>();
-        self.motors.observe(frame.as_ref(), self.clock.elapsed_ns());
+        // Where frames cannot be heard, the phase still says when the vehicle is down.
+        let is_heard = self.recorder.hears(Topic::RcFrame) || self.phase() == Some(FlightPhase::Disarmed);
+        self.motors
+            .observe(frame.as_ref(), self.clock.elapsed_ns(), is_heard);
         self.tell_of_decisions();
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));

@@ -131,7 +131,7 @@ impl Flight<'_> {
                 "the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned(),
             );
         };
-        if let Some(reason) = self.end_of_arming() {
+        if let Some(reason) = self.end_of_arming().or_else(|| self.too_late_to_arm()) {
             return Some(reason);
         }
         if let Some(missing) = ServiceId::ALL

@@ -47,6 +47,8 @@ struct Feed {
     received: u64,
     /// Tick of the newest sample.
     newest: Option<u64>,
+    /// `true` if its port has failed at the last look.
+    has_failed: bool,
     /// The last samples, if a service consumes them that makes up for late steps or takes in every sample: it is to see
     /// them when it starts again.
     last: Option<VecDeque<OwnedSample>>,
@@ -72,6 +74,7 @@ impl Recorder {
             subscription,
             received: 0,
             newest: None,
+            has_failed: false,
             last: None,
         };
         Self {
@@ -185,34 +188,50 @@ impl Recorder {
         self.written_until
     }
 
-    /// Takes all that has come.
+    /// Takes all that has come, by ports that work also if another one fails.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`] if a port failed.
     pub fn receive(&mut self) -> Result<(), FlightFailure> {
-        for feed in &mut self.feeds {
-            // A publisher without a pause does not keep this process from everything else.
-            for _ in 0..RECORDER_BUFFER {
-                let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
-                if !received.map_err(FlightFailure::setup)? {
-                    break;
-                }
-                let bytes = feed.subscription.receiver.held().expect("just received");
-                // A restarted service may repeat its last samples, as the HIL simulator does: the first count, for its
-                // consumers too.
-                let tick = header_of(bytes).tick;
-                if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {
-                    continue;
-                }
-                feed.received += 1;
-                let topic = feed.subscription.topic;
-                let spare = self.spare[topic.index()].pop();
-                let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
-                sample.bytes_mut().copy_from_slice(bytes);
-                feed.remember(topic, sample.bytes());
-                let earlier = self.waiting.insert((tick, topic), sample);
-                debug_assert!(earlier.is_none(), "one sample a topic and tick");
+        let mut received = Ok(());
+        for at in 0..self.feeds.len() {
+            let of_feed = self.receive_of(at);
+            self.feeds[at].has_failed = of_feed.is_err();
+            received = received.and(of_feed);
+        }
+        received
+    }
+
+    /// Returns whether samples of a topic that have not come have not been published.
+    #[must_use]
+    pub fn hears(&self, topic: Topic) -> bool {
+        let mut feeds = self.feeds.iter();
+        feeds.any(|feed| feed.subscription.topic == topic && !feed.has_failed)
+    }
+
+    fn receive_of(&mut self, at: usize) -> Result<(), FlightFailure> {
+        let feed = &mut self.feeds[at];
+        // A publisher without a pause does not keep this process from everything else.
+        for _ in 0..RECORDER_BUFFER {
+            let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
+            if !received.map_err(FlightFailure::setup)? {
+                break;
             }
+            let bytes = feed.subscription.receiver.held().expect("just received");
+            // A restarted service may repeat its last samples, as the HIL simulator does: the first count, for its
+            // consumers too.
+            let tick = header_of(bytes).tick;
+            if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {
+                continue;
+            }
+            feed.received += 1;
+            let topic = feed.subscription.topic;
+            let spare = self.spare[topic.index()].pop();
+            let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
+            sample.bytes_mut().copy_from_slice(bytes);
+            feed.remember(topic, sample.bytes());
+            let earlier = self.waiting.insert((tick, topic), sample);
+            debug_assert!(earlier.is_none(), "one sample a topic and tick");
         }
         Ok(())
     }

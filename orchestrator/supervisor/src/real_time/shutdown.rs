@@ -3,14 +3,15 @@
 //! Ctrl-C, SIGTERM, the end of the terminal, `gerono stop` and every failure outside of the control path are the same
 //! request. Asked again they change nothing: in the air only `gerono kill` and `gerono disarm` stop the motors.
 
-use std::time::{Duration, Instant};
-
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::samples::RcFrame;
 use shared_types::service::nanoseconds;
 
 /// Age of a frame, ns, above which it says nothing of the motors: without frames a receiver stops them.
 const SILENT_NS: u64 = 500_000_000;
+
+/// Longest time between two looks at the frames of which both say something, ns.
+const LONGEST_GAP_NS: u64 = 100_000_000;
 
 /// The end that was asked of the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,40 +25,44 @@ pub enum Shutdown {
     Now,
 }
 
-/// Since when the motors have rested.
+/// Time for which the motors have rested, as far as it was observed. While the orchestrator writes to a slow disk or is
+/// stopped, nobody sees them.
 #[derive(Clone, Copy, Debug)]
 pub struct Motors {
-    turned_at: Option<Instant>,
+    rested_ns: u64,
+    observed_ns: u64,
 }
 
 impl Motors {
     /// Motors that have not turned yet.
-    pub const AT_REST: Self = Self { turned_at: None };
+    pub const AT_REST: Self = Self {
+        rested_ns: u64::MAX,
+        observed_ns: 0,
+    };
 
     /// Motors of a flight that is taken over: they may turn.
-    #[must_use]
-    pub fn unknown() -> Self {
-        Self {
-            turned_at: Some(Instant::now()),
-        }
-    }
+    pub const UNKNOWN: Self = Self {
+        rested_ns: 0,
+        observed_ns: 0,
+    };
 
-    /// Takes note of the newest frame at a time of the flight.
-    pub fn observe(&mut self, frame: Option<&RcFrame>, elapsed_ns: u64) {
-        let turns = frame.is_some_and(|frame| {
-            let age = elapsed_ns.saturating_sub(frame.header.stamp_ns);
-            !frame.failsafe.is_set() && age <= SILENT_NS
-        });
-        if turns {
-            self.turned_at = Some(Instant::now());
+    /// Takes note of the newest frame at a time of the flight. Silence says nothing of frames that cannot be
+    /// heard.
+    pub fn observe(&mut self, frame: Option<&RcFrame>, elapsed_ns: u64, is_heard: bool) {
+        let recent = frame.filter(|frame| elapsed_ns.saturating_sub(frame.header.stamp_ns) <= SILENT_NS);
+        let gap_ns = elapsed_ns.saturating_sub(self.observed_ns).min(LONGEST_GAP_NS);
+        self.observed_ns = elapsed_ns;
+        match recent {
+            Some(frame) if !frame.failsafe.is_set() => self.rested_ns = 0,
+            None if !is_heard => {}
+            _ => self.rested_ns = self.rested_ns.saturating_add(gap_ns),
         }
     }
 
     /// Returns whether they have rested for so long that the vehicle is on the ground, wherever it was.
     #[must_use]
     pub fn are_grounded(&self) -> bool {
-        let fall = Duration::from_nanos(nanoseconds(GROUNDED_AFTER));
-        self.turned_at.is_none_or(|at| at.elapsed() >= fall)
+        self.rested_ns >= nanoseconds(GROUNDED_AFTER)
     }
 }
 
@@ -95,15 +100,23 @@ mod tests {
     fn a_flight_with_phases_ends_on_the_ground_and_one_without_at_once() {
         let (landing, now) = (Shutdown::requested(true), Shutdown::requested(false));
         assert!(!Shutdown::None.permits_end(&Motors::AT_REST));
-        assert!(landing.permits_end(&Motors::AT_REST) && !landing.permits_end(&Motors::unknown()));
-        assert!(now.permits_end(&Motors::unknown()));
+        assert!(landing.permits_end(&Motors::AT_REST) && !landing.permits_end(&Motors::UNKNOWN));
+        assert!(now.permits_end(&Motors::UNKNOWN));
+    }
+
+    /// Looks at a frame every 10 ms, up to a time.
+    fn look(motors: &mut Motors, until_ns: u64, is_heard: bool, newest: impl Fn(u64) -> Option<RcFrame>) {
+        while motors.observed_ns < until_ns {
+            let now_ns = motors.observed_ns + 10_000_000;
+            motors.observe(newest(now_ns).as_ref(), now_ns, is_heard);
+        }
     }
 
     #[test]
     fn motors_turn_by_frames_that_are_recent_and_carry_a_command() {
         let turns = |frame: Option<RcFrame>, elapsed_ns| {
             let mut motors = Motors::AT_REST;
-            motors.observe(frame.as_ref(), elapsed_ns);
+            motors.observe(frame.as_ref(), elapsed_ns, true);
             !motors.are_grounded()
         };
         assert!(turns(Some(frame(7, false)), 7 + SILENT_NS));
@@ -114,16 +127,42 @@ mod tests {
 
     #[test]
     fn motors_that_have_just_come_to_rest_leave_the_vehicle_in_the_air() {
+        for stopped in [Some(()), None] {
+            let newest = |now_ns| stopped.map(|()| frame(now_ns, true));
+            let mut motors = Motors::UNKNOWN;
+            look(&mut motors, 1_990_000_000, true, newest);
+            assert!(!motors.are_grounded());
+            look(&mut motors, 2_010_000_000, true, newest);
+            assert!(motors.are_grounded());
+        }
+    }
+
+    /// A disk that takes three seconds, or an orchestrator that was stopped.
+    #[test]
+    fn what_nobody_has_seen_is_no_rest() {
         let mut motors = Motors::AT_REST;
-        motors.observe(Some(&frame(0, false)), 0);
-        motors.observe(Some(&frame(1, true)), 1);
+        look(&mut motors, 1_000_000_000, true, |now_ns| {
+            Some(frame(now_ns, false))
+        });
+        for newest in [
+            Some(frame(1_000_000_000, false)),
+            Some(frame(3_990_000_000, true)),
+            None,
+        ] {
+            let mut motors = motors;
+            motors.observe(newest.as_ref(), 4_000_000_000, true);
+            assert!(!motors.are_grounded(), "{newest:?}");
+        }
+    }
+
+    #[test]
+    fn silence_of_frames_that_cannot_be_received_is_no_rest() {
+        let mut motors = Motors::UNKNOWN;
+        look(&mut motors, 10_000_000_000, false, |_| None);
         assert!(!motors.are_grounded());
-        let long_ago = Instant::now().checked_sub(Duration::from_secs(3)).unwrap();
-        assert!(
-            Motors {
-                turned_at: Some(long_ago)
-            }
-            .are_grounded()
-        );
+        look(&mut motors, 13_000_000_000, false, |now_ns| {
+            Some(frame(now_ns, true))
+        });
+        assert!(motors.are_grounded());
     }
 }
