@@ -2,8 +2,8 @@
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
 //! a policy, a late reference is continued along the path at its γ̈, up to `max_age`; from then on the path is at rest
-//! at the place that it has reached. A reference that repeats the γ of a moving path is old, and does not reset the
-//! age.
+//! at the place that it has reached. A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! reset the age.
 
 use scenario::{EdgeName, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
@@ -12,6 +12,12 @@ use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 
 use control_law::signals::Reference;
+
+/// Returns whether a reference is an old one once more: that of a moving path has another γ.
+fn repeats(reference: &PathReference, held: &PathReference) -> bool {
+    let [new, old] = [reference, held].map(|one| (one.gamma, one.gamma_dot, one.phase));
+    new == old && held.gamma_dot.abs() > MOVES
+}
 
 /// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;
@@ -56,7 +62,7 @@ impl References {
                 Validity::Good
             } else if !is_of_the_past(reference, now) {
                 Validity::Refused
-            } else if held.is_some_and(|held| held.gamma == reference.gamma && held.gamma_dot.abs() > MOVES) {
+            } else if held.is_some_and(|held| repeats(reference, held)) {
                 Validity::NothingNew
             } else {
                 Validity::Good
@@ -101,5 +107,27 @@ impl References {
     /// Restores a saved state.
     pub fn restore(&mut self, state: &GateState, held: &PathReference) {
         self.gate.restore(state, held);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    /// A landing that is demanded at the step after the take-off began: γ is that of the path's begin in both.
+    #[test]
+    fn a_reference_of_another_phase_is_new_although_its_gamma_is_the_old_one() {
+        let takes_off = PathReference {
+            gamma_dot: 1.0,
+            phase: PathReference::PHASE_TAKE_OFF,
+            ..PathReference::new_zeroed()
+        };
+        let disarmed = PathReference {
+            phase: PathReference::PHASE_DISARMED,
+            ..PathReference::new_zeroed()
+        };
+        assert!(repeats(&takes_off, &takes_off));
+        assert!(!repeats(&disarmed, &takes_off) && !repeats(&disarmed, &disarmed));
     }
 }
