@@ -59,6 +59,8 @@ pub const UNLOADED: f64 = 0.75;
 pub const STANDING: f64 = 0.4;
 /// Time constant of the mean of the thrust that carries the vehicle, s.
 const CARRYING: f64 = 1.0;
+/// Longest time for which one look at the vehicle stands, s: steps are milliseconds apart, but for those after a restart.
+const LONGEST_LOOK: f64 = 0.1;
 
 shared_types::sample! {
     /// State of the phases; all zero in a flight without them, and before the first arming.
@@ -341,9 +343,10 @@ impl Phases {
         }
     }
 
-    /// Detects by the vehicle's motion, and by the commanded thrust, what carries it.
+    /// Detects by the vehicle's motion, and by the commanded thrust, what carries it. One look after a gap says nothing of
+    /// the gap.
     fn feel(&mut self, elapsed: f64, vehicle: &VehicleState, frame: Option<&RcFrame>) {
-        let phase = self.phase();
+        let (phase, elapsed) = (self.phase(), elapsed.min(LONGEST_LOOK));
         let memory = &mut self.memory;
         let [.., z] = vehicle.position_world;
         let thrust = frame.map_or(0.0, |frame| frame.thrust);

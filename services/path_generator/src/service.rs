@@ -19,7 +19,7 @@ use shared_types::input_validator::{
     GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
 };
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use shared_types::service::Input;
+use shared_types::service::{Input, nanoseconds};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -81,6 +81,9 @@ pub struct PathGeneratorService {
     states: StateValidator,
     /// Oldest age of a state without faults, ns.
     ordinary_age_ns: u64,
+    /// Time for which the path goes on without a step, ns: later the controller has let its last reference rest, and the
+    /// path goes on from there.
+    longest_gap_ns: u64,
     leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
@@ -141,6 +144,9 @@ impl PathGeneratorService {
             ),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
+            longest_gap_ns: scenario
+                .safety_of(Topic::PathReference, ServiceId::Controller)
+                .map_or(u64::MAX, |safety| nanoseconds(safety.max_age)),
         })
     }
 
@@ -283,6 +289,10 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
+        let now = &Now {
+            elapsed_ns: now.elapsed_ns.min(self.longest_gap_ns),
+            ..*now
+        };
         self.leader.motion.advance(now.elapsed());
         self.states.look(now, &inputs.state);
         let newest = self.states.held();

@@ -92,6 +92,11 @@ impl FlownPath {
 
     /// Makes one tick; the path generator is killed and restarted before it.
     fn step(&mut self, operator: Operator) -> PathReference {
+        self.step_after(self.tick.min(1), operator)
+    }
+
+    /// Makes one tick, so many after the one before it.
+    fn step_after(&mut self, ticks: u64, operator: Operator) -> PathReference {
         self.generator = restarted(
             &self.generator,
             PathGeneratorService::new(&self.scenario).unwrap(),
@@ -99,7 +104,7 @@ impl FlownPath {
         let now = Now {
             tick: self.tick,
             time_ns: self.tick * TICK_NS,
-            elapsed_ns: self.tick.min(1) * TICK_NS,
+            elapsed_ns: ticks * TICK_NS,
             operator,
         };
         for header in [&mut self.vehicle.header, &mut self.frame.header] {
@@ -643,6 +648,21 @@ fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_it
         assert_eq!(flown.step(TO_LAND).phase, PathReference::PHASE_LAND);
         flown.frame.thrust = 1.7;
     }
+}
+
+#[test]
+fn one_dip_of_the_thrust_after_a_gap_of_the_steps_is_no_touch_down() {
+    let mut flown = FlownPath::eight();
+    flown.until(ARMED, PathReference::PHASE_FLY);
+    flown.until(TO_LAND, PathReference::PHASE_LAND);
+    flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
+    flown.lifts = false;
+    flown.vehicle.velocity_body = [0.0; 3];
+    flown.frame.thrust = 0.5;
+    flown.tick += 1000;
+    assert_eq!(flown.step_after(1000, TO_LAND).phase, PathReference::PHASE_LAND);
+    flown.frame.thrust = 1.7;
+    assert_eq!(flown.step(TO_LAND).phase, PathReference::PHASE_LAND);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
 use zerocopy::{FromBytes, IntoBytes};
 
-use crate::flight::{TICK_NS, paper_path, scenario, step_at, vehicle};
+use crate::flight::{TICK_NS, paper_path, scenario, step, step_at, vehicle};
 use crate::restart;
 
 const MAX_AGE_TICKS: u64 = 30;
@@ -61,6 +61,25 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
         next.gamma_dot > 0.0,
         "the path moves on when the vehicle is known again"
     );
+}
+
+/// The controller lets a reference of that age rest, and the vehicle waits there.
+#[test]
+fn after_a_longer_gap_the_path_goes_on_where_the_controller_has_let_it_rest() {
+    let mut scenario = scenario(paper_path());
+    let policy = InputSafety::new(0.5);
+    scenario
+        .safety
+        .insert("path/reference -> controller".to_owned(), policy);
+    for (gap, goes_on_for) in [(20, 20), (499, 499), (501, 500), (3000, 500)] {
+        let mut path = generator(&scenario);
+        let references = (0..100).map(|tick| step_at(&mut path, tick, Some(&state(tick))));
+        let before = references.last().unwrap();
+        assert!(before.gamma_dot > 1e-3);
+        let after = step(&mut path, 99 + gap, gap, Some(&state(99 + gap)));
+        let expected = before.gamma_dot * 1e-3 * f64::from(goes_on_for);
+        assert!((after.gamma - before.gamma - expected).abs() < 1e-12, "{gap} ms");
+    }
 }
 
 #[test]
