@@ -6,9 +6,13 @@
 //!     a  = p̈d − Kv ė − Kp e                    desired acceleration
 //!     f  = g e3 − a + c                        c: disturbance that the baseline compensates
 //!     T  = m̂ nᵀf
-//!     nd = f/‖f‖,  ṅd = (I − nd ndᵀ) ḟ/‖f‖,  ḟ = −p⃛d + Kv (v̇ − p̈d) + Kp ė
+//!     nd = l/‖l‖,  l = f, but l_z ≥ 0.3 g
+//!     ṅd = (I − nd ndᵀ) l̇/‖l‖,  ḟ = −p⃛d + Kv (v̇ − p̈d) + Kp ė
 //!     ω  = Rᵀ(kR θ + nd × ṅd),  θ = (n × nd)/‖n × nd‖ · angle(n, nd)
 //! ```
+//!
+//! A force of no size has no direction, and one that points down that of a vehicle on its back. On the ground, where thrust
+//! winds down against an error that stays, the vehicle would be told to turn over.
 //!
 //! To first order in θ this is the law of Lee, Leok and McClamroch (CDC 2010) at the level of rates: ω = RᵀRd ωd − kR eR.
 
@@ -17,8 +21,8 @@ use scenario::GRAVITY;
 
 use crate::signals::{Measured, Reference};
 
-/// ‖f‖ below which it gives no direction, m/s²: the vehicle is to fall freely.
-const FREE_FALL: f64 = 1e-3;
+/// Least vertical component of the force whose direction the vehicle takes, as a share of the weight.
+const LEAST_LIFT: f64 = 0.3;
 
 /// Gains of the nominal loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,12 +122,14 @@ impl Nominal {
         force: &Vector3<f64>,
         force_rate: &Vector3<f64>,
     ) -> Vector3<f64> {
-        let size = force.norm();
-        if size < FREE_FALL {
-            return Vector3::zeros();
+        let least = LEAST_LIFT * GRAVITY;
+        let (mut lift, mut lift_rate) = (*force, *force_rate);
+        if lift.z < least {
+            (lift.z, lift_rate.z) = (least, 0.0);
         }
-        let desired = force / size;
-        let desired_rate = (force_rate - desired * desired.dot(force_rate)) / size;
+        let size = lift.norm();
+        let desired = lift / size;
+        let desired_rate = (lift_rate - desired * desired.dot(&lift_rate)) / size;
         let across = axis.cross(&desired);
         let (sine, cosine) = (across.norm(), axis.dot(&desired));
         // Upside down every way around is as long; any tilt of the next step decides.

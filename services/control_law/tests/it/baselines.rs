@@ -278,6 +278,7 @@ proptest! {
         vehicle.velocity_body = velocity;
         let none = Vector3::zeros();
         let force = NOMINAL.command(&vehicle, &reference, MASS, &none, &none).force;
+        prop_assume!(force.z > 0.31 * GRAVITY);
         vehicle.world_from_body = aligned(&force);
         vehicle.velocity_body = vehicle.world_from_body.tr_mul(&velocity);
         let command = NOMINAL.command(&vehicle, &reference, MASS, &none, &none);
@@ -294,6 +295,20 @@ proptest! {
         let desired = moved.force.normalize();
         let expected = Vector3::z().cross(&(desired - Vector3::z())) / h;
         prop_assert!((command.omega - expected).norm() < 1e-3 * (1.0 + expected.norm()), "{} {expected}", command.omega);
+    }
+
+    /// However far it is above its reference, as on the ground under a reference that sinks on, a vehicle stays upright.
+    #[test]
+    fn a_vehicle_above_its_reference_is_not_told_to_turn_over(above in 0.0..50.0f64, beside in -0.05..0.05f64, sinks in 0.0..2.0f64) {
+        let vehicle = Measured {
+            position_world: Vector3::new(beside, 0.0, -above),
+            velocity_body: Vector3::new(0.0, 0.0, -sinks),
+            ..level()
+        };
+        let none = Vector3::zeros();
+        let command = NOMINAL.command(&vehicle, &resting_reference(), MASS, &none, &none);
+        let tilt = libm::atan2((NOMINAL.position_gain.x * beside).abs(), 0.3 * GRAVITY);
+        prop_assert!(command.omega.norm() <= NOMINAL.attitude_gain * tilt + 1e-9, "{} {tilt}", command.omega);
     }
 
     /// Level and near the path, the force is that of a PID with the stated gains.
