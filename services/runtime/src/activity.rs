@@ -44,9 +44,14 @@ fn state_of(pid: u32) -> Option<char> {
 
 /// Waits for the end of a process, by its pidfd, for no longer than `limit`. Returns whether it has ended.
 pub fn ends_within(process: &impl AsFd, limit: Duration) -> bool {
+    is_readable_within(process, limit).unwrap_or(false)
+}
+
+/// Waits until a file is readable, for no longer than `limit`. Returns whether it is.
+pub(crate) fn is_readable_within(file: &impl AsFd, limit: Duration) -> std::io::Result<bool> {
     let limit = Timespec::try_from(limit).unwrap_or_default();
-    let mut end = [PollFd::new(process, PollFlags::IN)];
-    rustix::io::retry_on_intr(|| poll(&mut end, Some(&limit))).is_ok_and(|ended| ended > 0)
+    let mut file = [PollFd::new(file, PollFlags::IN)];
+    Ok(rustix::io::retry_on_intr(|| poll(&mut file, Some(&limit)))? > 0)
 }
 
 /// Reason why a process cannot run at all.

@@ -359,13 +359,11 @@ impl ServiceContext<'_> {
         let announced = announcement(publisher);
         self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
         let has_come = loop {
-            // The count before the look: a ring after this load changes the word, and the futex does not sleep on it.
-            // Read after
-            // the look, the count could include the ring for a sample that the look has missed.
+            // The count before the look: a ring after this load changes the word, and the futex does not sleep on it. Read
+            // after the look, the count could include the ring for a sample that the look has missed.
             let rung = self.cell(service).bell.load(Ordering::SeqCst);
             // The announcement comes before the look: pairs with the fence in `wake`. Without both fences the publisher
-            // could miss the announcement while this service misses the sample, and the step would begin late without
-            // need.
+            // could miss the announcement while this service misses the sample, and the step would begin late.
             fence(Ordering::SeqCst);
             if self.ports.queues[place].has_come(tick)? {
                 break true;
@@ -433,9 +431,8 @@ impl ServiceContext<'_> {
             // The vehicle is down, and no orchestrator is there to end the run.
             self.page.control_block().stopping.store(1, Ordering::Relaxed);
         }
-        // Order of crash safety: record, publish, finish the record, checkpoint. A death at any place then leaves no
-        // published
-        // sample without a record of its inputs, and no state that includes an unrecorded step. Replays need both.
+        // Order of crash safety: record, publish, finish the record, checkpoint. A death then leaves no published sample
+        // without a record of its inputs, and no state that includes an unrecorded step. Replays need both.
         self.crash.pass(CrashPlace::AfterStep, tick);
         self.step_log.begin(service.id(), record);
         outputs.send(tick, self.crash)?;

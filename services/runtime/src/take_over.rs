@@ -8,7 +8,6 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::Mode;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::Pid;
@@ -16,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::ServiceId;
 use system_limits::packet;
 
+use crate::activity::is_readable_within;
 use crate::control::{Channel, Start};
 use crate::peer::peer_credentials;
 
@@ -113,17 +113,18 @@ impl TakeOverListener {
         Ok(Self { socket, listener })
     }
 
-    /// Returns the next service that connects within `limit`.
+    /// Returns the next service that connects within `limit` and introduces itself, as one that is not stopped does at once.
     ///
     /// # Errors
     /// If the system refuses, or if the peer is not a service of this build.
     pub fn accept(&self, limit: Duration) -> std::io::Result<Option<InheritedDescriptors>> {
-        let timeout = Timespec::try_from(limit).unwrap_or_default();
-        let mut listener = [PollFd::new(&self.listener, PollFlags::IN)];
-        if rustix::io::retry_on_intr(|| poll(&mut listener, Some(&timeout)))? == 0 {
+        if !is_readable_within(&self.listener, limit)? {
             return Ok(None);
         }
         let line = rustix::net::accept_with(&self.listener, SocketFlags::CLOEXEC)?;
+        if !is_readable_within(&line, Duration::from_millis(200))? {
+            return self.accept(limit);
+        }
         if !is_own(&line) {
             return Err(std::io::Error::other(
                 "a process of another user connected instead of a service",
@@ -191,6 +192,10 @@ mod tests {
         let file = std::fs::File::create(place.path().join("shared")).unwrap();
         let hand_over = HandOver::new(place.path(), &long, [file.as_fd(); FILES]).unwrap();
         let listener = TakeOverListener::listen(place.path()).unwrap();
+        // One that was stopped before it said who it is holds up nobody.
+        let silent = rustix::net::socket(AddressFamily::UNIX, SocketType::SEQPACKET, None).unwrap();
+        let address = SocketAddrUnix::new(place.path().join(SOCKET)).unwrap();
+        rustix::net::connect(&silent, &address).unwrap();
         let _line = hand_over.offer().unwrap();
         let inherited = listener.accept(Duration::from_secs(10)).unwrap().unwrap();
         assert!(inherited.hello == long);
