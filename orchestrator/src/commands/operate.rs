@@ -93,21 +93,29 @@ pub fn kill(arguments: &Operate) -> Result<(), Failure> {
     let told = LiveRun::connect(&run, KILL_PATIENCE)
         .and_then(|live| live.ask(&Question::Operate(Request::Kill), KILL_PATIENCE));
     match (told, directly) {
+        // An orchestrator in a container with users of its own may refuse whom the system does not.
+        (Ok(Answer::Refused(reason) | Answer::Closed(reason)), Ok(())) => {
+            print(killed_alone(&run, &format!("its orchestrator says: {reason}")));
+            Ok(())
+        }
         (Ok(answer), _) => show(answer),
         (Err(reason), Ok(())) => {
-            print(killed_alone(&run, &reason));
+            print(killed_alone(&run, &silence_of(&reason)));
             Ok(())
         }
         (Err(reason), Err(error)) => Err(Failure::trouble(not_killed(&run, &reason, &error))),
     }
 }
 
-fn killed_alone(run: &MachineRun, reason: &LiveError) -> String {
-    let orchestrator = match reason {
+fn silence_of(reason: &LiveError) -> String {
+    match reason {
         LiveError::Abandoned(_) => "its orchestrator has died".to_owned(),
         LiveError::Silent(_) => "its orchestrator does not answer".to_owned(),
         reason => reason.to_string(),
-    };
+    }
+}
+
+fn killed_alone(run: &MachineRun, orchestrator: &str) -> String {
     format!(
         "killed: the motors of the run `{}` rest until its end; {orchestrator}, so its services were told directly\n",
         run.name()
