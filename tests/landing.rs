@@ -127,6 +127,12 @@ fn after_a_kill_in_the_air_the_log_goes_on_to_the_ground() {
     signal(run.id(), Signal::INT);
     await_phase(&place, "land");
     succeed(&mut place.gerono(&["kill"]));
+    let stopped = succeed(&mut place.gerono(&["stop"]));
+    assert!(
+        said(&stopped).contains("The motors were killed."),
+        "{}",
+        said(&stopped)
+    );
     let ended = finish(run);
     assert_eq!(ended.status.code(), Some(130), "{}", said(&ended));
     let truths = samples::<VehicleTruth>(&place);

@@ -398,6 +398,9 @@ impl<'a> Flight<'a> {
         if self.shutdown.permits_end(&self.motors) {
             return "The run ends.".to_owned();
         }
+        if self.operator().killed {
+            return "The motors were killed. The run ends 2 s after that.".to_owned();
+        }
         let again = if before == Shutdown::None {
             "The vehicle lands. The run ends 2 s after its motors have stopped."
         } else {
