@@ -342,7 +342,7 @@ fn laboratory_of(system: &str, port: u16, device: &str) -> Scenario {
             "motion_capture={{source = \"{system}\", server = \"127.0.0.1\", port = {port}, object = \"quad\", rate = [20.0, 500.0]}}"
         ),
         format!("rc_output.transmitter={{device = \"{device}\", arming_channel = 5}}"),
-        // Cameras are believed by their time, and ticks that nobody waits for come as fast as the machine makes them.
+        // Cameras are believed by their time, and ticks without a clock come as fast as the machine makes them.
         "duration=3600.0".to_owned(),
     ];
     scenario_file::load(&common::scenario("laboratory"), &sets, None).unwrap()

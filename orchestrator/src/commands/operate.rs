@@ -95,14 +95,10 @@ pub fn kill(arguments: &Operate) -> Result<(), Failure> {
     match (told, directly) {
         // An orchestrator in a container with users of its own may refuse whom the system does not.
         (Ok(Answer::Refused(reason) | Answer::Closed(reason)), Ok(())) => {
-            print(killed_alone(&run, &format!("its orchestrator says: {reason}")));
-            Ok(())
+            show(killed_alone(&run, &format!("its orchestrator says: {reason}")))
         }
         (Ok(answer), _) => show(answer),
-        (Err(reason), Ok(())) => {
-            print(killed_alone(&run, &silence_of(&reason)));
-            Ok(())
-        }
+        (Err(reason), Ok(())) => show(killed_alone(&run, &silence_of(&reason))),
         (Err(reason), Err(error)) => Err(Failure::trouble(not_killed(&run, &reason, &error))),
     }
 }
@@ -115,11 +111,11 @@ fn silence_of(reason: &LiveError) -> String {
     }
 }
 
-fn killed_alone(run: &MachineRun, orchestrator: &str) -> String {
-    format!(
-        "killed: the motors of the run `{}` rest until its end; {orchestrator}, so its services were told directly\n",
+fn killed_alone(run: &MachineRun, orchestrator: &str) -> Answer {
+    Answer::Done(format!(
+        "killed: the motors of the run `{}` rest until its end; {orchestrator}, so its services were told directly",
         run.name()
-    )
+    ))
 }
 
 fn not_killed(run: &MachineRun, reason: &LiveError, error: &std::io::Error) -> String {

@@ -13,12 +13,6 @@ use shared_types::{Input, Now, ServiceId, Topic};
 
 use control_law::signals::Reference;
 
-/// Returns whether a reference is an old one once more: that of a moving path has another γ.
-fn repeats(reference: &PathReference, held: &PathReference) -> bool {
-    let [new, old] = [reference, held].map(|one| (one.gamma, one.gamma_dot, one.phase));
-    new == old && held.gamma_dot.abs() > MOVES
-}
-
 /// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;
 
@@ -108,6 +102,12 @@ impl References {
     pub fn restore(&mut self, state: &GateState, held: &PathReference) {
         self.gate.restore(state, held);
     }
+}
+
+/// Returns whether a reference is an old one once more: that of a moving path has another γ.
+fn repeats(reference: &PathReference, held: &PathReference) -> bool {
+    let [new, old] = [reference, held].map(|one| (one.gamma, one.gamma_dot, one.phase));
+    new == old && held.gamma_dot.abs() > MOVES
 }
 
 #[cfg(test)]

@@ -192,7 +192,7 @@ mod tests {
         let file = std::fs::File::create(place.path().join("shared")).unwrap();
         let hand_over = HandOver::new(place.path(), &long, [file.as_fd(); FILES]).unwrap();
         let listener = TakeOverListener::listen(place.path()).unwrap();
-        // One that was stopped before it said who it is holds up nobody.
+        // One that was stopped before it said who it is does not hold up the others.
         let silent = rustix::net::socket(AddressFamily::UNIX, SocketType::SEQPACKET, None).unwrap();
         let address = SocketAddrUnix::new(place.path().join(SOCKET)).unwrap();
         rustix::net::connect(&silent, &address).unwrap();

@@ -25,8 +25,8 @@ pub enum Shutdown {
     Now,
 }
 
-/// Time for which the motors have rested, as far as it was observed. While the orchestrator writes to a slow disk or is
-/// stopped, nobody sees them.
+/// Time for which the motors have rested, as far as it was observed: while the orchestrator writes to a slow disk or is
+/// stopped, it sees no frames.
 #[derive(Clone, Copy, Debug)]
 pub struct Motors {
     rested_ns: u64,
@@ -46,8 +46,7 @@ impl Motors {
         observed_ns: 0,
     };
 
-    /// Takes note of the newest frame at a time of the flight. Silence says nothing of frames that cannot be
-    /// heard.
+    /// Takes note of the newest frame at a time of the flight. Silence says nothing of frames that cannot be heard.
     pub fn observe(&mut self, frame: Option<&RcFrame>, elapsed_ns: u64, is_heard: bool) {
         let recent = frame.filter(|frame| elapsed_ns.saturating_sub(frame.header.stamp_ns) <= SILENT_NS);
         let gap_ns = elapsed_ns.saturating_sub(self.observed_ns).min(LONGEST_GAP_NS);

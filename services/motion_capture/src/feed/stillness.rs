@@ -9,7 +9,6 @@
 //! body hovers has no part that moves alone, and is not frozen.
 
 use std::fmt;
-use std::ops::Range;
 
 use nalgebra::Matrix3;
 use shared_types::rotation::roll_pitch_yaw;
@@ -102,16 +101,16 @@ impl Stillness {
                 *still_for = still_for.saturating_add(1);
             }
         }
-        let stands = |indices: Range<usize>| indices.clone().find(|&index| self.still_for[index] >= FRAMES);
+        let is_still = |index: &usize| self.still_for[*index] >= FRAMES;
         let of_position = if position == last.position {
             Some(PosePart::Position)
         } else {
-            stands(0..PosePart::HEADING).map(PosePart::Coordinate)
+            (0..PosePart::HEADING).find(is_still).map(PosePart::Coordinate)
         };
         let of_attitude = if rotation == last.capture_from_markers {
             Some(PosePart::Attitude)
         } else {
-            stands(PosePart::HEADING..4).map(PosePart::Coordinate)
+            Some(PosePart::HEADING).filter(is_still).map(PosePart::Coordinate)
         };
         match (of_position, of_attitude) {
             (Some(_), Some(_)) => Some(PosePart::Pose),

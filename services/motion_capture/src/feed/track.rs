@@ -6,9 +6,9 @@
 //! Of a body that turns at once, the position follows without the attitude until it has settled: confused markers have
 //! the same centre as before. Of a pose that is frozen in part, the other part can follow alone.
 //! Poses that continue refused ones are refused too, even if they have come into reach by then: a pose belongs to the
-//! track from which the body gets there sooner, and to the refused ones if it is where the last of them was. A track restarts when poses followed each other for the
-//! stated time, unless they began where another body was: then the markers were exchanged, and the poses are refused
-//! for any time.
+//! track from which the body gets there sooner, and to the refused ones if it is where the last of them was. A track
+//! restarts when poses followed each other for the stated time, unless they began where another body was: then the
+//! markers were exchanged, and the poses are refused for any time.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::angle_between;
@@ -179,7 +179,7 @@ impl Tracks {
         let time = |from: &Place| self.bounds.time_between(from, &place);
         let longest_ns = self.bounds.settle_ns.max(LONGEST_NS);
         let continued = self.candidate.filter(|Candidate { newest, verdict, .. }| {
-            // Another body is another one however long nobody has seen it.
+            // Another body stays another one also after an occlusion.
             let lasts =
                 at_ns.saturating_sub(newest.at_ns) <= longest_ns || *verdict == PoseDecision::Exchanged;
             lasts && self.bounds.can_follow(newest, &place)

@@ -635,14 +635,20 @@ fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
     assert_eq!(flown.reference.phase, PathReference::PHASE_LAND);
 }
 
-#[test]
-fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_its_thrust() {
+/// A vehicle that has stopped to sink although its descent goes on.
+fn held_up_in_the_descent() -> FlownPath {
     let mut flown = FlownPath::eight();
     flown.until(ARMED, PathReference::PHASE_FLY);
     flown.until(TO_LAND, PathReference::PHASE_LAND);
     flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
     flown.lifts = false;
     flown.vehicle.velocity_body = [0.0; 3];
+    flown
+}
+
+#[test]
+fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_its_thrust() {
+    let mut flown = held_up_in_the_descent();
     for _ in 0..2000 {
         flown.frame.thrust = 1.7;
         assert_eq!(flown.step(TO_LAND).phase, PathReference::PHASE_LAND);
@@ -652,12 +658,7 @@ fn a_vehicle_that_a_gust_holds_up_has_not_touched_down_while_it_is_carried_by_it
 
 #[test]
 fn one_dip_of_the_thrust_after_a_gap_of_the_steps_is_no_touch_down() {
-    let mut flown = FlownPath::eight();
-    flown.until(ARMED, PathReference::PHASE_FLY);
-    flown.until(TO_LAND, PathReference::PHASE_LAND);
-    flown.for_seconds(TO_LAND, Flight::default().transition_time + 1.5);
-    flown.lifts = false;
-    flown.vehicle.velocity_body = [0.0; 3];
+    let mut flown = held_up_in_the_descent();
     flown.frame.thrust = 0.5;
     flown.tick += 1000;
     assert_eq!(flown.step_after(1000, TO_LAND).phase, PathReference::PHASE_LAND);
