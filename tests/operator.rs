@@ -258,11 +258,20 @@ fn another_login_has_to_confirm_what_turns_motors() {
         assert!(shown.contains(&format!("gerono arm --run {name}")), "{shown}");
     }
     assert_eq!(place.look().unwrap().phase.as_deref(), Some("disarmed"));
-    let mut asked = terminal.start(&mut arm());
-    prompt(&mut terminal);
-    terminal.press("y\n");
-    let answered = terminal.await_exit(&mut asked);
-    assert!(answered.success(), "{}", terminal.screen().text());
+    // Confirmed, but refused while nothing is known of the vehicle yet: asked again, each time on a screen of its own.
+    until("the take-off", || {
+        let mut terminal = Terminal::open(300, 30);
+        let mut asked = terminal.start(&mut arm());
+        prompt(&mut terminal);
+        terminal.press("y\n");
+        let answered = terminal.await_exit(&mut asked);
+        let shown = terminal.screen().text();
+        assert!(
+            answered.success() || shown.contains("nothing is known of the vehicle yet"),
+            "{shown}"
+        );
+        answered.success().then_some(())
+    });
     await_phase(&place, "take-off");
     succeed(&mut place.gerono(&["kill"]));
     end(run);
