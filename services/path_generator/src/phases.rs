@@ -262,7 +262,7 @@ impl Phases {
     }
 
     /// Measures the dead reckoning, and begins to bring the path to rest when it has lasted. That stop is flown to its end,
-    /// and the path goes on from rest once the vehicle is seen.
+    /// and the path goes on from rest once the vehicle is seen: in the step after the one that has commanded the rest.
     fn watch_sight(&mut self, now: &Now, sight: &PhaseInput<'_>) {
         let is_seen = sight.is_seen();
         let memory = &mut self.memory;
@@ -272,11 +272,11 @@ impl Phases {
             memory.unseen_for + now.elapsed()
         };
         if memory.braking.is_set() {
-            memory.stopping_for += now.elapsed();
             if is_seen && memory.stopping_for >= BRAKE {
                 memory.braking = false.into();
                 memory.resumed_ns = now.time_ns;
             }
+            memory.stopping_for += now.elapsed();
         } else if memory.unseen_for > BRAKE_AFTER && !memory.stopping.is_set() {
             memory.braking = true.into();
             memory.begin_stop(sight.path_rates, BRAKE);

@@ -635,6 +635,35 @@ fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
     assert_eq!(flown.reference.phase, PathReference::PHASE_LAND);
 }
 
+#[test]
+fn after_any_loss_of_sight_the_path_goes_on_from_rest_and_never_moves_backwards() {
+    // The vehicle is seen again before, at and after the end of the stop, and steps are 1 ms and 22 ms apart.
+    for ticks in [1, 22] {
+        let step = |flown: &mut FlownPath| {
+            flown.tick += ticks - 1;
+            flown.step_after(ticks, ARMED)
+        };
+        for unseen in (110..1_300).step_by(70) {
+            let mut flown = FlownPath::eight();
+            flown.until(ARMED, PathReference::PHASE_FLY);
+            flown.for_seconds(ARMED, 3.0);
+            let mut slowest = f64::INFINITY;
+            for since in (0..4_000).step_by(ticks as usize) {
+                flown.vehicle.coasting = (since < unseen).into();
+                let reference = step(&mut flown);
+                slowest = slowest.min(reference.gamma_dot);
+                assert!(
+                    reference.gamma_dot >= 0.0,
+                    "unseen for {unseen} ms, {since} ms after its begin: {}",
+                    reference.gamma_dot
+                );
+            }
+            assert_eq!(slowest, 0.0, "unseen for {unseen} ms");
+            assert!(flown.reference.gamma_dot > 0.5, "unseen for {unseen} ms");
+        }
+    }
+}
+
 /// A vehicle that has stopped to sink although its descent goes on.
 fn held_up_in_the_descent() -> FlownPath {
     let mut flown = FlownPath::eight();
