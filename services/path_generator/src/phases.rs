@@ -47,8 +47,9 @@ pub const ARRIVED: f64 = 0.3;
 pub const STRAYED: f64 = 0.2;
 /// Duration of dead reckoning after which the path comes to rest, s.
 pub const BRAKE_AFTER: f64 = 0.1;
-/// Duration of that stop, s.
-pub const BRAKE: f64 = 0.4;
+/// Duration of that stop, s. The vehicle turns into it and out of it without sight, so a shorter one leaves it tilted by
+/// what a lost frame would have turned it, and a longer one ends when its velocity is known less well.
+pub const BRAKE: f64 = 0.7;
 /// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
 /// Share of the speed of the descent below which the vehicle does not sink.
