@@ -378,7 +378,7 @@ fn no_crate_holds_half_of_the_house() {
             "orchestrator/supervisor" => 8900,
             "services/runtime" => 8600,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 11_150,
+            "shared_types/scenario" => 11_170,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

@@ -218,3 +218,49 @@ fn a_log_that_could_not_be_written_to_its_end_has_as_many_samples_as_are_said_to
     assert_eq!(kept, in_log, "what a recovery keeps");
     assert!(in_log > 1000, "{in_log}");
 }
+
+#[test]
+fn a_flight_that_is_over_before_the_vehicle_has_landed_is_warned_of_and_says_so() {
+    let place = Place::new();
+    let check = |name: &str, setting: &str| {
+        let file = scenario(name);
+        said(&succeed(&mut place.gerono(&[
+            "check",
+            file.to_str().unwrap(),
+            "--set",
+            setting,
+        ])))
+    };
+    assert!(!check("takeoff_and_land", "seed=1").contains("warning: "));
+    for (setting, words) in [
+        (
+            "duration=26.0",
+            "a landing at 25.0 s takes up to 15 s: the vehicle may fly at the end",
+        ),
+        (
+            "flight={arm_at=2.0}",
+            "nothing asks the vehicle to land: it flies at the end",
+        ),
+    ] {
+        let said = check("takeoff_and_land", setting);
+        assert!(said.contains(words), "{said}");
+    }
+    let said_of_laboratory = check("laboratory", "flight.landing_speed=0.01");
+    assert!(
+        said_of_laboratory.contains("the vehicle will not be armed"),
+        "{said_of_laboratory}"
+    );
+
+    let flown = run(
+        &place,
+        "takeoff_and_land",
+        "short",
+        &["duration=26.0"],
+        &["--host", "inprocess"],
+    );
+    let told = said(&flown).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        told.contains("it ended before the vehicle was disarmed"),
+        "{told}"
+    );
+}

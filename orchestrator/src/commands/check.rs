@@ -101,7 +101,9 @@ fn gains(scenario: &Scenario) -> String {
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
     let warnings = tuning::warnings(scenario).into_iter();
-    let warnings = warnings.chain(path_warnings(scenario));
+    let warnings = warnings
+        .chain(path_warnings(scenario))
+        .chain(duration_warning(scenario));
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
@@ -133,11 +135,8 @@ fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
         .map_or(0.0, |flight| flight.takeoff_height);
     let start = [x, y, z - takeoff];
     let away = points.first().map_or(0.0, |first| {
-        let squares = start
-            .iter()
-            .zip(first)
-            .map(|(from, to)| (from - f64::from(*to)) * (from - f64::from(*to)));
-        squares.sum::<f64>().sqrt()
+        let way: [f64; 3] = std::array::from_fn(|axis| f64::from(first[axis]) - start[axis]);
+        way.map(|way| way * way).iter().sum::<f64>().sqrt()
     });
     let limit = scenario.path.alpha2;
     let far = (away > limit && scenario.capture_system().is_none()).then(|| {
@@ -147,6 +146,40 @@ fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
         Problem::new(at, reason, fix)
     });
     below.into_iter().chain(far)
+}
+
+/// Warns of a flight whose `duration` is over before the vehicle stands on the ground again.
+fn duration_warning(scenario: &Scenario) -> Option<Problem> {
+    let flight = scenario.flight.as_ref()?;
+    let duration = scenario.duration;
+    let warning = |reason| {
+        let fix = "state a longer `duration`, or an earlier `flight.land_at`";
+        Some(Problem::new(Key::root().then("duration"), reason, fix))
+    };
+    if scenario.capture_system().is_some() {
+        let needed = flight.shortest_time();
+        return (duration < needed)
+            .then(|| format!("to take off and land takes {needed:.0} s: the vehicle will not be armed"))
+            .and_then(warning);
+    }
+    if flight.arm_at.is_none() || flight.kill_at.is_some() {
+        return None;
+    }
+    let Some(land_at) = flight.land_at else {
+        return warning("nothing asks the vehicle to land: it flies at the end".to_owned());
+    };
+    let ground = scenario.vehicle.initial.position[2];
+    let points = view::path::points(scenario);
+    let height = points
+        .iter()
+        .map(|point| ground - f64::from(point[2]))
+        .fold(flight.takeoff_height, f64::max);
+    let needed = flight.landing_time(height);
+    (duration < land_at + needed)
+        .then(|| {
+            format!("a landing at {land_at:?} s takes up to {needed:.0} s: the vehicle may fly at the end")
+        })
+        .and_then(warning)
 }
 
 /// The programs and plug-ins that fly in place of services, a line each.

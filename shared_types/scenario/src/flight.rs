@@ -58,6 +58,20 @@ impl Default for Flight {
 }
 
 impl Flight {
+    /// Returns the longest time that a landing takes from a height (m), s: the path stops, up to 1 m higher, the vehicle
+    /// descends, and in 5 s the ground is noticed and the motors have rested.
+    #[must_use]
+    pub fn landing_time(&self, height: f64) -> f64 {
+        self.transition_time + (height.max(0.0) + 1.0) / self.landing_speed + 5.0
+    }
+
+    /// Returns the time that a flight takes which lands as soon as it has taken off, s.
+    #[must_use]
+    pub fn shortest_time(&self) -> f64 {
+        let rise = self.takeoff_height;
+        self.spool_up + rise / self.takeoff_speed + self.landing_time(rise)
+    }
+
     /// Returns the planned requests of the operator, s: key, and the time if it is stated.
     #[must_use]
     pub fn requests(&self) -> [(&'static str, Option<f64>); 3] {

@@ -214,7 +214,7 @@ pub fn limit_in_words(limit: u8) -> String {
     format!("`envelope.{key}` was exceeded")
 }
 
-/// The phases in a sentence.
+/// The phases in a sentence, and that the flight ended in another one than it should.
 pub(super) fn in_words(begins: &[FlightPhaseBegin]) -> String {
     let parts: Vec<_> = begins
         .iter()
@@ -228,7 +228,12 @@ pub(super) fn in_words(begins: &[FlightPhaseBegin]) -> String {
             )
         })
         .collect();
-    format!("flight: {}", parts.join(", "))
+    let last = begins.last().map(|begin| begin.phase);
+    let end = match last {
+        Some(last) if last != FlightPhase::Disarmed.name() => "; it ended before the vehicle was disarmed",
+        _ => "",
+    };
+    format!("flight: {}{end}", parts.join(", "))
 }
 
 #[cfg(test)]
@@ -293,6 +298,14 @@ mod tests {
     #[track_caller]
     fn assert_reason(watched: &Watched, reason: &str) {
         assert_eq!(watched.reason().as_deref(), Some(reason));
+    }
+
+    #[test]
+    fn a_flight_that_ends_before_the_vehicle_is_disarmed_says_so() {
+        let in_the_air = flying();
+        assert!(in_words(&in_the_air.watch.finish()).ends_with("it ended before the vehicle was disarmed"));
+        let landed = in_the_air.phase(LAND).phase(DISARMED);
+        assert!(in_words(&landed.watch.finish()).ends_with("s"));
     }
 
     #[test]

@@ -1,18 +1,11 @@
 //! The landing at the end of `duration`: in the air only a landing ends the flight of a real vehicle.
 
-use scenario::Flight as Phases;
 use shared_types::samples::{PathReference, VehicleState};
 use shared_types::service::seconds;
 
 use super::Flight;
 use super::shutdown::Shutdown;
 use live::newest::Newest;
-
-/// Time that a landing takes beside the end of its motion and its descent, s: the ground is noticed, the motors have rested.
-const REST: f64 = 5.0;
-
-/// Height that the path may still gain while it stops, or the floor may be lower, m.
-const LOWER: f64 = 1.0;
 
 impl Flight<'_> {
     /// Lands a real vehicle in time.
@@ -30,7 +23,7 @@ impl Flight<'_> {
         let [.., z] = state.position_world;
         if !reference.airborne.is_set() {
             self.ground_z = z;
-        } else if self.shutdown == Shutdown::None && left < time_to_land(phases, self.ground_z - z) {
+        } else if self.shutdown == Shutdown::None && left < phases.landing_time(self.ground_z - z) {
             let answer = self.request_end("the end of `duration`");
             let text = format!("the flight ends in {left:.0} s, its `duration`: {answer}");
             self.tell(&text);
@@ -41,9 +34,7 @@ impl Flight<'_> {
     /// Returns why it is too late to arm, if it is.
     pub(super) fn too_late_to_arm(&self) -> Option<String> {
         let phases = self.scenario.flight.as_ref()?;
-        let needed = phases.spool_up
-            + phases.takeoff_height / phases.takeoff_speed
-            + time_to_land(phases, phases.takeoff_height);
+        let needed = phases.shortest_time();
         let left = self.time_to_the_end().filter(|&left| left < needed)?;
         Some(format!(
             "the flight ends in {:.0} s, its `duration`, and to take off and land takes {needed:.0} s; start another run, \
@@ -58,9 +49,4 @@ impl Flight<'_> {
         let left = seconds(last_ns) - seconds(self.clock.elapsed_ns());
         (!self.schedule.simulates_the_world()).then_some(left)
     }
-}
-
-/// Returns the longest time that a landing from a height (m) takes, s.
-fn time_to_land(phases: &Phases, height: f64) -> f64 {
-    phases.transition_time + (height.max(0.0) + LOWER) / phases.landing_speed + REST
 }
