@@ -480,12 +480,24 @@ impl FlightSummary {
     }
 }
 
+impl RunFacts {
+    /// Returns what was late and by how much, after "the". Services that died leave out steps on any machine.
+    fn lateness(&self) -> Option<String> {
+        let lateness = self.timing.as_ref()?.lateness()?;
+        Some(match self.restarts.len() {
+            0 => format!("machine was late: {lateness}"),
+            restarts => {
+                format!("machine, or the death of services ({restarts} restarted), was late: {lateness}")
+            }
+        })
+    }
+}
+
 /// Returns the facts of a run with the verdict on it: lost rather than completed, and that the machine was late beside the
 /// reason.
 fn verdict(run: RunFacts, lost: Option<&Loss>) -> RunFacts {
     let Some(loss) = lost else { return run };
-    let late = run.timing.as_ref().and_then(TimingReport::lateness);
-    let late = late.map(|lateness| format!("the machine was late: {lateness}"));
+    let late = run.lateness().map(|lateness| format!("the {lateness}"));
     let is_lost = run.outcome == Outcome::Completed;
     let reason = if is_lost { loss.to_string() } else { run.reason };
     RunFacts {

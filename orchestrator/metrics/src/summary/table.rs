@@ -23,6 +23,12 @@ const VALUE: usize = 19;
 /// Stretches beside each other.
 const BESIDE: usize = 3;
 
+/// A true value that only a simulation knows.
+const UNKNOWN: &str = "unknown";
+
+/// Time after a loss within which it has ended the flight, s.
+const AT_ONCE: f64 = 0.05;
+
 impl Display for Summary {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         self.write_verdict(formatter)?;
@@ -74,7 +80,15 @@ impl Summary {
         writeln!(formatter, "{}", wrapped(&flown))?;
         let is_whole = self.phases.last().is_none_or(|phase| phase.is_complete);
         match run.outcome {
-            Outcome::Lost if !is_whole => writeln!(formatter, "ended when the vehicle was lost")?,
+            Outcome::Lost if !is_whole => {
+                let lost_at = self.lost.as_ref().map_or(0.0, |loss| loss.time);
+                let after = self.simulated_seconds - lost_at;
+                if after < AT_ONCE {
+                    writeln!(formatter, "ended when the vehicle was lost")?;
+                } else {
+                    writeln!(formatter, "ended {after:.1} s after the vehicle was lost")?;
+                }
+            }
             Outcome::Interrupted => {
                 let text = format!("interrupted: {}", run.reason);
                 writeln!(formatter, "{}", wrapped(&text))?;
@@ -110,10 +124,9 @@ impl Summary {
     /// That the machine was late in a flight that was lost.
     #[must_use]
     pub fn lateness(&self) -> Option<String> {
-        let timing = self.run.timing.as_ref().filter(|_| self.lost.is_some())?;
-        let lateness = timing.lateness()?;
+        let lateness = self.lost.as_ref().and_then(|_| self.run.lateness())?;
         Some(format!(
-            "The machine was late: {lateness}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
+            "The {lateness}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
         ))
     }
 
@@ -251,12 +264,17 @@ const ROWS: [Row; 22] = [
             format!("{} %", significant(100.0 * share))
         })
     }),
-    ("mass", |column| grams(column.phase?.parameters.mass)),
+    ("mass", |column| {
+        let parameters = &column.phase?.parameters;
+        grams(parameters.mass).or_else(|| parameters.mass_estimate.map(|_| UNKNOWN.to_owned()))
+    }),
     ("  estimated", |column| {
         grams(column.phase?.parameters.mass_estimate)
     }),
     ("disturbance, m/s²", |column| {
-        vector(column.phase?.parameters.disturbance)
+        let parameters = &column.phase?.parameters;
+        let unknown = parameters.disturbance_estimate.map(|_| UNKNOWN.to_owned());
+        vector(parameters.disturbance).or(unknown)
     }),
     ("  estimated", |column| {
         vector(column.phase?.parameters.disturbance_estimate)

@@ -291,9 +291,14 @@ fn late_timing(missed_steps: u64, late_inputs: u64) -> TimingReport {
 }
 
 fn lost_flight(run: RunFacts) -> Summary {
+    lost_flight_to(2000, run)
+}
+
+/// One that ends after this tick.
+fn lost_flight_to(last: u64, run: RunFacts) -> Summary {
     let (scenario, schedule) = flight();
     let mut summary = FlightSummary::new(&scenario, &schedule);
-    for tick in 0..=2000 {
+    for tick in 0..=last {
         let distance = if tick < 1200 { 0.01 } else { 168.0 };
         for (topic, bytes) in away(&schedule, tick, distance) {
             summary.observe(topic, &bytes);
@@ -315,6 +320,33 @@ fn a_vehicle_that_diverges_is_lost_whatever_its_controller_says() {
         "{text}"
     );
     assert!(!text.contains("machine"), "{text}");
+    for (last, words) in [
+        (1200, "\nended when the vehicle was lost\n"),
+        (1300, "\nended 1.0 s after the vehicle was lost\n"),
+    ] {
+        let text = lost_flight_to(last, facts()).to_string();
+        assert!(text.contains(words), "{text}");
+    }
+}
+
+#[test]
+fn a_flight_whose_services_died_does_not_blame_the_machine_alone() {
+    let restart = Restart {
+        service: ServiceId::Controller,
+        name: "controller",
+        pid: 7,
+        tick: Some(900),
+        lost_seconds: 0.1,
+    };
+    let run = RunFacts {
+        timing: Some(late_timing(45, 0)),
+        restarts: vec![restart],
+        ..facts()
+    };
+    let told = lost_flight(run).to_string();
+    let words = "The machine, or the death of services (1 restarted), was late: 45 steps were left out";
+    let joined = told.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(joined.starts_with(words), "{told}");
 }
 
 #[test]
