@@ -125,7 +125,7 @@ pub struct Replayed {
     pub checkpoints_different: u64,
     /// The first of them.
     pub first_checkpoint: Option<CheckpointDifference>,
-    /// Services whose checkpoints another build has written: they were not looked at.
+    /// Replayed services whose checkpoints another build has written: they were not looked at.
     pub strange_checkpoints: Vec<ServiceId>,
     /// `true` if samples are missing in the recovered log, of the part that was replayed.
     pub lacks_samples: bool,
@@ -402,6 +402,8 @@ impl Replay<'_> {
 
     fn finish(self) -> Replayed {
         let sum = |count: fn(&ServiceReplay) -> u64| self.replays.iter().map(count).sum();
+        let mut strange_checkpoints = self.recorded_steps.strange_checkpoints();
+        strange_checkpoints.retain(|&service| self.replays.iter().any(|replay| replay.service() == service));
         Replayed {
             in_real_time: self.recorded_steps.is_of_real_time(),
             steps: sum(|replay| replay.steps),
@@ -410,7 +412,7 @@ impl Replay<'_> {
             checkpoints: sum(|replay| replay.comparator().checkpoints),
             checkpoints_different: sum(|replay| replay.comparator().checkpoints_different),
             first_checkpoint: self.first_checkpoint(),
-            strange_checkpoints: self.recorded_steps.strange_checkpoints(),
+            strange_checkpoints,
             lacks_samples: self.lacks_samples(),
             log_ends: self.log_ends(),
             starts: self.starts,
