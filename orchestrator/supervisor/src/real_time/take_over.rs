@@ -78,6 +78,11 @@ impl TakeOver {
         let [page, checkpoints, step_log, lock] = first.files;
         let context = RunContext::take_over(&first.hello.start, lock)?;
         let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
+        if shared.page().control_block().stopping.load(Ordering::Acquire) != 0 {
+            return Err(FlightFailure::setup(
+                "the vehicle has landed, and its services are about to end: `gerono recover` reads what was recorded",
+            ));
+        }
         let clock = FlightClock {
             start_ns: shared.page().control_block().start_ns.load(Ordering::Acquire),
             tick_ns: context.schedule.tick_ns(),

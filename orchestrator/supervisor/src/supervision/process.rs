@@ -90,10 +90,15 @@ impl Process {
     /// # Errors
     /// If it is gone.
     pub fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
+        let death = pidfd_open(pid, PidfdFlags::empty())?;
+        if channel.is_hung_up() {
+            // Its number may have become another process's since it connected.
+            return Err(rustix::io::Errno::SRCH.into());
+        }
         Ok(Self {
             pid,
             child: None,
-            death: pidfd_open(pid, PidfdFlags::empty())?,
+            death,
             channel,
             asked_at: Instant::now(),
             delayed_before_ns: 0,
@@ -198,6 +203,17 @@ fn describe(status: ExitStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_number_of_a_process_that_has_hung_up_is_not_taken_for_its_own() {
+        let this = rustix::process::getpid();
+        let (channel, other_end) = Channel::pair().unwrap();
+        assert_eq!(Process::adopt(this, channel).unwrap().id(), std::process::id());
+        let (channel, gone) = Channel::pair().unwrap();
+        drop(gone);
+        assert!(Process::adopt(this, channel).is_err());
+        drop(other_end);
+    }
 
     #[test]
     fn a_bus_error_is_explained_and_other_signals_are_named() {
