@@ -18,6 +18,7 @@ pub enum PoseSource {
     #[default]
     Simulated,
     /// Vicon Tracker's UDP object stream.
+    #[serde(alias = "vicon")]
     ViconUdp,
     /// A VRPN server.
     Vrpn,
@@ -273,6 +274,7 @@ impl MotionCapture {
 mod tests {
     use super::super::tests_support::rig;
     use super::*;
+    use serde::de::value::{Error, StrDeserializer};
 
     #[test]
     fn captures_are_as_far_apart_as_the_slowest_cameras_make_them_or_the_schedule() {
@@ -293,6 +295,13 @@ mod tests {
         assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));
         assert_eq!(between(40.0, PoseSource::Replay), (25_000_000, 0));
         assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
+    }
+
+    #[test]
+    fn vicon_s_stream_has_a_short_name_too() {
+        let read = |name| PoseSource::deserialize(StrDeserializer::<Error>::new(name));
+        assert_eq!(read("vicon"), read("vicon_udp"));
+        assert!(read("vicon_tcp").is_err());
     }
 
     #[test]
