@@ -100,22 +100,27 @@ pub fn refine(
     for factor in RATE_FACTORS {
         let mut tried = believed.clone();
         tried.kalman.rate_noise = factor * stated.rate_noise;
-        let found = estimate.correlation(recording, &tried, 3..6)?.abs();
+        let found = estimate.correlation(recording, &tried, 3..6)?.sum.abs();
         if found < least {
             (least, believed.kalman.rate_noise) = (found, tried.kalman.rate_noise);
         }
     }
-    // From below, to the first minimum: with a large drift, a wrong mass and a wrong offset they may be white as well.
+    // From below, as long as it helps by more than chance: with a larger drift, a smaller mass and an offset along the thrust
+    // explain the same flight about as well, and with a large one a wrong mass and a wrong offset may be white as well.
     let mut best = (f64::INFINITY, estimate.clone(), stated.disturbance_drift);
     for factor in DRIFT_FACTORS {
         believed.kalman.disturbance_drift = factor * stated.disturbance_drift;
         estimate.descend(recording, &believed)?;
         estimate.descend(recording, &believed)?;
         let found = estimate.correlation(recording, &believed, 0..3)?;
-        if found.abs() >= best.0 {
+        if found.sum.abs() >= best.0 - found.by_chance {
             break;
         }
-        best = (found.abs(), estimate.clone(), believed.kalman.disturbance_drift);
+        best = (
+            found.sum.abs(),
+            estimate.clone(),
+            believed.kalman.disturbance_drift,
+        );
     }
     let (_, mut estimate, drift) = best;
     believed.kalman.disturbance_drift = drift;
@@ -193,31 +198,43 @@ impl Estimate {
         recording: &Recording,
         believed: &Believed,
         components: Range<usize>,
-    ) -> Result<f64, IdentifyError> {
+    ) -> Result<Correlation, IdentifyError> {
         let runs = parallel::map(&self.blocks, parallel::cores(), |block| {
             block.innovations(recording, believed, &self.parameters, None)
         });
         let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(correlation(&runs, components))
+        Ok(Correlation::of(&runs, components))
     }
 }
 
-/// Returns the sum of the autocorrelations of innovations over [`LAGS`]: 0 of white ones, less where the filter expects too
-/// much noise of the process, more where it expects too little.
-fn correlation(runs: &[Vec<(u64, Option<Whitened>)>], components: Range<usize>) -> f64 {
-    let (mut squares, mut products) = (0.0, 0.0);
-    for run in runs {
-        for (place, (_, innovation)) in run.iter().enumerate() {
-            let Some(innovation) = innovation else { continue };
-            let later = run[place + 1..].iter().take(LAGS).filter_map(|(_, later)| *later);
-            let later: Whitened = later.sum();
-            for component in components.clone() {
-                squares += innovation[component] * innovation[component];
-                products += innovation[component] * later[component];
+/// Sum of the autocorrelations of innovations over [`LAGS`].
+struct Correlation {
+    /// 0 of white ones, less where the filter expects too much noise of the process, more where it expects too little.
+    sum: f64,
+    /// Standard deviation of the sum of white ones: each of the correlations of n numbers scatters by 1/√n.
+    by_chance: f64,
+}
+
+impl Correlation {
+    fn of(runs: &[Vec<(u64, Option<Whitened>)>], components: Range<usize>) -> Self {
+        let (mut squares, mut products, mut count) = (0.0, 0.0, 0);
+        for run in runs {
+            for (place, (_, innovation)) in run.iter().enumerate() {
+                let Some(innovation) = innovation else { continue };
+                let later = run[place + 1..].iter().take(LAGS).filter_map(|(_, later)| *later);
+                let later: Whitened = later.sum();
+                for component in components.clone() {
+                    squares += innovation[component] * innovation[component];
+                    products += innovation[component] * later[component];
+                    count += 1;
+                }
             }
         }
+        Self {
+            sum: products / f64::max(squares, f64::MIN_POSITIVE),
+            by_chance: (LAGS as f64 / f64::from(count.max(1))).sqrt(),
+        }
     }
-    products / f64::max(squares, f64::MIN_POSITIVE)
 }
 
 /// Returns the half-width of a 95 % interval in standard errors, by the expansion of Student's distribution in the degrees of
