@@ -234,10 +234,14 @@ impl Scan {
                     continue;
                 }
                 let at = begin + offset as u64;
-                if matches!(
-                    self.record_at(at)?,
-                    Some((WholeRecord::Chunk(_) | WholeRecord::Metadata(_), _))
-                ) {
+                // What holds nothing has nothing that vouches for it, and its length may reach over whole chunks: zeros
+                // within a chunk look like an empty one.
+                let holds = match self.record_at(at)? {
+                    Some((WholeRecord::Chunk(chunk), _)) => !chunk.records.is_empty(),
+                    Some((WholeRecord::Metadata(metadata), _)) => !metadata.name.is_empty(),
+                    _ => false,
+                };
+                if holds {
                     return Ok(Some(at));
                 }
             }

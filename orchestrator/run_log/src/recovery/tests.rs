@@ -111,6 +111,22 @@ fn a_damaged_chunk_costs_itself_and_is_counted_by_topic() {
     }
 }
 
+/// Zeros behind a byte that is the code of a chunk look like an empty chunk, of a length that reaches over others.
+#[test]
+fn a_damaged_chunk_that_looks_like_another_one_costs_itself() {
+    let log = Log::new(Compression::None);
+    let mut bytes = log.bytes.clone();
+    let damaged = log.chunks[1].clone();
+    let at = damaged.start + 100;
+    let length = (log.chunks[3].start - at - 9) as u64;
+    bytes[at..at + 200].fill(0);
+    bytes[at] = 6;
+    bytes[at + 1..at + 9].copy_from_slice(&length.to_le_bytes());
+    let (ticks, recovery) = log.recover(&bytes).unwrap();
+    assert_eq!(ticks, whole_ticks((0..5).chain(10..21)));
+    assert_eq!(recovery.kept(), 16 * TOPICS);
+}
+
 /// The declarations of all channels stand in the first chunk.
 #[test]
 fn without_the_first_chunk_the_others_are_still_understood() {
