@@ -67,6 +67,10 @@ const LATE_NS: u64 = 100_000_000;
 /// Speed below which it hardly moves, m/s.
 const HARDLY: f64 = 0.1;
 
+/// Standard deviation of a component of the velocity above which that of a vehicle in flight is not known, m/s: one capture
+/// after a restart tells nothing of it, the second one enough.
+const UNSURE: f64 = 0.3;
+
 /// Largest factors on the covariance of the state before a capture is refused.
 const LESS_SURE: [f64; 2] = [4.0, 16.0];
 
@@ -419,10 +423,15 @@ impl KalmanFilter {
         })
     }
 
-    /// Returns whether due captures are missing, so that the state is predicted further than usual.
+    /// Returns whether due captures are missing, so that the state is predicted further than usual; or a vehicle in flight
+    /// has only just been seen again, so that its velocity is not known yet.
     #[must_use]
     pub fn is_coasting(&self, now_ns: u64) -> bool {
-        let is_late = |track: &Track| now_ns.saturating_sub(track.state.time_ns) > self.oldest_ns;
+        let is_late = |track: &Track| {
+            let has_flown = self.has_ground && track.ground.has_flown;
+            let is_unsure = has_flown && track.state.velocity_deviation() > UNSURE;
+            is_unsure || now_ns.saturating_sub(track.state.time_ns) > self.oldest_ns
+        };
         let is_silent = self
             .unseen_for_ns(now_ns)
             .is_some_and(|unseen| unseen > self.patience_ns);

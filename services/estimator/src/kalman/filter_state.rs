@@ -398,6 +398,13 @@ impl FilterState {
         })
     }
 
+    /// Returns the largest standard deviation of a component of the velocity in {I}, m/s.
+    #[must_use]
+    pub fn velocity_deviation(&self) -> f64 {
+        let variances = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).diagonal();
+        variances.max().max(0.0).sqrt()
+    }
+
     /// Returns H P Hᵀ, the covariance of the pose of the tracked point: position in {I} (m), attitude (rad).
     #[must_use]
     pub fn pose_covariance(&self) -> SMatrix<f64, MEASURED, MEASURED> {
