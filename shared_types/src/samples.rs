@@ -346,6 +346,8 @@ impl PathReference {
     pub const CAUSE_NOT_READY_TRANSMITTER: u8 = 13;
     /// The transmitter demanded a landing or a kill.
     pub const CAUSE_NOT_READY_DEMAND: u8 = 14;
+    /// The vehicle moved.
+    pub const CAUSE_NOT_READY_MOTION: u8 = 15;
 }
 
 impl VehicleState {

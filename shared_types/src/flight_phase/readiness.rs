@@ -3,6 +3,9 @@
 use crate::rotation::tilt;
 use crate::samples::{PathReference, RcFrame, VehicleState};
 
+/// Speed above which a vehicle does not stand, m/s: one that falls has it after 50 ms, and one that stands seems to have less.
+const MOVES: f64 = 0.5;
+
 /// Limits within which a vehicle is ready to take off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadyLimits {
@@ -27,6 +30,8 @@ pub enum NotReady {
     Estimate,
     /// The vehicle does not stand level.
     Level,
+    /// The vehicle moves: it is carried, or falls.
+    Motion,
     /// There is no frame of the transmitter, it is too old, or the transmitter lacks an input.
     Transmitter,
     /// The newest frame demands a landing or a kill.
@@ -35,11 +40,12 @@ pub enum NotReady {
 
 impl NotReady {
     /// All conditions, in the order in which they are tested.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::State,
         Self::Sight,
         Self::Estimate,
         Self::Level,
+        Self::Motion,
         Self::Transmitter,
         Self::Demand,
     ];
@@ -64,6 +70,9 @@ impl NotReady {
         if tilt(&state.world_from_body) > limits.tilt {
             return Some(Self::Level);
         }
+        if state.velocity_world().norm() > MOVES {
+            return Some(Self::Motion);
+        }
         let is_recent =
             |(frame, age_ns): &(&RcFrame, u64)| *age_ns <= limits.frame_age_ns && frame.inputs_fresh.is_set();
         let Some((frame, _)) = frame.filter(is_recent) else {
@@ -80,6 +89,7 @@ impl NotReady {
             Self::Sight => PathReference::CAUSE_NOT_READY_SIGHT,
             Self::Estimate => PathReference::CAUSE_NOT_READY_ESTIMATE,
             Self::Level => PathReference::CAUSE_NOT_READY_LEVEL,
+            Self::Motion => PathReference::CAUSE_NOT_READY_MOTION,
             Self::Transmitter => PathReference::CAUSE_NOT_READY_TRANSMITTER,
             Self::Demand => PathReference::CAUSE_NOT_READY_DEMAND,
         }
@@ -99,6 +109,7 @@ impl NotReady {
             Self::Sight => "the cameras did not see the vehicle",
             Self::Estimate => "the estimator had not converged",
             Self::Level => "the vehicle did not stand level",
+            Self::Motion => "the vehicle moved",
             Self::Transmitter => "the transmitter lacked an input, or its frames were old",
             Self::Demand => "the transmitter demanded a landing or a kill",
         }
@@ -148,7 +159,7 @@ mod tests {
         assert_eq!(find(|_, _| (), [101, 200]), Some(NotReady::State));
         assert_eq!(find(|_, _| (), [100, 201]), Some(NotReady::Transmitter));
         type Change = fn(&mut VehicleState, &mut RcFrame);
-        let changes: [(Change, NotReady); 6] = [
+        let changes: [(Change, NotReady); 7] = [
             (|state, _| state.tracked = false.into(), NotReady::Sight),
             (|state, _| state.coasting = true.into(), NotReady::Sight),
             (|state, _| state.position_sigma = 0.0201, NotReady::Estimate),
@@ -156,6 +167,7 @@ mod tests {
                 |state, _| state.world_from_body = self::state(0.351).world_from_body,
                 NotReady::Level,
             ),
+            (|state, _| state.velocity_body[2] = 0.51, NotReady::Motion),
             (
                 |_, frame| frame.inputs_fresh = false.into(),
                 NotReady::Transmitter,

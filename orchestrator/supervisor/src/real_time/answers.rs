@@ -170,6 +170,10 @@ impl Flight<'_> {
                     "the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed"
                 ),
                 NotReady::Level => not_level_in_words(tilt(&state.world_from_body), limits.tilt),
+                NotReady::Motion => {
+                    let speed = state.velocity_world().norm();
+                    format!("the vehicle moves at {speed:.1} m/s: let it stand")
+                }
                 NotReady::Transmitter => "the transmitter lacks an input".to_owned(),
                 NotReady::Demand => "the transmitter demands a landing or a kill".to_owned(),
             },
