@@ -379,7 +379,7 @@ fn a_vehicle_that_the_cameras_lose_for_seconds_is_led_back_from_where_it_is_seen
     let mut strayed = 0;
     // The last one begins just before the landing is demanded.
     for at in [14.0, 16.7, 19.9, 21.2, 24.8] {
-        for lasts in [0.6, 0.9, 1.2, 3.5] {
+        for lasts in [0.6, 0.9, 1.2, 2.0, 2.7, 3.5] {
             let edge = "mocap/pose -> estimator";
             let outage = format!(
                 "fault=[{{at={at:?}, edge=\"{edge}\", kind=\"intermittent\", fraction=1.0, for={lasts:?}}}]"

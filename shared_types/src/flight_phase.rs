@@ -66,6 +66,8 @@ pub struct Conditions {
     pub strayed: bool,
     /// The vehicle is seen again, and is on the ground.
     pub stranded: bool,
+    /// The vehicle is seen again, and rests on the ground.
+    pub rests: bool,
     /// After a cold start, the path generator has found frames whose thrust carries a vehicle.
     pub found_flying: bool,
 }
@@ -109,7 +111,7 @@ pub struct Row {
 }
 
 /// The table.
-pub const ROWS: [Row; 25] = {
+pub const ROWS: [Row; 28] = {
     use FlightPhase::{Armed, Disarmed, Fly, Land, TakeOff};
     const fn row(
         from: FlightPhase,
@@ -136,6 +138,13 @@ pub const ROWS: [Row; 25] = {
     const fn strayed(from: FlightPhase, to: FlightPhase) -> Row {
         let words = "it is seen again, and not where it was led";
         row(from, to, Cause::Strayed, words, |now| now.airborne && now.strayed)
+    }
+    // Without sight it has landed. A law that led it further would turn a vehicle that the ground holds.
+    const fn rests(from: FlightPhase) -> Row {
+        let words = "it is seen again at rest on the ground";
+        row(from, Disarmed, Cause::TouchedDown, words, |now| {
+            now.airborne && now.rests
+        })
     }
     const fn stranded(from: FlightPhase) -> Row {
         let words = "it is seen again on the ground";
@@ -179,6 +188,7 @@ pub const ROWS: [Row; 25] = {
         ),
         killed(TakeOff),
         disarmed(TakeOff),
+        rests(TakeOff),
         row(
             TakeOff,
             Disarmed,
@@ -218,11 +228,13 @@ pub const ROWS: [Row; 25] = {
         ),
         killed(Fly),
         disarmed(Fly),
+        rests(Fly),
         row(Fly, Land, Cause::LandingDemanded, "it is to land", |now| now.land),
         stranded(Fly),
         strayed(Fly, TakeOff),
         killed(Land),
         disarmed(Land),
+        rests(Land),
         strayed(Land, Land),
         row(Land, Disarmed, Cause::TouchedDown, "it has touched down", |now| {
             now.touched_down

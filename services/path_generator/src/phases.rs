@@ -11,17 +11,21 @@
 //!   vehicle no longer counts as airborne;
 //! * *found flying*: at its first steps after a cold start, the path generator finds frames with as much thrust as the
 //!   lightest vehicle needs. It then leads the vehicle from its place to the path, as in a take-off;
-//! * *stranded*: after dead reckoning the vehicle is seen again on the ground, where it lands;
-//! * *strayed*: after dead reckoning the vehicle is seen again, farther than [`STRAYED`] from the reference. The reference
-//!   then starts again at the vehicle: the controller would answer such an error with more tilt than it can recover from.
+//! * *stranded*: after dead reckoning the vehicle is seen again on the ground, where it lands; one that *rests* there, slower
+//!   than [`AT_REST`], has landed, and is disarmed;
+//! * *strayed*: the vehicle is seen again after dead reckoning, or after a rest of the reference without steps, farther than
+//!   [`STRAYED`] from the reference, or with a velocity that differs from the reference's by more than [`STRAYED_BY_SPEED`].
+//!   The reference then starts again at the vehicle: the controller would answer such an error with more tilt than it can
+//!   recover from.
 //!
 //! The reference follows a parameter: along the path by the timing law, along straight
 //! [segments](crate::transition_segments) like time. A landing brings the parameter to rest, wherever it is, and a
-//! descent begins there. The path comes to rest as well once the state has been dead-reckoned for [`BRAKE_AFTER`]:
-//! while the estimate is still good, the vehicle stops, since without sight it keeps the velocity that it had.
+//! descent begins there. On the path and on the way to it the parameter comes to rest as well, within [`BRAKE`], once the
+//! state has been dead-reckoned for [`BRAKE_AFTER`] or is not known any more: while the estimate is still good, the vehicle
+//! stops, since without sight it keeps the velocity that it had. A slower stop that is under way becomes one of that kind.
 //!
-//! Failure policy: while the place of the vehicle is not known, everything stands still and no condition of motion
-//! becomes true. A request to arm is valid in the state in which it was made: for one change from disarmed to armed, at
+//! Failure policy: while the place of the vehicle is not known, everything stands still, once it has come to rest, and no
+//! condition of motion becomes true. A request to arm is valid in the state in which it was made: for one change from disarmed to armed, at
 //! most [`ARM_WITHIN`] later. Once `armed` has been left, for whatever cause, the operator must arm again; so must the
 //! operator of a path generator that has lost its state.
 
@@ -45,6 +49,10 @@ pub const LIFTED: f64 = 0.05;
 pub const ARRIVED: f64 = 0.3;
 /// Distance from the reference at which a vehicle that is seen again has strayed, m.
 pub const STRAYED: f64 = 0.2;
+/// Difference from its velocity at which one has, m/s: the controller answers an error of velocity with tilt, too.
+pub const STRAYED_BY_SPEED: f64 = 0.4;
+/// Speed below which a vehicle that is seen again on the ground rests there, m/s.
+pub const AT_REST: f64 = 0.3;
 /// Duration of dead reckoning after which the path comes to rest, s.
 pub const BRAKE_AFTER: f64 = 0.1;
 /// Duration of that stop, s. The vehicle turns into it and out of it without sight, so a shorter one leaves it tilted by
@@ -141,6 +149,8 @@ pub struct PhaseInput<'a> {
     pub frame_age_ns: u64,
     /// Place of the path in {I}, m.
     pub path: Vector3<f64>,
+    /// Velocity of that place in {I}, m/s.
+    pub path_velocity: Vector3<f64>,
     /// γ̇ and γ̈ of the path.
     pub path_rates: [f64; 2],
 }
@@ -262,10 +272,13 @@ impl Phases {
         self.spend_arming(now, before, &conditions, not_ready);
     }
 
-    /// Measures the dead reckoning, and begins to bring the path to rest when it has lasted. That stop is flown to its end,
-    /// and the path goes on from rest once the vehicle is seen: in the step after the one that has commanded the rest.
+    /// Measures the dead reckoning, and begins to bring the parameter to rest when it has lasted. That stop is flown to its
+    /// end, and the parameter goes on from rest once the vehicle is seen: in the step after the one that has commanded the
+    /// rest.
     fn watch_sight(&mut self, now: &Now, sight: &PhaseInput<'_>) {
         let is_seen = sight.is_seen();
+        let may_stop = self.is_led() && self.memory.way != PhasesMemory::WAY_DESCENT;
+        let rates = self.rates(sight);
         let memory = &mut self.memory;
         memory.unseen_for = if is_seen {
             0.0
@@ -278,10 +291,31 @@ impl Phases {
                 memory.resumed_ns = now.time_ns;
             }
             memory.stopping_for += now.elapsed();
-        } else if memory.unseen_for > BRAKE_AFTER && !memory.stopping.is_set() {
-            memory.braking = true.into();
-            memory.begin_stop(sight.path_rates, BRAKE);
+        } else if may_stop && (memory.unseen_for > BRAKE_AFTER || sight.vehicle.is_none()) {
+            if !memory.stopping.is_set() {
+                memory.braking = true.into();
+                memory.begin_stop(rates, BRAKE);
+            } else if memory.stop_duration - memory.stopping_for > BRAKE {
+                let [rate, acceleration, _] = memory.stop().at(memory.stopping_for);
+                memory.begin_stop([rate, acceleration], BRAKE);
+            }
         }
+    }
+
+    /// Returns the rate of the parameter and its derivative.
+    fn rates(&self, sight: &PhaseInput<'_>) -> [f64; 2] {
+        if self.memory.way == PhasesMemory::WAY_PATH {
+            sight.path_rates
+        } else {
+            [self.memory.along_rate, 0.0]
+        }
+    }
+
+    /// Goes on from rest: the steps were away for so long that the controller has let the last reference rest.
+    pub fn rest(&mut self, now: &Now) {
+        self.memory.resumed_ns = now.time_ns;
+        self.memory.along_rate = 0.0;
+        (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
     }
 
     /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for
@@ -314,34 +348,43 @@ impl Phases {
     /// Returns the source of the reference; `known` says whether the place of the vehicle is known.
     #[must_use]
     pub fn lead(&mut self, now: &Now, known: bool) -> PathRateCommand {
-        let is_led = !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed);
-        let rates = match (is_led && known, self.memory.stopping.is_set()) {
-            (false, _) => [0.0; 3],
-            (true, true) => self.memory.stop().at(self.memory.stopping_for),
-            (true, false) => [1.0, 0.0, 0.0],
-        };
-        if is_led && !known && self.memory.stopping.is_set() {
-            // It stands already.
-            (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
+        let is_brought_to_rest = self.memory.stopping.is_set() || self.memory.braking.is_set();
+        let stop = self.memory.stop().at(self.memory.stopping_for);
+        if let Some(point) = self.line_point() {
+            let rates = match (self.is_led(), is_brought_to_rest) {
+                (true, true) => stop,
+                (true, false) if known => self.pace(now),
+                (true, false) | (false, _) => [0.0; 3],
+            };
+            self.memory.along_rate = rates[0];
+            return PathRateCommand::Line(point, self.memory.along, PathRates::stated(rates));
         }
-        match self.line_point() {
-            Some(point) => {
-                self.memory.along_rate = rates[0];
-                PathRateCommand::Line(point, self.memory.along, PathRates::stated(rates))
-            }
-            None if is_led && self.memory.braking.is_set() => {
-                PathRateCommand::PathAt(self.memory.stop().at(self.memory.stopping_for))
-            }
-            None if is_led && !self.memory.stopping.is_set() => {
-                let start_ns = self.memory.began_ns.max(self.memory.resumed_ns);
-                let since = now.time_ns.saturating_sub(start_ns);
-                PathRateCommand::Path(SpeedProfile::from_rest(
-                    shared_types::service::seconds(since),
-                    self.stated.transition_time,
-                ))
-            }
-            None => PathRateCommand::PathAt(rates),
+        match (self.is_led(), is_brought_to_rest) {
+            (true, true) => PathRateCommand::PathAt(stop),
+            (true, false) => PathRateCommand::Path(self.profile(now)),
+            (false, _) => PathRateCommand::PathAt([0.0; 3]),
         }
+    }
+
+    /// Returns whether the reference leads the vehicle.
+    fn is_led(&self) -> bool {
+        !matches!(self.phase(), FlightPhase::Disarmed | FlightPhase::Armed)
+    }
+
+    /// Returns the rate of the parameter on a segment and its first two derivatives: 1, as long as it has not rested there.
+    fn pace(&self, now: &Now) -> [f64; 3] {
+        if self.memory.resumed_ns == 0 {
+            return [1.0, 0.0, 0.0];
+        }
+        let profile = self.profile(now);
+        [profile.value, profile.rate, profile.acceleration]
+    }
+
+    /// Returns the profile of a speed that grows from rest, from the begin of the phase or from the end of the last rest on.
+    fn profile(&self, now: &Now) -> SpeedProfile {
+        let start_ns = self.memory.began_ns.max(self.memory.resumed_ns);
+        let since = now.time_ns.saturating_sub(start_ns);
+        SpeedProfile::from_rest(shared_types::service::seconds(since), self.stated.transition_time)
     }
 
     /// Detects by the vehicle's motion, and by the commanded thrust, what carries it. One look after a gap says nothing of
@@ -412,6 +455,10 @@ impl Phases {
         };
         // This step sees the vehicle, and `unseen_for` is still that of the steps before.
         let is_found = memory.unseen_for > BRAKE_AFTER && sight.is_seen();
+        let is_on_the_ground = sight
+            .vehicle
+            .is_some_and(|vehicle| vehicle.position_world[2] > memory.ground - LIFTED);
+        let has_rested = memory.resumed_ns == now.time_ns && sight.is_seen();
         Conditions {
             armed,
             killed: killed || action == RcFrame::ACTION_KILL,
@@ -425,11 +472,15 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: is_found && way_from(self.reference(sight)).is_some_and(|way| way > STRAYED),
-            stranded: is_found
+            strayed: (is_found || has_rested)
+                && (way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
+                    || self.speed_from_reference(sight) > STRAYED_BY_SPEED),
+            stranded: is_found && is_on_the_ground,
+            rests: is_found
+                && is_on_the_ground
                 && sight
                     .vehicle
-                    .is_some_and(|vehicle| vehicle.position_world[2] > memory.ground - LIFTED),
+                    .is_some_and(|vehicle| vehicle.velocity_world().norm() < AT_REST),
             found_flying: !memory.begun.is_set()
                 && sight.vehicle.is_some()
                 && sight.frame_age_ns <= self.limits.frame_age_ns
@@ -477,21 +528,20 @@ impl Phases {
                     self.meet(PhasesMemory::WAY_TRANSIT, sight);
                 }
             }
-            FlightPhase::Fly => self.memory.way = PhasesMemory::WAY_PATH,
+            FlightPhase::Fly => {
+                self.memory.way = PhasesMemory::WAY_PATH;
+                // A stop on the way to the path goes on with the path, which rests.
+                (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
+            }
             FlightPhase::Land if row.cause == Cause::Strayed => {
                 self.meet(PhasesMemory::WAY_DESCENT, sight);
             }
             FlightPhase::Land => {
-                let is_on_path = self.memory.way == PhasesMemory::WAY_PATH;
                 self.memory.stopping = true.into();
-                // A path that is being brought to rest already goes on so: another stop would lead it backwards.
-                if !(is_on_path && self.memory.braking.is_set()) {
-                    let rates = if is_on_path {
-                        sight.path_rates
-                    } else {
-                        [self.memory.along_rate, 0.0]
-                    };
-                    self.memory.begin_stop(rates, self.stated.transition_time);
+                // What is being brought to rest already goes on so: another stop would lead it backwards.
+                if !self.memory.braking.is_set() {
+                    self.memory
+                        .begin_stop(self.rates(sight), self.stated.transition_time);
                 }
                 self.memory.braking = false.into();
             }
@@ -503,7 +553,7 @@ impl Phases {
         (memory.way, memory.from_world, memory.to_world) = (way, from.into(), to.into());
         (memory.along, memory.along_rate, memory.waited) = (0.0, 1.0, 0.0);
         (memory.stopping, memory.braking) = (false.into(), false.into());
-        memory.met_velocity = [0.0; 3];
+        (memory.met_velocity, memory.resumed_ns) = ([0.0; 3], 0);
     }
 
     /// Begins a segment, to the path or down, where the vehicle comes to rest that is met in motion.
@@ -532,6 +582,17 @@ impl Phases {
     /// Returns the place of the reference in {I}, m.
     fn reference(&self, sight: &PhaseInput<'_>) -> Vector3<f64> {
         self.line_point().map_or(sight.path, |point| point.position)
+    }
+
+    /// Returns the difference of the vehicle's velocity from that of the reference, m/s; 0 of a vehicle whose place is not known.
+    fn speed_from_reference(&self, sight: &PhaseInput<'_>) -> f64 {
+        let along = self.line_point();
+        let velocity = along.map_or(sight.path_velocity, |point| {
+            point.derivative1 * self.memory.along_rate
+        });
+        sight
+            .vehicle
+            .map_or(0.0, |vehicle| (vehicle.velocity_world() - velocity).norm())
     }
 
     fn line_point(&self) -> Option<CurvePoint> {

@@ -84,6 +84,8 @@ pub struct PathGeneratorService {
     /// Time for which the path goes on without a step, ns: later the controller has let its last reference rest, and the
     /// path goes on from there.
     longest_gap_ns: u64,
+    /// Time without a step after which the controller has seen its last reference rest, ns.
+    rests_after_ns: u64,
     leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
@@ -144,9 +146,8 @@ impl PathGeneratorService {
             ),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-            longest_gap_ns: scenario
-                .safety_of(Topic::PathReference, ServiceId::Controller)
-                .map_or(u64::MAX, |safety| nanoseconds(safety.max_age)),
+            longest_gap_ns: longest_gap_ns(scenario),
+            rests_after_ns: longest_gap_ns(scenario).saturating_add(between_steps_ns(scenario)),
         })
     }
 
@@ -157,7 +158,29 @@ impl PathGeneratorService {
     }
 }
 
+/// Returns the time after which the controller lets its last reference rest, ns, but at least that between two steps.
+fn longest_gap_ns(scenario: &Scenario) -> u64 {
+    let safety = scenario.safety_of(Topic::PathReference, ServiceId::Controller);
+    safety.map_or(u64::MAX, |safety| {
+        nanoseconds(safety.max_age).max(between_steps_ns(scenario))
+    })
+}
+
+fn between_steps_ns(scenario: &Scenario) -> u64 {
+    scenario.schedule().map_or(0, |schedule| {
+        schedule.time_ns(schedule.service_rate(ServiceId::PathGenerator).period)
+    })
+}
+
 impl PathLeader {
+    /// Goes on from rest, at the place where the controller has let the reference rest.
+    fn rest(&mut self, now: &Now) {
+        self.motion.take(&PathRates::steady(0.0));
+        if let Some(phases) = &mut self.phases {
+            phases.rest(now);
+        }
+    }
+
     /// Returns the reference on the path, at its place and by the timing law; it stands still while the vehicle's place
     /// is not known.
     fn along_path(&mut self, vehicle: Option<&VehicleState>, profile: &SpeedProfile) -> Led {
@@ -202,6 +225,7 @@ impl PathLeader {
             frame: self.frames.held(),
             frame_age_ns: self.frames.age_ns(now).unwrap_or(u64::MAX),
             path: path.position,
+            path_velocity: path.derivative1 * self.motion.gamma_dot,
             path_rates: [self.motion.gamma_dot, self.motion.gamma_ddot],
         };
         phases.advance(now, &sight);
@@ -289,11 +313,15 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
+        let has_rested = now.elapsed_ns > self.rests_after_ns;
         let now = &Now {
             elapsed_ns: now.elapsed_ns.min(self.longest_gap_ns),
             ..*now
         };
         self.leader.motion.advance(now.elapsed());
+        if has_rested {
+            self.leader.rest(now);
+        }
         self.states.look(now, &inputs.state);
         let newest = self.states.held();
         let age_ns = self.states.age_ns(now);

@@ -27,7 +27,7 @@ const ON_THE_PATH: u64 = 14_000;
 const LIFTED: f64 = 0.02;
 
 /// The facts about a flight.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Flown {
     /// Time of the last touch, ms.
     touched_at: Option<u64>,
@@ -43,6 +43,8 @@ struct Flown {
     sinking: f64,
     /// Place of the reference on the path in {I}, m.
     reference: Option<Vector3<f64>>,
+    /// Place in {I} at each tenth of a second, m.
+    places: Vec<Vector3<f64>>,
     /// Largest distance from it once the vehicle has come to the path, m.
     strayed: f64,
 }
@@ -50,6 +52,14 @@ struct Flown {
 impl Flown {
     fn has_fallen(&self) -> bool {
         self.is_killed || self.touch > FALL || self.upright < UPRIGHT || self.touched_at.is_none()
+    }
+}
+
+impl Flown {
+    /// Horizontal way from where it was at a time (s) to where it came down, m.
+    fn way_since(&self, time: f64) -> f64 {
+        let from = self.places[(10.0 * time) as usize];
+        (self.places[self.places.len() - 1] - from).xy().norm()
     }
 }
 
@@ -66,6 +76,9 @@ impl TickSink for Flown {
                 let truth = VehicleTruth::read_from_bytes(bytes).unwrap();
                 let (r, [x, y, z]) = (truth.world_from_body, truth.velocity_body);
                 let height = -truth.position_world[2];
+                if truth.header.tick % 100 == 0 {
+                    self.places.push(truth.position_world.into());
+                }
                 self.upright = self.upright.min(r[8]);
                 if let Some(reference) = self.reference
                     && truth.header.tick > ON_THE_PATH
@@ -141,6 +154,7 @@ fn fly_with(changes: &[&str], other: impl Fn(Box<dyn ErasedService>) -> Box<dyn 
         has_lifted: false,
         sinking: 0.0,
         reference: None,
+        places: Vec::new(),
         strayed: 0.0,
     };
     let services = build_all(&scenario).unwrap().into_iter().map(other);
@@ -225,6 +239,40 @@ fn no_outage_of_the_cameras_makes_the_vehicle_fall() {
 fn none_of_three_hundred_outages_of_the_cameras_makes_the_vehicle_fall() {
     let durations = [0.3, 0.6, 0.9, 1.2, 2.0, 3.0, 4.0, 4.5, 5.0, 6.0];
     assert_none_falls(&durations, 0..30, 0.97);
+}
+
+/// A vehicle that has landed without sight is turned and lifted by its law, which does not know that the ground holds it, when
+/// it is seen again: a moment later the captures or the frames are lost once more.
+#[test]
+fn outages_around_the_touch_down_do_not_lift_or_tip_a_vehicle_on_the_ground() {
+    let lost = |edge: &str, at: f64, lasts: f64| {
+        format!("{{at={at:?}, edge=\"{edge}\", for={lasts:?}, kind=\"intermittent\", fraction=1.0}}")
+    };
+    let (captures, frames) = ("mocap/pose -> estimator", "rc/frame -> plant");
+    for (unseen, after) in [
+        ((30.269, 1.32), (captures, 31.654, 2.0)),
+        ((30.4, 1.2), (frames, 31.644, 0.2)),
+        ((30.269, 1.32), (frames, 31.666, 0.2)),
+        ((30.269, 2.0), (frames, 32.348, 0.2)),
+        ((30.684, 2.63), (frames, 33.39, 0.07)),
+    ] {
+        let ((at, lasts), (edge, later, short)) = (unseen, after);
+        let faults = [lost(captures, at, lasts), lost(edge, later, short)].join(", ");
+        let flown = fly(&[&format!("fault=[{faults}]")]);
+        assert!(!flown.has_fallen() && flown.is_over, "{faults}: {flown:?}");
+        assert!(flown.upright > 0.97, "{faults}: {flown:?}");
+    }
+}
+
+/// A slow stop that is under way is no reason to keep the speed: the ways to the ground are 0.2 to 0.9 m, and were up to 2.9 m.
+#[test]
+fn a_landing_that_is_demanded_when_the_cameras_are_lost_comes_down_near() {
+    for at in [16.0, 16.7, 17.4, 18.1] {
+        let captures = captures(at, 30.0, "kind=\"intermittent\", fraction=1.0");
+        let flown = fly(&[&captures, &format!("flight.land_at={at:?}")]);
+        assert!(!flown.is_killed && flown.touch < FALL, "{at}: {flown:?}");
+        assert!(flown.way_since(at) < 1.2, "{at}: {} m", flown.way_since(at));
+    }
 }
 
 /// The vehicle turns to stop while it is not seen, and a frame or two of that do not come. What is left of the turn is a tilt

@@ -21,12 +21,13 @@ const CALM: Conditions = Conditions {
     touched_down: false,
     strayed: false,
     stranded: false,
+    rests: false,
     found_flying: false,
 };
 
 /// Returns all sets of conditions.
 fn every_condition() -> impl Iterator<Item = Conditions> {
-    (0..1_u32 << 13).map(|bits| {
+    (0..1_u32 << 14).map(|bits| {
         let is = |place: u32| bits >> place & 1 == 1;
         Conditions {
             armed: is(0),
@@ -42,6 +43,7 @@ fn every_condition() -> impl Iterator<Item = Conditions> {
             found_flying: is(10),
             strayed: is(11),
             stranded: is(12),
+            rests: is(13),
         }
     })
 }
@@ -59,6 +61,10 @@ fn leads_exactly_when(from: FlightPhase, to: FlightPhase, passes: impl Fn(&Condi
 
 fn flies_on(now: &Conditions) -> bool {
     now.armed && !now.killed
+}
+
+fn has_landed_blind(now: &Conditions) -> bool {
+    now.airborne && now.rests
 }
 
 #[test]
@@ -88,14 +94,14 @@ fn it_takes_off_when_the_motors_have_idled() {
 #[test]
 fn a_take_off_that_is_aborted_before_it_has_lifted_off_disarms() {
     leads_exactly_when(TakeOff, Disarmed, |now| {
-        !flies_on(now) || (now.land || now.overdue) && !now.airborne
+        !flies_on(now) || has_landed_blind(now) || (now.land || now.overdue) && !now.airborne
     });
 }
 
 #[test]
 fn a_take_off_that_is_aborted_in_the_air_lands() {
     leads_exactly_when(TakeOff, Land, |now| {
-        flies_on(now) && (now.land || now.overdue || now.stranded) && now.airborne
+        flies_on(now) && (now.land || now.overdue || now.stranded) && now.airborne && !now.rests
     });
 }
 
@@ -109,13 +115,14 @@ fn it_flies_once_it_is_airborne_and_at_the_path() {
             && now.arrived
             && !now.strayed
             && !now.stranded
+            && !now.rests
     });
 }
 
 #[test]
 fn a_vehicle_that_is_seen_again_elsewhere_is_led_back_from_there() {
     leads_exactly_when(Fly, TakeOff, |now| {
-        flies_on(now) && !now.land && now.airborne && now.strayed && !now.stranded
+        flies_on(now) && !now.land && now.airborne && now.strayed && !now.stranded && !now.rests
     });
     for (from, to) in [(TakeOff, TakeOff), (Fly, TakeOff), (Land, Land)] {
         let strayed = Conditions {
@@ -128,21 +135,21 @@ fn a_vehicle_that_is_seen_again_elsewhere_is_led_back_from_there() {
 }
 
 #[test]
-fn in_flight_only_a_stop_of_the_motors_disarms() {
-    leads_exactly_when(Fly, Disarmed, |now| !flies_on(now));
+fn in_flight_only_a_stop_of_the_motors_disarms_or_a_landing_without_sight() {
+    leads_exactly_when(Fly, Disarmed, |now| !flies_on(now) || has_landed_blind(now));
 }
 
 #[test]
 fn in_flight_it_lands_on_demand() {
     leads_exactly_when(Fly, Land, |now| {
-        flies_on(now) && (now.land || now.airborne && now.stranded)
+        flies_on(now) && (now.land || now.airborne && now.stranded) && !has_landed_blind(now)
     });
 }
 
 #[test]
 fn on_its_way_down_it_disarms_on_the_ground() {
     leads_exactly_when(Land, Disarmed, |now| {
-        !flies_on(now) || now.touched_down && !(now.airborne && now.strayed)
+        !flies_on(now) || has_landed_blind(now) || now.touched_down && !(now.airborne && now.strayed)
     });
 }
 
@@ -182,6 +189,9 @@ fn the_cause_of_a_transition_is_a_condition_that_holds_and_no_graver_one_does() 
             let expected = match row.to {
                 Disarmed | Land if now.killed => Cause::Killed,
                 Disarmed | Land if !now.armed => Cause::Disarmed,
+                Disarmed if has_landed_blind(&now) && matches!(phase, TakeOff | Fly | Land) => {
+                    Cause::TouchedDown
+                }
                 Land if phase == Land => Cause::Strayed,
                 TakeOff if matches!(phase, TakeOff | Fly) => Cause::Strayed,
                 Disarmed if phase == Armed && !now.ready => Cause::NotReady,

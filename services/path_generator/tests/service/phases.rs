@@ -1,7 +1,7 @@
 //! Flights from the ground to the path and back: phases in their order, references without jumps.
 
 use path_generator::PathGeneratorService;
-use path_generator::phases::{LIFTED, PATIENCE, STANDING};
+use path_generator::phases::{BRAKE, BRAKE_AFTER, LIFTED, PATIENCE, PhasesMemory, STANDING};
 use scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
 use shared_types::flight_phase::NotReady;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
@@ -172,6 +172,10 @@ fn motion(reference: &PathReference) -> [[f64; 3]; 3] {
     ]
 }
 
+fn speed(reference: &PathReference) -> f64 {
+    distance(motion(reference)[1], [0.0; 3])
+}
+
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter()
         .zip(b)
@@ -278,7 +282,7 @@ fn the_vehicle_counts_as_airborne_from_lift_off_to_touch_down_only() {
 #[test]
 fn nothing_arms_while_anything_is_not_ready() {
     type Spoil = fn(&mut FlownPath);
-    let spoilers: [(&str, Spoil, NotReady); 9] = [
+    let spoilers: [(&str, Spoil, NotReady); 10] = [
         (
             "not tracked",
             |flown| flown.vehicle.tracked = false.into(),
@@ -298,6 +302,11 @@ fn nothing_arms_while_anything_is_not_ready() {
             "it lies on its side",
             |flown| flown.vehicle.world_from_body = TILTED,
             NotReady::Level,
+        ),
+        (
+            "it falls",
+            |flown| flown.vehicle.velocity_body = [0.0, 0.0, 0.6],
+            NotReady::Motion,
         ),
         (
             "the transmitter lacks an input",
@@ -622,6 +631,7 @@ fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     flown.for_seconds(ARMED, 2.0);
     flown.vehicle.tracked = false.into();
+    flown.for_seconds(ARMED, BRAKE + 0.1);
     let stood = flown.step(ARMED);
     assert_eq!((stood.gamma_dot, stood.gamma_ddot), (0.0, 0.0));
     assert_eq!(flown.step(ARMED).position_world, stood.position_world);
@@ -633,6 +643,50 @@ fn while_the_vehicle_is_unknown_everything_stands_still_without_a_touch_down() {
     (flown.frame.thrust, flown.lifts) = (0.0, false);
     flown.for_seconds(TO_LAND, 3.0);
     assert_eq!(flown.reference.phase, PathReference::PHASE_LAND);
+}
+
+#[test]
+fn a_loss_of_sight_brings_the_reference_to_rest_without_a_jump_wherever_it_is() {
+    for is_known in [true, false] {
+        for place in ["rise", "transit", "path", "landing"] {
+            let mut flown = FlownPath::eight();
+            flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
+            flown.for_seconds(ARMED, if place == "transit" { 2.7 } else { 1.0 });
+            if matches!(place, "path" | "landing") {
+                flown.until(ARMED, PathReference::PHASE_FLY);
+                flown.for_seconds(ARMED, 4.0);
+            }
+            let operator = if place == "landing" { TO_LAND } else { ARMED };
+            flown.for_seconds(operator, 0.3);
+            assert!(
+                speed(&flown.reference) > 0.2,
+                "{place}: {}",
+                speed(&flown.reference)
+            );
+            (flown.vehicle.coasting, flown.vehicle.tracked) = (is_known.into(), is_known.into());
+            let mut before = flown.reference;
+            for _ in 0..((BRAKE_AFTER + BRAKE) / H) as u64 + 10 {
+                let now = flown.step(operator);
+                let jump = distance(motion(&now)[1], motion(&before)[1]);
+                assert!(jump < 6.0 * H, "{place}: by {jump} m/s at {}", now.header.tick);
+                before = now;
+            }
+            let way = Service::save(&flown.generator).phases.way;
+            assert_eq!(way == PhasesMemory::WAY_DESCENT, place == "landing");
+            assert!(speed(&before) < 1e-3, "{place}: {}", speed(&before));
+            // And on, once it is seen.
+            (flown.vehicle.coasting, flown.vehicle.tracked) = (false.into(), true.into());
+            let mut fastest: f64 = 0.0;
+            for _ in 0..3000 {
+                let now = flown.step(operator);
+                let jump = distance(motion(&now)[1], motion(&before)[1]);
+                assert!(jump < 6.0 * H, "{place}: by {jump} m/s at {}", now.header.tick);
+                fastest = fastest.max(speed(&now));
+                before = now;
+            }
+            assert!(fastest > 0.2, "{place}: {fastest}");
+        }
+    }
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn after_a_longer_gap_the_path_goes_on_where_the_controller_has_let_it_rest() {
     scenario
         .safety
         .insert("path/reference -> controller".to_owned(), policy);
-    for (gap, goes_on_for) in [(20, 20), (499, 499), (501, 500), (3000, 500)] {
+    for (gap, goes_on_for) in [(20, 20), (499, 499), (501, 500), (502, 500), (3000, 500)] {
         let mut path = generator(&scenario);
         let references = (0..100).map(|tick| step_at(&mut path, tick, Some(&state(tick))));
         let before = references.last().unwrap();
@@ -79,6 +79,8 @@ fn after_a_longer_gap_the_path_goes_on_where_the_controller_has_let_it_rest() {
         let after = step(&mut path, 99 + gap, gap, Some(&state(99 + gap)));
         let expected = before.gamma_dot * 1e-3 * f64::from(goes_on_for);
         assert!((after.gamma - before.gamma - expected).abs() < 1e-12, "{gap} ms");
+        // Where it has rested, it goes on from rest, as the vehicle does.
+        assert_eq!(after.gamma_dot == 0.0, gap > 501, "{gap} ms: {}", after.gamma_dot);
     }
 }
 
@@ -134,4 +136,27 @@ proptest! {
             }
         }
     }
+}
+
+/// Steps are 22 ms apart: a limit below that is not the time for which the path goes on.
+#[test]
+fn a_limit_below_the_time_between_steps_does_not_slow_the_path() {
+    let slow = |max_age: f64| {
+        let mut scenario = scenario(paper_path());
+        let periods = ["path_generator", "controller"].map(|service| (service.to_owned(), 0.022));
+        scenario.schedule.period.extend(periods);
+        let policy = InputSafety::new(max_age);
+        scenario
+            .safety
+            .insert("path/reference -> controller".to_owned(), policy);
+        assert!(scenario.schedule().is_ok());
+        let mut path = generator(&scenario);
+        let steps = (0..100).map(|number| {
+            let tick = 22 * number;
+            step(&mut path, tick, tick.min(22), Some(&state(tick)))
+        });
+        steps.last().unwrap().gamma
+    };
+    assert!(slow(0.5) > 1.0);
+    assert_eq!(slow(0.01), slow(0.5));
 }
