@@ -398,7 +398,7 @@ impl<'a> Flight<'a> {
         if self.shutdown.permits_end(&self.motors) {
             return "The run ends.".to_owned();
         }
-        if self.operator().killed {
+        if self.operator().killed || self.recorder.has_killed() {
             return "The motors were killed. The run ends 2 s after that.".to_owned();
         }
         let again = if before == Shutdown::None {

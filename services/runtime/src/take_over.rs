@@ -132,6 +132,10 @@ impl TakeOverListener {
         }
         let received = packet::receive(&line, RecvFlags::empty())
             .map_err(|error| std::io::Error::other(format!("a service did not introduce itself: {error}")))?;
+        if received.files.is_empty() && Channel::inherited(line.try_clone()?).is_hung_up() {
+            // It died before it said who it is.
+            return self.accept(limit);
+        }
         let files = <[OwnedFd; FILES]>::try_from(received.files)
             .map_err(|_| std::io::Error::other("a service did not hand over its files"))?;
         let pid = peer_credentials(&line)?.pid.ok_or_else(|| {
@@ -196,6 +200,10 @@ mod tests {
         let silent = rustix::net::socket(AddressFamily::UNIX, SocketType::SEQPACKET, None).unwrap();
         let address = SocketAddrUnix::new(place.path().join(SOCKET)).unwrap();
         rustix::net::connect(&silent, &address).unwrap();
+        // Nor does one that died by then.
+        let dead = rustix::net::socket(AddressFamily::UNIX, SocketType::SEQPACKET, None).unwrap();
+        rustix::net::connect(&dead, &address).unwrap();
+        drop(dead);
         let _line = hand_over.offer().unwrap();
         let inherited = listener.accept(Duration::from_secs(10)).unwrap().unwrap();
         assert!(inherited.hello == long);
