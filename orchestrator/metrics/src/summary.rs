@@ -120,6 +120,9 @@ pub struct Summary {
     pub seed: u64,
     /// Time of the last recorded tick, s.
     pub simulated_seconds: f64,
+    /// Time of the last tick, s: later, of a flight that was taken over.
+    #[serde(skip)]
+    pub ended_at: f64,
     /// Simulated seconds per wall second.
     pub real_time_factor: f64,
     /// The loss of the vehicle; none if it was not lost.
@@ -409,6 +412,7 @@ impl FlightSummary {
         Summary {
             seed: self.seed,
             simulated_seconds,
+            ended_at: seconds(self.schedule.time_ns(self.last_tick.unwrap_or(0))),
             real_time_factor: if run.wall_seconds > 0.0 {
                 simulated_seconds / run.wall_seconds
             } else {

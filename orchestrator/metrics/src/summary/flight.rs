@@ -8,7 +8,7 @@ use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::seconds;
 
-/// Most begins of phases, and most requests of the operator, that are kept: eight flights with all of them.
+/// Most begins of phases, and most requests of the operator, that are kept: those of almost eight flights.
 const MOST: usize = 40;
 
 /// Time at which a phase of the flight began.
@@ -74,7 +74,9 @@ impl FlightWatch {
     pub(super) fn observe(&mut self, reference: &PathReference) {
         let to = FlightPhase::from_code(reference.phase);
         let newest = Some((to, reference.cause));
-        if self.newest != newest && self.changes.len() < MOST {
+        if self.newest != newest {
+            // The last one stays the newest, so that the end is told as it was.
+            self.changes.truncate(MOST - 1);
             self.changes.push(Change {
                 to,
                 cause: reference.cause,
@@ -306,6 +308,20 @@ mod tests {
         assert!(in_words(&in_the_air.watch.finish()).ends_with("it ended before the vehicle was disarmed"));
         let landed = in_the_air.phase(LAND).phase(DISARMED);
         assert!(in_words(&landed.watch.finish()).ends_with("s"));
+    }
+
+    #[test]
+    fn the_last_of_many_phases_is_the_one_in_which_the_flight_ended() {
+        let flights = (0..20).fold(flying(), |watched, _| {
+            watched
+                .phase(LAND)
+                .phase(DISARMED)
+                .phase(FlightPhase::Armed)
+                .phase(FLY)
+        });
+        let begins = flights.phase(LAND).phase(DISARMED).watch.finish();
+        assert_eq!((begins.len(), begins[MOST - 1].phase), (MOST, DISARMED.name()));
+        assert!(!in_words(&begins).contains("it ended before"));
     }
 
     #[test]
