@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
 use command_line::interrupt::survive_full_files;
+use command_line::output::complain;
 use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
@@ -17,7 +18,7 @@ use runtime::shared_page::Request;
 fn main() -> ExitCode {
     manual::completion::answer(Cli::command);
     if let Err(error) = survive_full_files() {
-        eprintln!("{error}");
+        complain(error);
         return Exit::Trouble.into();
     }
     let result = match Cli::parse().command {
@@ -74,7 +75,7 @@ fn main() -> ExitCode {
     match result {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            eprintln!("{:?}", failure.report);
+            complain(format_args!("{:?}", failure.report));
             failure.exit.into()
         }
     }

@@ -59,7 +59,12 @@ pub fn not_written(path: &Path, error: &std::io::Error) -> Failure {
 
 /// Tells of something that is not an error, beside the results.
 pub fn note(text: impl std::fmt::Display) {
-    eprintln!("note: {}", printable_lines(&text.to_string()));
+    complain(format_args!("note: {}", printable_lines(&text.to_string())));
+}
+
+/// Tells of an error. A full disk behind standard error changes no exit code.
+pub fn complain(text: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Prints results, made harmless for a terminal.

@@ -6,6 +6,7 @@ use super::{Failure, note, print, write_json};
 use crate::cli::Host;
 use command_line::exit::Exit;
 use command_line::failure::report_of;
+use command_line::output::complain;
 use metrics::summary::{self, RunFacts, Summary};
 use run_log::run_folder::{RunFolder, log_meant_by};
 use run_log::{files_of_log, inspect};
@@ -100,7 +101,7 @@ impl FlightResult<'_> {
             }
         }
         if let Outcome::Failed(failure) = &ending.outcome {
-            eprintln!("{:?}", report_of(failure));
+            complain(format_args!("{:?}", report_of(failure)));
             if let Some(lateness) = summary.lateness() {
                 note(&lateness);
             }

@@ -4,6 +4,7 @@ use super::Failure;
 use crate::cli::{Host, Postmortem};
 use ::postmortem::aftermath;
 use command_line::exit::Exit;
+use command_line::output::complain;
 use live::run_root;
 
 /// Says what has happened, sees to the services, and removes what the run had in shared memory.
@@ -27,15 +28,17 @@ pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
     } else {
         "Its services were ended."
     };
-    eprintln!(
+    complain(format_args!(
         "\nthe orchestrator could not go on: {cause}\n{then} What was recorded is in {}; `gerono recover {0}` makes a \
          proper log of it.",
         arguments.out.display()
-    );
+    ));
     aftermath::end_processes(flies_on);
     let swept = run_root::clean();
     if let Err(error) = &swept {
-        eprintln!("what it had in shared memory could not be removed: {error}; `gerono clean` does so");
+        complain(format_args!(
+            "what it had in shared memory could not be removed: {error}; `gerono clean` does so"
+        ));
     }
     Err(Failure::trouble(format!("the flight was not completed: {cause}")))
 }

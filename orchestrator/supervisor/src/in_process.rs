@@ -13,6 +13,7 @@ use shared_types::service::ErasedService;
 use super::{Ending, FlightFailure, Outcome};
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
+use command_line::output::complain;
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
 ///
@@ -145,7 +146,7 @@ enum Stop<E> {
 
 /// Ends the process: the thread that flies is inside of the library, and no other way leads out of it.
 fn give_up() -> ! {
-    eprintln!("a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)");
+    complain("a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)");
     plugin::end_process(Exit::FlightFailed.code())
 }
 
