@@ -374,11 +374,11 @@ fn no_crate_holds_half_of_the_house() {
     for member in workspace().into_values() {
         let lines = lines_in(&repository(&member.folder));
         let most = match member.folder.as_str() {
-            "orchestrator" => 3700,
+            "orchestrator" => 3760,
             "orchestrator/supervisor" => 8900,
             "services/runtime" => 8600,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 11_170,
+            "shared_types/scenario" => 11_180,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

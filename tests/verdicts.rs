@@ -220,7 +220,7 @@ fn a_log_that_could_not_be_written_to_its_end_has_as_many_samples_as_are_said_to
 }
 
 #[test]
-fn a_flight_that_is_over_before_the_vehicle_has_landed_is_warned_of_and_says_so() {
+fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says_so() {
     let place = Place::new();
     let check = |name: &str, setting: &str| {
         let file = scenario(name);
@@ -245,6 +245,11 @@ fn a_flight_that_is_over_before_the_vehicle_has_landed_is_warned_of_and_says_so(
         let said = check("takeoff_and_land", setting);
         assert!(said.contains(words), "{said}");
     }
+    let upside_down = "envelope.box={min=[-2.0, -2.0, 0.0], max=[2.0, 2.0, 2.5], action=\"land\"}";
+    let said_of_box = check("takeoff_and_land", upside_down);
+    assert!(said_of_box.contains("m outside of the box"), "{said_of_box}");
+    let alone = check("laboratory", "real_time.orchestrator_loss=\"continue\"");
+    assert!(alone.contains("nobody lands the vehicle"), "{alone}");
     let said_of_laboratory = check("laboratory", "flight.landing_speed=0.01");
     assert!(
         said_of_laboratory.contains("the vehicle will not be armed"),

@@ -1,7 +1,7 @@
 //! `gerono check`: the resolved schedule and wiring of a scenario.
 
 use comfy_table::{Table, presets};
-use scenario::{Key, Problem, Scenario};
+use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 use tuning::digits;
@@ -103,6 +103,7 @@ fn warnings(scenario: &Scenario) -> String {
     let warnings = tuning::warnings(scenario).into_iter();
     let warnings = warnings
         .chain(path_warnings(scenario))
+        .chain(fence_warning(scenario))
         .chain(duration_warning(scenario));
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
@@ -148,6 +149,33 @@ fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
     below.into_iter().chain(far)
 }
 
+/// Warns of a path, or of a simulated start, outside of the box that the vehicle may not leave.
+fn fence_warning(scenario: &Scenario) -> Option<Problem> {
+    let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
+    let start = scenario.vehicle.initial.position;
+    let start = scenario.capture_system().is_none().then_some(start);
+    let path = view::path::points(scenario);
+    let places = path.iter().map(|point| point.map(f64::from)).chain(start);
+    let beyond = |place: &Vector| {
+        let by = |axis: usize| (fence.min[axis] - place[axis]).max(place[axis] - fence.max[axis]);
+        by(0).max(by(1)).max(by(2))
+    };
+    let farthest = places.max_by(|one, other| beyond(one).total_cmp(&beyond(other)))?;
+    (beyond(&farthest) > WITHIN).then(|| {
+        let [x, y, z] = farthest;
+        let reason = format!(
+            "the flight leads to [{x:.2}, {y:.2}, {z:.2}], {:.2} m outside of the box",
+            beyond(&farthest)
+        );
+        let at = Key::root().then("envelope").then("box");
+        Problem::new(
+            at,
+            reason,
+            "z points down: `min` is an upper corner; widen the box, or move the path",
+        )
+    })
+}
+
 /// Warns of a flight whose `duration` is over before the vehicle stands on the ground again.
 fn duration_warning(scenario: &Scenario) -> Option<Problem> {
     let flight = scenario.flight.as_ref()?;
@@ -158,9 +186,22 @@ fn duration_warning(scenario: &Scenario) -> Option<Problem> {
     };
     if scenario.capture_system().is_some() {
         let needed = flight.shortest_time();
-        return (duration < needed)
-            .then(|| format!("to take off and land takes {needed:.0} s: the vehicle will not be armed"))
-            .and_then(warning);
+        if duration < needed {
+            return warning(format!(
+                "to take off and land takes {needed:.0} s: the vehicle will not be armed"
+            ));
+        }
+        let after_loss = scenario.real_time.unwrap_or_default().orchestrator_loss;
+        return (after_loss == OrchestratorLoss::Continue).then(|| {
+            let at = Key::root().then("real_time").then("orchestrator_loss");
+            let reason = "without an orchestrator nobody lands the vehicle before the end of `duration`, \
+                          which stops its motors in the air";
+            Problem::new(
+                at,
+                reason,
+                "leave it out, or take the flight over in time: `gerono attach`",
+            )
+        });
     }
     if flight.arm_at.is_none() || flight.kill_at.is_some() {
         return None;
