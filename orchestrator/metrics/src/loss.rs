@@ -79,6 +79,8 @@ pub struct LossWatch {
     has_arrived: bool,
     /// `true` if it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
     has_settled: bool,
+    /// `true` after the first reference.
+    has_begun: bool,
     /// `true` if the vehicle is airborne by the newest reference.
     is_airborne: bool,
     /// `true` if the place of the vehicle is known by the newest reference.
@@ -120,6 +122,7 @@ impl LossWatch {
             distance_at_start: None,
             has_arrived: false,
             has_settled: false,
+            has_begun: false,
             is_airborne: false,
             is_known: true,
             stopped_since_ns: None,
@@ -159,6 +162,12 @@ impl LossWatch {
     pub fn observe_reference(&mut self, reference: &PathReference) {
         let was_airborne = self.is_in_the_air();
         self.is_airborne = reference.airborne.is_set();
+        if !std::mem::replace(&mut self.has_begun, true)
+            && let Some(ground) = &mut self.ground
+        {
+            // The log of a flight that was taken over may begin in the air, just above the ground.
+            ground.has_lifted |= self.is_airborne && reference.header.tick > 0;
+        }
         self.is_known = reference.vehicle_known.is_set();
         let stops = match reference.cause {
             PathReference::CAUSE_OPERATOR_KILLS | PathReference::CAUSE_OPERATOR_DISARMS => true,

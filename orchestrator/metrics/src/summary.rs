@@ -123,6 +123,9 @@ pub struct Summary {
     /// Time of the last tick, s: later, of a flight that was taken over.
     #[serde(skip)]
     pub ended_at: f64,
+    /// Time from which on it was observed, s: later than 0 of a flight that was taken over.
+    #[serde(skip)]
+    pub began_at: f64,
     /// Simulated seconds per wall second.
     pub real_time_factor: f64,
     /// The loss of the vehicle; none if it was not lost.
@@ -412,6 +415,7 @@ impl FlightSummary {
         Summary {
             seed: self.seed,
             simulated_seconds,
+            began_at: seconds(self.schedule.time_ns(self.first_tick)),
             ended_at: seconds(self.schedule.time_ns(self.last_tick.unwrap_or(0))),
             real_time_factor: if run.wall_seconds > 0.0 {
                 simulated_seconds / run.wall_seconds

@@ -161,6 +161,25 @@ fn a_vehicle_that_comes_down_unseen_is_judged_by_its_speed_and_its_motors_may_st
 }
 
 #[test]
+fn a_flight_that_is_taken_over_just_above_the_ground_may_hit_it() {
+    for (begins_in_the_air, lost) in [(true, true), (false, false)] {
+        let mut flown = scenario(0.01, 10.0);
+        flown.flight = Some(Flight::default());
+        let mut watch = LossWatch::new(&flown, StateSource::Truth);
+        let mut first = reference(PathReference::PHASE_LAND, 0, begins_in_the_air);
+        first.header.tick = 3000;
+        watch.observe_reference(&first);
+        for (step, height) in [(0, 0.02), (1, 0.0)] {
+            let mut moment = moment(step, Some(0.0), FlightPhase::Land);
+            moment.vehicle.position_world[2] = -height;
+            moment.vehicle.velocity_body = [0.0, 0.0, 5.0];
+            watch.observe(&moment);
+        }
+        assert_eq!(watch.loss().is_some(), lost);
+    }
+}
+
+#[test]
 fn a_vehicle_that_stands_on_the_ground_does_not_touch_it() {
     let mut flown = scenario(0.01, 10.0);
     flown.flight = Some(Flight::default());

@@ -78,6 +78,13 @@ impl Summary {
             ),
         };
         writeln!(formatter, "{}", wrapped(&flown))?;
+        if self.began_at > 0.0 {
+            let text = format!(
+                "taken over at {:.3} s: what was flown before is in the log of the orchestrator that died, and not judged here",
+                self.began_at
+            );
+            writeln!(formatter, "{}", wrapped(&text))?;
+        }
         let is_whole = self.phases.last().is_none_or(|phase| phase.is_complete);
         match run.outcome {
             Outcome::Lost if !is_whole => {
