@@ -220,6 +220,8 @@ struct Flight<'a> {
     last_action: u8,
     /// Phase and cause of the newest reference.
     last_decision: (u8, u8),
+    /// `true` if the place of an airborne vehicle was not known by the newest reference.
+    was_lost: bool,
     /// z of the vehicle when it was on the ground last, in {I}, m; that of the floor until it is known.
     ground_z: f64,
     /// The last events, for people at other terminals.
@@ -259,6 +261,7 @@ impl<'a> Flight<'a> {
             tuned: None,
             last_action: RcFrame::ACTION_NONE,
             last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
+            was_lost: false,
             ground_z: 0.0,
             events: LiveEvents::default(),
         }
@@ -461,6 +464,12 @@ impl<'a> Flight<'a> {
         self.remember(text);
     }
 
+    /// Tells of something that nobody has asked for, also at the terminal of the run.
+    fn announce(&mut self, text: String) {
+        self.tell(&text);
+        self.people.messages.say(text);
+    }
+
     /// Takes what has been published and told, and writes the ticks that have settled.
     fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
     where
@@ -518,7 +527,7 @@ impl<'a> Flight<'a> {
     fn tell_of_laboratory(&mut self) {
         let block = self.supervisor.page().control_block();
         for text in self.laboratory.news(block, self.clock.elapsed_ns()) {
-            self.tell(&text);
+            self.announce(text);
         }
     }
 

@@ -79,14 +79,24 @@ impl Flight<'_> {
         {
             let limit = limit_in_words(frame.limit);
             match frame.action {
-                RcFrame::ACTION_LAND => self.tell(&format!("{limit}: the vehicle lands")),
-                RcFrame::ACTION_KILL => self.tell(&format!("{limit}: the motors are stopped for good")),
+                RcFrame::ACTION_LAND => self.announce(format!("{limit}: the vehicle lands")),
+                RcFrame::ACTION_KILL => self.announce(format!("{limit}: the motors are stopped for good")),
                 _ => {}
             }
         }
         let Some(reference) = self.recorder.newest::<PathReference>() else {
             return;
         };
+        let is_lost = reference.airborne.is_set() && !reference.vehicle_known.is_set();
+        if std::mem::replace(&mut self.was_lost, is_lost) != is_lost {
+            if is_lost {
+                let text =
+                    "nobody knows where the vehicle is: it goes level, then down, as `[safety]` states";
+                self.announce(text.to_owned());
+            } else if reference.vehicle_known.is_set() {
+                self.announce("it is known again where the vehicle is".to_owned());
+            }
+        }
         let decision = (reference.phase, reference.cause);
         if self.scenario.flight.is_none() || std::mem::replace(&mut self.last_decision, decision) == decision
         {
@@ -111,7 +121,7 @@ impl Flight<'_> {
             PathReference::CAUSE_OVERDUE | PathReference::CAUSE_TOUCHED_DOWN => {
                 let phase = FlightPhase::from_code(reference.phase).name();
                 if let Some(cause) = cause_in_words(reference.cause) {
-                    self.tell(&format!("{phase}: {cause}"));
+                    self.announce(format!("{phase}: {cause}"));
                 }
             }
             // Requests and the envelope's demands have been stated.

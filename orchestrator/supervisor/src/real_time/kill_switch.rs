@@ -98,8 +98,7 @@ impl Flight<'_> {
         let tick = self.clock.elapsed_ns().saturating_sub(age_ns) / self.clock.tick_ns;
         self.ask_at(tick, Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event.clone());
         let text = format!("killed: the motors rest until the end of the run ({event})");
-        self.tell(&text);
-        self.people.messages.say(text);
+        self.announce(text);
     }
 
     /// Takes note of the loss of the kill switch, with its reason, or of its return.
@@ -118,8 +117,7 @@ impl Flight<'_> {
         let tick = self.clock.tick().min(self.schedule.last_tick());
         self.happened
             .push((tick, RunEvent::KIND_KILL_SWITCH, event.into()));
-        self.tell(&text);
-        self.people.messages.say(text);
+        self.announce(text);
         if let Some(switch) = &mut self.kill_switch {
             switch.is_handled = false;
             switch.lost = lost;
@@ -148,8 +146,7 @@ impl Flight<'_> {
                 "killed: the motors rest until the end of the run (the kill switch is lost)".to_owned()
             }
         };
-        self.tell(&text);
-        self.people.messages.say(text);
+        self.announce(text);
     }
 
     fn kill_device(&self) -> String {

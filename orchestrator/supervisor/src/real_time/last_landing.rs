@@ -26,8 +26,7 @@ impl Flight<'_> {
         } else if self.shutdown == Shutdown::None && left < phases.landing_time(self.ground_z - z) {
             let answer = self.request_end("the end of `duration`");
             let text = format!("the flight ends in {left:.0} s, its `duration`: {answer}");
-            self.tell(&text);
-            self.people.messages.say(text);
+            self.announce(text);
         }
     }
 
