@@ -164,3 +164,19 @@ fn standard_output_pipes_and_devices_are_targets_as_before() {
     );
     assert!(appended.stdout == [b"first\n", &expected[..]].concat());
 }
+
+#[test]
+fn an_error_keeps_its_exit_code_although_standard_error_is_full() {
+    let place = Place::new();
+    for arguments in [
+        ["info", "nothing"],
+        ["run", "nothing.toml"],
+        ["report", "nothing"],
+    ] {
+        let told = output(&mut place.gerono(&arguments)).status.code();
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let untold = place.gerono(&arguments).stderr(full).status().unwrap().code();
+        assert_eq!(untold, told, "{arguments:?}");
+        assert!(!matches!(told, None | Some(0 | 101)), "{arguments:?}: {told:?}");
+    }
+}
