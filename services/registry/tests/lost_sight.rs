@@ -168,6 +168,12 @@ fn captures(at: f64, lasts: f64, kind: &str) -> String {
     format!("fault=[{{at={at:?}, edge=\"mocap/pose -> estimator\", for={lasts:?}, {kind}}}]")
 }
 
+/// A time (s) in which nothing comes over an edge.
+fn lost(edge: &str, at: f64, lasts: f64) -> String {
+    // To the millisecond: whole ticks.
+    format!("{{at={at:.3}, edge=\"{edge}\", for={lasts:?}, kind=\"intermittent\", fraction=1.0}}")
+}
+
 /// Every law stands behind the same estimator and supervisor.
 const LAWS: [&str; 4] = [
     "seed=1",
@@ -245,9 +251,6 @@ fn none_of_three_hundred_outages_of_the_cameras_makes_the_vehicle_fall() {
 /// it is seen again: a moment later the captures or the frames are lost once more.
 #[test]
 fn outages_around_the_touch_down_do_not_lift_or_tip_a_vehicle_on_the_ground() {
-    let lost = |edge: &str, at: f64, lasts: f64| {
-        format!("{{at={at:?}, edge=\"{edge}\", for={lasts:?}, kind=\"intermittent\", fraction=1.0}}")
-    };
     let (captures, frames) = ("mocap/pose -> estimator", "rc/frame -> plant");
     for (unseen, after) in [
         ((30.269, 1.32), (captures, 31.654, 2.0)),
@@ -279,14 +282,10 @@ fn a_landing_that_is_demanded_when_the_cameras_are_lost_comes_down_near() {
 /// that nobody sees: when the path stopped within 0.4 s, these 2.75 s led up to 4.4 m away, and ended at 3 m/s.
 #[test]
 fn frames_lost_while_the_vehicle_stops_without_sight_do_not_send_it_away() {
-    let lost = |edge: &str, at_ms: u32, lasts: f64| {
-        let at = f64::from(at_ms) / 1e3;
-        format!("{{at={at:?}, edge=\"{edge}\", for={lasts:?}, kind=\"intermittent\", fraction=1.0}}")
-    };
     for place in 0..4 {
-        let begins = 16_000 + 700 * place;
+        let begins = 16.0 + 0.7 * f64::from(place);
         let unseen = lost("mocap/pose -> estimator", begins, 2.75);
-        for after in [130, 160, 300] {
+        for after in [0.13, 0.16, 0.3] {
             let late = lost("rc/frame -> plant", begins + after, 0.044);
             let faults = format!("fault=[{unseen}, {late}]");
             let flown = fly(&[&faults]);
