@@ -120,9 +120,6 @@ pub struct Summary {
     pub seed: u64,
     /// Time of the last recorded tick, s.
     pub simulated_seconds: f64,
-    /// Time of the last tick, s: later, of a flight that was taken over.
-    #[serde(skip)]
-    pub ended_at: f64,
     /// Time from which on it was observed, s: later than 0 of a flight that was taken over.
     #[serde(skip)]
     pub began_at: f64,
@@ -416,7 +413,6 @@ impl FlightSummary {
             seed: self.seed,
             simulated_seconds,
             began_at: seconds(self.schedule.time_ns(self.first_tick)),
-            ended_at: seconds(self.schedule.time_ns(self.last_tick.unwrap_or(0))),
             real_time_factor: if run.wall_seconds > 0.0 {
                 simulated_seconds / run.wall_seconds
             } else {

@@ -100,17 +100,17 @@ fn gains(scenario: &Scenario) -> String {
 
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
+    let path = view::path::points(scenario);
     let warnings = tuning::warnings(scenario).into_iter();
     let warnings = warnings
-        .chain(path_warnings(scenario))
-        .chain(fence_warning(scenario))
-        .chain(duration_warning(scenario));
+        .chain(path_warnings(scenario, &path))
+        .chain(fence_warning(scenario, &path))
+        .chain(duration_warning(scenario, &path));
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
 /// Warns of a path below the ground, and of one that begins far from the vehicle.
-fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
-    let points = view::path::points(scenario);
+fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
     let [x, y, z] = scenario.vehicle.initial.position;
     let at = Key::root().then("path").then("curve");
     // Without `[flight]` the vehicle may start in the air; then the ground is taken to be at z = 0.
@@ -150,11 +150,10 @@ fn path_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
 }
 
 /// Warns of a path, or of a simulated start, outside of the box that the vehicle may not leave.
-fn fence_warning(scenario: &Scenario) -> Option<Problem> {
+fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
     let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
     let start = scenario.vehicle.initial.position;
     let start = scenario.capture_system().is_none().then_some(start);
-    let path = view::path::points(scenario);
     let places = path.iter().map(|point| point.map(f64::from)).chain(start);
     let beyond = |place: &Vector| {
         let by = |axis: usize| (fence.min[axis] - place[axis]).max(place[axis] - fence.max[axis]);
@@ -177,7 +176,7 @@ fn fence_warning(scenario: &Scenario) -> Option<Problem> {
 }
 
 /// Warns of a flight whose `duration` is over before the vehicle stands on the ground again.
-fn duration_warning(scenario: &Scenario) -> Option<Problem> {
+fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
     let flight = scenario.flight.as_ref()?;
     let duration = scenario.duration;
     let warning = |reason| {
@@ -210,7 +209,6 @@ fn duration_warning(scenario: &Scenario) -> Option<Problem> {
         return warning("nothing asks the vehicle to land: it flies at the end".to_owned());
     };
     let ground = scenario.vehicle.initial.position[2];
-    let points = view::path::points(scenario);
     let height = points
         .iter()
         .map(|point| ground - f64::from(point[2]))

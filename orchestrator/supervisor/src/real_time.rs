@@ -464,7 +464,7 @@ impl<'a> Flight<'a> {
         self.remember(text);
     }
 
-    /// Tells of something that nobody has asked for, also at the terminal of the run.
+    /// Tells of something that has happened by itself, also at the terminal of the run.
     fn announce(&mut self, text: String) {
         self.tell(&text);
         self.people.messages.say(text);

@@ -25,8 +25,8 @@
 //! stops, since without sight it keeps the velocity that it had. A slower stop that is under way becomes one of that kind.
 //!
 //! Failure policy: while the place of the vehicle is not known, everything stands still, once it has come to rest, and no
-//! condition of motion becomes true. A request to arm is valid in the state in which it was made: for one change from disarmed to armed, at
-//! most [`ARM_WITHIN`] later. Once `armed` has been left, for whatever cause, the operator must arm again; so must the
+//! condition of motion becomes true. A request to arm is valid in the state in which it was made: for one change from
+//! disarmed to armed, at most [`ARM_WITHIN`] later. Once `armed` has been left, for whatever cause, the operator must arm again; so must the
 //! operator of a path generator that has lost its state.
 
 use nalgebra::Vector3;

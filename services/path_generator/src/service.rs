@@ -117,6 +117,7 @@ impl PathGeneratorService {
     /// # Errors
     /// [`PathGeneratorError`] if the scenario's curve or timing law is not valid.
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
+        let [longest_gap_ns, rests_after_ns] = gaps_ns(scenario);
         let path = &scenario.path;
         let curve = Curve::new(&path.curve)?;
         let leader = PathLeader {
@@ -146,8 +147,8 @@ impl PathGeneratorService {
             ),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-            longest_gap_ns: longest_gap_ns(scenario),
-            rests_after_ns: longest_gap_ns(scenario).saturating_add(between_steps_ns(scenario)),
+            longest_gap_ns,
+            rests_after_ns,
         })
     }
 
@@ -158,18 +159,16 @@ impl PathGeneratorService {
     }
 }
 
-/// Returns the time after which the controller lets its last reference rest, ns, but at least that between two steps.
-fn longest_gap_ns(scenario: &Scenario) -> u64 {
-    let safety = scenario.safety_of(Topic::PathReference, ServiceId::Controller);
-    safety.map_or(u64::MAX, |safety| {
-        nanoseconds(safety.max_age).max(between_steps_ns(scenario))
-    })
-}
-
-fn between_steps_ns(scenario: &Scenario) -> u64 {
-    scenario.schedule().map_or(0, |schedule| {
+/// Returns the time for which the path goes on without a step, ns, and that after which it has rested: what the controller
+/// allows, but at least the time between two steps, and a step more.
+fn gaps_ns(scenario: &Scenario) -> [u64; 2] {
+    let between_steps = scenario.schedule().map_or(0, |schedule| {
         schedule.time_ns(schedule.service_rate(ServiceId::PathGenerator).period)
-    })
+    });
+    let longest = scenario
+        .safety_of(Topic::PathReference, ServiceId::Controller)
+        .map_or(u64::MAX, |safety| nanoseconds(safety.max_age).max(between_steps));
+    [longest, longest.saturating_add(between_steps)]
 }
 
 impl PathLeader {

@@ -53,9 +53,7 @@ impl Flown {
     fn has_fallen(&self) -> bool {
         self.is_killed || self.touch > FALL || self.upright < UPRIGHT || self.touched_at.is_none()
     }
-}
 
-impl Flown {
     /// Horizontal way from where it was at a time (s) to where it came down, m.
     fn way_since(&self, time: f64) -> f64 {
         let from = self.places[(10.0 * time) as usize];
@@ -278,8 +276,8 @@ fn a_landing_that_is_demanded_when_the_cameras_are_lost_comes_down_near() {
     }
 }
 
-/// The vehicle turns to stop while it is not seen, and a frame or two of that do not come. What is left of the turn is a tilt
-/// that nobody sees: when the path stopped within 0.4 s, these 2.75 s led up to 4.4 m away, and ended at 3 m/s.
+/// The vehicle turns to stop while it is not seen, and a frame or two of that do not come. What is left of the turn is an
+/// unseen tilt: when the path stopped within 0.4 s, these 2.75 s led up to 4.4 m away, and ended at 3 m/s.
 #[test]
 fn frames_lost_while_the_vehicle_stops_without_sight_do_not_send_it_away() {
     for place in 0..4 {

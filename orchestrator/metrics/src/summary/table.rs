@@ -89,7 +89,7 @@ impl Summary {
         match run.outcome {
             Outcome::Lost if !is_whole => {
                 let lost_at = self.lost.as_ref().map_or(0.0, |loss| loss.time);
-                let after = self.ended_at - lost_at;
+                let after = self.began_at + self.simulated_seconds - lost_at;
                 if after < AT_ONCE {
                     writeln!(formatter, "ended when the vehicle was lost")?;
                 } else {
