@@ -10,6 +10,7 @@
 //! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
+//! * [`path_stop`]: how a path comes to rest that is not led any more;
 //! * [`rotation`]: the conventions of attitude;
 //! * [`tuning`]: gains that may change in flight.
 //!
@@ -22,6 +23,7 @@ pub mod flight_phase;
 pub mod input_validator;
 mod moment;
 pub mod noise;
+pub mod path_stop;
 mod ports;
 pub mod rotation;
 pub mod sample;

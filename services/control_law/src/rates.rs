@@ -18,6 +18,7 @@
 
 use nalgebra::Vector3;
 use scenario::{Model, RateCommand};
+use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::rotation;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::Lag;
@@ -199,7 +200,34 @@ impl Reference {
     #[must_use]
     #[inline]
     pub fn ahead(&self, h: f64) -> Self {
-        let way = h * (self.gamma_dot + 0.5 * h * self.gamma_ddot);
+        Self {
+            gamma_dot: self.gamma_dot + h * self.gamma_ddot,
+            ..self.moved(h * (self.gamma_dot + 0.5 * h * self.gamma_ddot))
+        }
+    }
+
+    /// Returns the reference after some seconds of a stop, which begins with its γ̇ and γ̈.
+    #[must_use]
+    pub fn stopped(&self, since_begin: f64) -> Self {
+        let stop = Stop {
+            rate: self.gamma_dot,
+            acceleration: self.gamma_ddot,
+            duration: BRAKE,
+        };
+        let [gamma_dot, gamma_ddot, gamma_dddot] = stop.at(since_begin);
+        Self {
+            gamma_dot,
+            gamma_ddot,
+            gamma_dot_desired: gamma_dot,
+            gamma_dddot_constant: gamma_dddot,
+            gamma_dddot_slope: 0.0,
+            ..self.moved(stop.way(since_begin))
+        }
+    }
+
+    /// Returns the reference farther along the curve by its Taylor series, with γ̇ and γ̈ as they are.
+    #[inline]
+    fn moved(&self, way: f64) -> Self {
         let [d1, d2, d3] = [
             self.derivative1_world,
             self.derivative2_world,
@@ -207,7 +235,6 @@ impl Reference {
         ];
         Self {
             gamma: self.gamma + way,
-            gamma_dot: self.gamma_dot + h * self.gamma_ddot,
             position_world: self.position_world
                 + d1 * way
                 + d2 * (way * way / 2.0)

@@ -109,19 +109,6 @@ pub struct EstimateRates {
 }
 
 impl Reference {
-    /// Returns the reference with the path at rest.
-    #[must_use]
-    pub fn at_rest(self) -> Self {
-        Self {
-            gamma_dot: 0.0,
-            gamma_ddot: 0.0,
-            gamma_dot_desired: 0.0,
-            gamma_dddot_constant: 0.0,
-            gamma_dddot_slope: 0.0,
-            ..self
-        }
-    }
-
     /// Returns ṗd in {I}, m/s.
     #[must_use]
     #[inline]

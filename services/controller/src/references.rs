@@ -1,8 +1,8 @@
 //! Selection of the reference for the law.
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
-//! a policy, a late reference is continued along the path at its γ̈, up to `max_age`; from then on the path is at rest
-//! at the place that it has reached. A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! a policy, a late reference is continued along the path at its γ̈, up to `max_age`; from then on the path comes to rest
+//! ([`Stop`](shared_types::path_stop)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
 //! reset the age.
 
 use scenario::{EdgeName, Scenario};
@@ -71,7 +71,7 @@ impl References {
         self.gate.held()
     }
 
-    /// Returns the reference for the law: continued if it is late, at rest if it is too old.
+    /// Returns the reference for the law: continued if it is late, coming to rest if it is too old.
     #[must_use]
     #[inline]
     pub fn target(&self, now: &Now, reference: &PathReference) -> Reference {
@@ -80,7 +80,11 @@ impl References {
         match self.patience {
             Some(AgeLimits { ordinary, most }) if age_ns > ordinary => {
                 let carried = target.ahead(seconds(age_ns.min(most).saturating_sub(ordinary)));
-                if age_ns > most { carried.at_rest() } else { carried }
+                if age_ns > most {
+                    carried.stopped(seconds(age_ns - most))
+                } else {
+                    carried
+                }
             }
             _ => target,
         }

@@ -32,6 +32,7 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
 use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row};
+use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Stop};
 use shared_types::sample::Flag;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds};
@@ -39,7 +40,7 @@ use shared_types::{Now, ServiceId};
 use zerocopy::FromZeros;
 
 use crate::curve::CurvePoint;
-use crate::speed_profile::{SpeedProfile, Stop};
+use crate::speed_profile::SpeedProfile;
 use crate::timing_law::PathRates;
 use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg, SlowDown};
 
@@ -53,11 +54,6 @@ pub const STRAYED: f64 = 0.2;
 pub const STRAYED_BY_SPEED: f64 = 0.4;
 /// Speed below which a vehicle that is seen again on the ground rests there, m/s.
 pub const AT_REST: f64 = 0.3;
-/// Duration of dead reckoning after which the path comes to rest, s.
-pub const BRAKE_AFTER: f64 = 0.1;
-/// Duration of that stop, s. The vehicle turns into it and out of it without sight, so a shorter one leaves it tilted by
-/// what a lost frame would have turned it, and a longer one ends when its velocity is known less well.
-pub const BRAKE: f64 = 0.7;
 /// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
 /// Share of the speed of the descent below which the vehicle does not sink.
@@ -311,11 +307,30 @@ impl Phases {
         }
     }
 
-    /// Goes on from rest: the steps were away for so long that the controller has let the last reference rest.
-    pub fn rest(&mut self, now: &Now) {
-        self.memory.resumed_ns = now.time_ns;
-        self.memory.along_rate = 0.0;
-        (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
+    /// Goes on after the steps were away for so long that the controller has been bringing the path to rest for a time (s), at
+    /// first with these rates of γ and its derivative. What is left of that stop is flown.
+    pub fn come_to_rest(&mut self, now: &Now, path_rates: [f64; 2], stopped_for: f64) {
+        if !self.is_led() {
+            return;
+        }
+        let memory = &mut self.memory;
+        let on_the_path = memory.way == PhasesMemory::WAY_PATH;
+        let rates = if on_the_path {
+            path_rates
+        } else {
+            [memory.along_rate, 0.0]
+        };
+        memory.begin_stop(rates, BRAKE);
+        memory.along += now.elapsed() * memory.along_rate + memory.stop().way(stopped_for);
+        memory.along_rate = 0.0;
+        if stopped_for >= BRAKE {
+            memory.braking = false.into();
+            memory.resumed_ns = now.time_ns;
+        } else {
+            memory.braking = (!memory.stopping.is_set()).into();
+        }
+        // The step that follows adds its time.
+        memory.stopping_for = stopped_for - now.elapsed();
     }
 
     /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for

@@ -18,8 +18,9 @@ use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::input_validator::{
     GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
 };
+use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use shared_types::service::{Input, nanoseconds};
+use shared_types::service::{Input, nanoseconds, seconds};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -81,11 +82,11 @@ pub struct PathGeneratorService {
     states: StateValidator,
     /// Oldest age of a state without faults, ns.
     ordinary_age_ns: u64,
-    /// Time for which the path goes on without a step, ns: later the controller has let its last reference rest, and the
-    /// path goes on from there.
+    /// Time for which the path goes on without a step, ns: from then on the controller brings it to rest, and it goes on from
+    /// there.
     longest_gap_ns: u64,
-    /// Time without a step after which the controller has seen its last reference rest, ns.
-    rests_after_ns: u64,
+    /// Time between two steps, ns.
+    between_steps_ns: u64,
     leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
@@ -117,7 +118,9 @@ impl PathGeneratorService {
     /// # Errors
     /// [`PathGeneratorError`] if the scenario's curve or timing law is not valid.
     pub fn new(scenario: &Scenario) -> Result<Self, PathGeneratorError> {
-        let [longest_gap_ns, rests_after_ns] = gaps_ns(scenario);
+        let between_steps_ns = scenario.schedule().map_or(0, |schedule| {
+            schedule.time_ns(schedule.service_rate(ServiceId::PathGenerator).period)
+        });
         let path = &scenario.path;
         let curve = Curve::new(&path.curve)?;
         let leader = PathLeader {
@@ -147,8 +150,12 @@ impl PathGeneratorService {
             ),
             ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-            longest_gap_ns,
-            rests_after_ns,
+            longest_gap_ns: scenario
+                .safety_of(Topic::PathReference, ServiceId::Controller)
+                .map_or(u64::MAX, |safety| {
+                    nanoseconds(safety.max_age).max(between_steps_ns)
+                }),
+            between_steps_ns,
         })
     }
 
@@ -159,24 +166,13 @@ impl PathGeneratorService {
     }
 }
 
-/// Returns the time for which the path goes on without a step, ns, and that after which it has rested: what the controller
-/// allows, but at least the time between two steps, and a step more.
-fn gaps_ns(scenario: &Scenario) -> [u64; 2] {
-    let between_steps = scenario.schedule().map_or(0, |schedule| {
-        schedule.time_ns(schedule.service_rate(ServiceId::PathGenerator).period)
-    });
-    let longest = scenario
-        .safety_of(Topic::PathReference, ServiceId::Controller)
-        .map_or(u64::MAX, |safety| nanoseconds(safety.max_age).max(between_steps));
-    [longest, longest.saturating_add(between_steps)]
-}
-
 impl PathLeader {
-    /// Goes on from rest, at the place where the controller has let the reference rest.
-    fn rest(&mut self, now: &Now) {
-        self.motion.take(&PathRates::steady(0.0));
+    /// Goes on from where the controller has brought the path, which it has been bringing to rest for a time, s.
+    fn come_to_rest(&mut self, now: &Now, stopped_for: f64) {
+        let rates = [self.motion.gamma_dot, self.motion.gamma_ddot];
+        self.motion.stop(stopped_for);
         if let Some(phases) = &mut self.phases {
-            phases.rest(now);
+            phases.come_to_rest(now, rates, stopped_for);
         }
     }
 
@@ -299,6 +295,17 @@ impl PathMotion {
         self.gamma_dot += h * self.gamma_ddot;
     }
 
+    /// Comes to rest for some seconds.
+    fn stop(&mut self, stopped_for: f64) {
+        let stop = Stop {
+            rate: self.gamma_dot,
+            acceleration: self.gamma_ddot,
+            duration: BRAKE,
+        };
+        self.gamma += stop.way(stopped_for);
+        [self.gamma_dot, self.gamma_ddot, _] = stop.at(stopped_for);
+    }
+
     fn take(&mut self, rates: &PathRates) {
         self.gamma_dot = rates.gamma_dot;
         self.gamma_ddot = rates.gamma_ddot;
@@ -312,14 +319,14 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
-        let has_rested = now.elapsed_ns > self.rests_after_ns;
+        let stopped_ns = now.elapsed_ns.saturating_sub(self.longest_gap_ns);
         let now = &Now {
             elapsed_ns: now.elapsed_ns.min(self.longest_gap_ns),
             ..*now
         };
         self.leader.motion.advance(now.elapsed());
-        if has_rested {
-            self.leader.rest(now);
+        if stopped_ns > self.between_steps_ns {
+            self.leader.come_to_rest(now, seconds(stopped_ns));
         }
         self.states.look(now, &inputs.state);
         let newest = self.states.held();

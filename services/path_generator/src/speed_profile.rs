@@ -1,4 +1,4 @@
-//! Speed profile: growth and fall of a rate from rest and to rest, without a jump for the law.
+//! Speed profile: growth of a rate from rest, without a jump for the law.
 //!
 //! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1. Its first three derivatives are 0 at
 //! both ends, so that motion by it is C³. It is never steeper than 35/16.
@@ -87,43 +87,6 @@ impl SpeedProfile {
     }
 }
 
-/// Stop of a rate: the quintic with the rate and the acceleration of its begin, and zero at its end.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
-    /// The rate at the begin, 1/s.
-    pub rate: f64,
-    /// Its derivative there, 1/s².
-    pub acceleration: f64,
-    /// Duration of the stop, s.
-    pub duration: f64,
-}
-
-impl Stop {
-    /// Returns the rate and its first two derivatives some seconds after the begin.
-    #[must_use]
-    pub fn at(&self, since_begin: f64) -> [f64; 3] {
-        let Self {
-            rate,
-            acceleration,
-            duration,
-        } = *self;
-        let x = since_begin / duration;
-        if x >= 1.0 {
-            return [0.0; 3];
-        }
-        let (x2, x3) = (x * x, x * x * x);
-        let slope = acceleration * duration;
-        [
-            rate * (1.0 - x3 * (10.0 - x * (15.0 - 6.0 * x)))
-                + slope * (x - x3 * (6.0 - x * (8.0 - 3.0 * x))),
-            (-30.0 * rate * x2 * (1.0 - x) * (1.0 - x) + slope * (1.0 - x2 * (18.0 - x * (32.0 - 15.0 * x))))
-                / duration,
-            (-60.0 * rate * x * (1.0 - x * (3.0 - 2.0 * x)) - slope * x * (36.0 - x * (96.0 - 60.0 * x)))
-                / (duration * duration),
-        ]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,26 +113,6 @@ mod tests {
             prop_assert!((0.0..=1.0).contains(&step.value));
             prop_assert!((0.0..=STEEPEST).contains(&step.slope));
             prop_assert!(step.curvature.abs() <= MOST_CURVED);
-        }
-
-        #[test]
-        fn a_stop_begins_as_it_was_and_ends_at_rest(
-            rate in 0.0..2.0f64, acceleration in -1.0..1.0f64, duration in 0.2..5.0f64, share in 0.01..0.99f64,
-        ) {
-            let stop = Stop { rate, acceleration, duration };
-            let [begin, slope, curvature] = stop.at(0.0);
-            prop_assert_eq!((begin, curvature.abs()), (rate, 0.0));
-            prop_assert!((slope - acceleration).abs() < 1e-14);
-            let near_end = stop.at(duration * (1.0 - 1e-7));
-            let small = 1e-4 * (1.0 + 1.0 / (duration * duration));
-            prop_assert!(near_end.iter().all(|value| value.abs() < small), "{:?}", near_end);
-            prop_assert_eq!(stop.at(duration), [0.0; 3]);
-            let at = share * duration;
-            let [_, first, second] = stop.at(at);
-            // The steps of the difference quotient are a thousandth of the stop's length.
-            let scaled = |place: usize| derivative(|x| stop.at(x * duration)[place], share) / duration;
-            prop_assert!((first - scaled(0)).abs() < 1e-6 / duration);
-            prop_assert!((second - scaled(1)).abs() < 1e-5 / (duration * duration));
         }
     }
 

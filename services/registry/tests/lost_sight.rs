@@ -293,6 +293,21 @@ fn frames_lost_while_the_vehicle_stops_without_sight_do_not_send_it_away() {
     }
 }
 
+/// The controller brings the path to rest meanwhile, and the path generator goes on from there: a path that stopped at once
+/// turned the vehicle by 43 degrees.
+#[test]
+fn a_path_generator_that_is_away_does_not_tilt_the_vehicle() {
+    for away in ["0.6", "0.75", "0.9", "2.0"] {
+        for at in ["15.0", "16.3", "17.7"] {
+            let fault =
+                format!("fault=[{{at={at}, service=\"path_generator\", kind=\"freeze\", for={away}}}]");
+            let flown = fly(&[&fault]);
+            assert!(!flown.has_fallen() && flown.is_over, "{fault}: {flown:?}");
+            assert!(flown.upright > 0.92, "{fault}: {flown:?}");
+        }
+    }
+}
+
 /// A law that estimates nothing and believes in a mass that is too large, so in a thrust that is too large.
 #[test]
 fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {

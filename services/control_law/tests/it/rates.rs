@@ -6,6 +6,7 @@ use control_law::rate_controller::RateController;
 use control_law::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
+use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::rotation;
 
 /// H, s: the paper's radio.
@@ -259,14 +260,29 @@ fn the_reference_ahead_is_the_curve_ahead() {
         derivative3_world: c3 * 6.0,
         ..resting_reference()
     };
-    let (ahead, wanted) = (at(0.7, 1.2).ahead(0.1), at(0.7 + 0.12 - 0.002, 1.16));
-    for (ahead, wanted) in [
-        (ahead.position_world, wanted.position_world),
-        (ahead.derivative1_world, wanted.derivative1_world),
-        (ahead.derivative2_world, wanted.derivative2_world),
-        (ahead.derivative3_world, wanted.derivative3_world),
+    let stop = Stop {
+        rate: 1.2,
+        acceleration: -0.4,
+        duration: BRAKE,
+    };
+    let [rate, acceleration, _] = stop.at(0.3);
+    let stopped = Reference {
+        gamma_ddot: acceleration,
+        ..at(0.7 + stop.way(0.3), rate)
+    };
+    for (moved, wanted) in [
+        (at(0.7, 1.2).ahead(0.1), at(0.7 + 0.12 - 0.002, 1.16)),
+        (at(0.7, 1.2).stopped(0.3), stopped),
     ] {
-        assert!((ahead - wanted).norm() < 1e-14, "{ahead} {wanted}");
+        for (moved, wanted) in [
+            (moved.position_world, wanted.position_world),
+            (moved.derivative1_world, wanted.derivative1_world),
+            (moved.derivative2_world, wanted.derivative2_world),
+            (moved.derivative3_world, wanted.derivative3_world),
+        ] {
+            assert!((moved - wanted).norm() < 1e-14, "{moved} {wanted}");
+        }
+        assert!((moved.gamma_dot - wanted.gamma_dot).abs() < 1e-15);
+        assert!((moved.gamma_ddot - wanted.gamma_ddot).abs() < 1e-15);
     }
-    assert!((ahead.gamma_dot - wanted.gamma_dot).abs() < 1e-15);
 }

@@ -3,6 +3,7 @@
 use controller::ControllerService;
 use proptest::prelude::*;
 use scenario::Scenario;
+use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::rotation;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
@@ -253,25 +254,31 @@ fn the_law_returns_without_a_jump_from_every_stage_with_a_command() {
 }
 
 #[test]
-fn a_late_reference_is_continued_and_one_that_is_too_old_is_at_rest() {
+fn a_late_reference_is_continued_and_one_that_is_too_old_comes_to_rest() {
     let mut twins = Twins::new(scenario(false, POLICY));
     for tick in 0..=50 {
         twins.step(tick, &state(tick), &reference(tick));
     }
-    for age in 1..100 {
+    for age in 1..800 {
         let published = twins.step(50 + age, &state(50 + age), &reference(50));
         assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
-        // Place of the path at γ̇ = 1, after 20 ms at most, and whether it goes on.
-        let (way, at_rest) = (1e-3 * age.min(20) as f64, age > 20);
+        // γ̇ is 1 for 20 ms, and then comes to rest.
+        let stop = Stop {
+            rate: 1.0,
+            acceleration: 0.0,
+            duration: BRAKE,
+        };
+        let stopped_for = 1e-3 * age.saturating_sub(20) as f64;
+        let way = 1e-3 * age.min(20) as f64 + stop.way(stopped_for);
+        let [rate, acceleration, _] = stop.at(stopped_for);
         let mut carried = reference(50 + age);
         for axis in 0..3 {
             let [d1, d2] = [carried.derivative1_world[axis], carried.derivative2_world[axis]];
             carried.position_world[axis] += d1 * way + 0.5 * d2 * way * way;
             carried.derivative1_world[axis] += d2 * way;
         }
-        if at_rest {
-            (carried.gamma_dot, carried.gamma_dot_desired) = (0.0, 0.0);
-        }
+        (carried.gamma_dot, carried.gamma_dot_desired) = (rate, rate);
+        carried.gamma_ddot = acceleration;
         let mut other = ControllerService::new(&scenario(false, ""));
         let expected = step(&mut other, 50 + age, &state(50 + age), &carried).errors;
         for axis in 0..3 {

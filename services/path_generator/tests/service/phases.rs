@@ -1,9 +1,10 @@
 //! Flights from the ground to the path and back: phases in their order, references without jumps.
 
 use path_generator::PathGeneratorService;
-use path_generator::phases::{BRAKE, BRAKE_AFTER, LIFTED, PATIENCE, PhasesMemory, STANDING};
+use path_generator::phases::{LIFTED, PATIENCE, PhasesMemory, STANDING};
 use scenario::{Curve, Flight, Path, PathMode, Scenario, TiltedEight};
 use shared_types::flight_phase::NotReady;
+use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Now, Operator, Service};
 use zerocopy::FromZeros;

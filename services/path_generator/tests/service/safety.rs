@@ -3,6 +3,7 @@
 use path_generator::PathGeneratorService;
 use proptest::prelude::*;
 use scenario::{InputSafety, Scenario};
+use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
 use zerocopy::{FromBytes, IntoBytes};
@@ -63,24 +64,38 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
     );
 }
 
-/// The controller lets a reference of that age rest, and the vehicle waits there.
+/// The controller continues a reference up to that age, and then brings the path to rest.
 #[test]
-fn after_a_longer_gap_the_path_goes_on_where_the_controller_has_let_it_rest() {
+fn after_a_longer_gap_the_path_goes_on_from_where_the_controller_has_brought_it() {
     let mut scenario = scenario(paper_path());
     let policy = InputSafety::new(0.5);
     scenario
         .safety
         .insert("path/reference -> controller".to_owned(), policy);
-    for (gap, goes_on_for) in [(20, 20), (499, 499), (501, 500), (502, 500), (3000, 500)] {
+    for (gap, stopped_for) in [(20, 0), (499, 0), (502, 2), (800, 300), (1200, 700), (3000, 2500)] {
         let mut path = generator(&scenario);
         let references = (0..100).map(|tick| step_at(&mut path, tick, Some(&state(tick))));
         let before = references.last().unwrap();
         assert!(before.gamma_dot > 1e-3);
         let after = step(&mut path, 99 + gap, gap, Some(&state(99 + gap)));
-        let expected = before.gamma_dot * 1e-3 * f64::from(goes_on_for);
+        let goes_on = 1e-3 * gap.min(500) as f64;
+        let stop = Stop {
+            rate: before.gamma_dot + goes_on * before.gamma_ddot,
+            acceleration: before.gamma_ddot,
+            duration: BRAKE,
+        };
+        let stopped_for = 1e-3 * f64::from(stopped_for);
+        let expected = before.gamma_dot * goes_on + stop.way(stopped_for);
         assert!((after.gamma - before.gamma - expected).abs() < 1e-12, "{gap} ms");
-        // Where it has rested, it goes on from rest, as the vehicle does.
-        assert_eq!(after.gamma_dot == 0.0, gap > 501, "{gap} ms: {}", after.gamma_dot);
+        if stopped_for > 0.0 {
+            // The timing law takes γ̇ from there.
+            let [rate, ..] = stop.at(stopped_for);
+            assert!(
+                (after.gamma_dot - rate).abs() < 1e-12,
+                "{gap} ms: {}",
+                after.gamma_dot
+            );
+        }
     }
 }
 

@@ -1,0 +1,99 @@
+//! The stop of a path that is not led any more, the same for all services.
+//!
+//! The path generator brings the path to rest when cameras do not show the vehicle. The controller does so when no references
+//! come, and a path generator that is back after such a gap goes on from where the controller has brought the path.
+
+/// Duration of dead reckoning after which the path generator begins to bring the path to rest, s.
+pub const BRAKE_AFTER: f64 = 0.1;
+/// Duration of the stop, s. The vehicle turns into it and out of it without sight, so a shorter one leaves it tilted by
+/// what a lost frame would have turned it, and a longer one ends when its velocity is known less well.
+pub const BRAKE: f64 = 0.7;
+
+/// Stop of a rate: the quintic with the rate and the acceleration of its begin, and zero at its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The rate at the begin, 1/s.
+    pub rate: f64,
+    /// Its derivative there, 1/s².
+    pub acceleration: f64,
+    /// Duration of the stop, s.
+    pub duration: f64,
+}
+
+impl Stop {
+    /// Returns the rate and its first two derivatives some seconds after the begin.
+    #[must_use]
+    pub fn at(&self, since_begin: f64) -> [f64; 3] {
+        let Self {
+            rate,
+            acceleration,
+            duration,
+        } = *self;
+        let x = since_begin / duration;
+        if x >= 1.0 {
+            return [0.0; 3];
+        }
+        let (x2, x3) = (x * x, x * x * x);
+        let slope = acceleration * duration;
+        [
+            rate * (1.0 - x3 * (10.0 - x * (15.0 - 6.0 * x)))
+                + slope * (x - x3 * (6.0 - x * (8.0 - 3.0 * x))),
+            (-30.0 * rate * x2 * (1.0 - x) * (1.0 - x) + slope * (1.0 - x2 * (18.0 - x * (32.0 - 15.0 * x))))
+                / duration,
+            (-60.0 * rate * x * (1.0 - x * (3.0 - 2.0 * x)) - slope * x * (36.0 - x * (96.0 - 60.0 * x)))
+                / (duration * duration),
+        ]
+    }
+
+    /// Returns the way of the parameter, which is the integral of the rate, some seconds after the begin.
+    #[must_use]
+    pub fn way(&self, since_begin: f64) -> f64 {
+        let Self {
+            rate,
+            acceleration,
+            duration,
+        } = *self;
+        let x = (since_begin / duration).clamp(0.0, 1.0);
+        let (x2, x4) = (x * x, x * x * x * x);
+        duration
+            * (rate * (x - x4 * (2.5 - x * (3.0 - x)))
+                + acceleration * duration * (0.5 * x2 - x4 * (1.5 - x * (1.6 - 0.5 * x))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The derivative at `x` by central differences of fourth order.
+    fn derivative(f: impl Fn(f64) -> f64, x: f64) -> f64 {
+        let h = 1e-3;
+        (8.0 * (f(x + h) - f(x - h)) - (f(x + 2.0 * h) - f(x - 2.0 * h))) / (12.0 * h)
+    }
+
+    proptest! {
+        #[test]
+        fn a_stop_begins_as_it_was_and_ends_at_rest(
+            rate in 0.0..2.0f64, acceleration in -1.0..1.0f64, duration in 0.2..5.0f64, share in 0.01..0.99f64,
+        ) {
+            let stop = Stop { rate, acceleration, duration };
+            let [begin, slope, curvature] = stop.at(0.0);
+            prop_assert_eq!((begin, curvature.abs()), (rate, 0.0));
+            prop_assert!((slope - acceleration).abs() < 1e-14);
+            let near_end = stop.at(duration * (1.0 - 1e-7));
+            let small = 1e-4 * (1.0 + 1.0 / (duration * duration));
+            prop_assert!(near_end.iter().all(|value| value.abs() < small), "{:?}", near_end);
+            prop_assert_eq!(stop.at(duration), [0.0; 3]);
+            let at = share * duration;
+            let [_, first, second] = stop.at(at);
+            // The steps of the difference quotient are a thousandth of the stop's length.
+            let scaled = |place: usize| derivative(|x| stop.at(x * duration)[place], share) / duration;
+            let way = derivative(|x| stop.way(x * duration), share) / duration;
+            prop_assert!((way - stop.at(at)[0]).abs() < 1e-6, "{way}");
+            prop_assert_eq!(stop.way(2.0 * duration), stop.way(duration));
+            prop_assert!((first - scaled(0)).abs() < 1e-6 / duration);
+            prop_assert!((second - scaled(1)).abs() < 1e-5 / (duration * duration));
+        }
+    }
+}
