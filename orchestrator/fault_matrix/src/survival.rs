@@ -85,6 +85,7 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
                 Reason::TippedOver => "tipped over",
                 Reason::HitGround => "hit the ground",
                 Reason::MotorsStopped => "motors stopped",
+                Reason::Unseen => "not seen",
                 Reason::NotFinite => "not finite",
             },
             details: Some(format!("lost at {} s: {loss}", loss.time)),

@@ -41,6 +41,8 @@ pub enum Reason {
     HitGround,
     /// Its motors were stopped in the air: by a kill, by disarming, or because no command came.
     MotorsStopped,
+    /// Its motors were stopped after cameras had lost it for good, and nothing shows whether it was down by then.
+    Unseen,
     /// A number was not finite: where it was, or something that a service computed.
     NotFinite,
 }
@@ -207,8 +209,12 @@ impl LossWatch {
 
     fn motors_stopped(&mut self, stamp_ns: u64, stopped_by: u8) {
         let source = self.source;
+        let reason = match source {
+            StateSource::Estimate if !self.is_known => Reason::Unseen,
+            StateSource::Estimate | StateSource::Truth => Reason::MotorsStopped,
+        };
         self.loss.get_or_insert_with(|| Loss {
-            reason: Reason::MotorsStopped,
+            reason,
             time: seconds(stamp_ns),
             value: None,
             limit: None,
@@ -285,6 +291,10 @@ impl Loss {
             source,
         }
     }
+
+    fn stop_in_words(&self) -> &str {
+        self.cause.as_deref().unwrap_or("failsafe frames for 2 s")
+    }
 }
 
 /// A finding: reason, value and limit.
@@ -328,8 +338,18 @@ impl Display for Loss {
                 write!(formatter, "touched the ground in flight, at {value:.2} m/s")
             }
             (Reason::MotorsStopped, _) => {
-                let cause = self.cause.as_deref().unwrap_or("failsafe frames for 2 s");
-                write!(formatter, "the motors were stopped in the air: {cause}")
+                write!(
+                    formatter,
+                    "the motors were stopped in the air: {}",
+                    self.stop_in_words()
+                )
+            }
+            (Reason::Unseen, _) => {
+                write!(
+                    formatter,
+                    "the motors were stopped while the cameras did not show whether the vehicle was down: {}",
+                    self.stop_in_words()
+                )
             }
             (Reason::NotFinite, _) => write!(formatter, "a number was not finite"),
         }

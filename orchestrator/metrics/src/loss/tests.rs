@@ -225,6 +225,7 @@ fn reference(phase: u8, cause: u8, airborne: bool) -> PathReference {
     reference.header.stamp_ns = 3_000_000_000;
     (reference.phase, reference.cause) = (phase, cause);
     reference.airborne = airborne.into();
+    reference.vehicle_known = true.into();
     reference
 }
 
@@ -257,6 +258,25 @@ fn a_vehicle_whose_motors_are_stopped_in_the_air_is_lost_in_a_laboratory_too() {
     watch.observe_frame(&failsafe_frame(500, RcFrame::ACTION_KILL, RcFrame::LIMIT_BOX));
     let loss = watch.loss().unwrap();
     assert_eq!((loss.time, loss.stopped_by), (0.5, kills));
+}
+
+/// The last failsafe stage stops the motors of a vehicle that has gone down without sight, and whose path generator still
+/// takes for airborne.
+#[test]
+fn in_a_laboratory_nothing_says_where_an_unseen_vehicle_was_when_its_motors_were_stopped() {
+    let mut watch = airborne();
+    let mut unseen = reference(PathReference::PHASE_FLY, 0, true);
+    unseen.vehicle_known = false.into();
+    watch.observe_reference(&unseen);
+    for at in (5000..=7000).step_by(20) {
+        watch.observe_frame(&failsafe_frame(at, RcFrame::ACTION_NONE, RcFrame::LIMIT_NONE));
+    }
+    let loss = watch.loss().unwrap();
+    assert_eq!((loss.reason, loss.time), (Reason::Unseen, 5.0));
+    assert_eq!(
+        loss.to_string(),
+        "the motors were stopped while the cameras did not show whether the vehicle was down: failsafe frames for 2 s"
+    );
 }
 
 #[test]
