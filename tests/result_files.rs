@@ -180,3 +180,14 @@ fn an_error_keeps_its_exit_code_although_standard_error_is_full() {
         assert!(!matches!(told, None | Some(0 | 101)), "{arguments:?}: {told:?}");
     }
 }
+
+#[test]
+fn results_that_a_full_standard_output_does_not_take_are_not_written() {
+    let place = Place::new();
+    for arguments in [&["schema"][..], &["header"], &["completions", "bash"], &["man"]] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let ended = place.gerono(arguments).stdout(full).output().unwrap();
+        assert_eq!(ended.status.code(), Some(4), "{arguments:?}");
+        assert!(complaint(&ended).contains("standard output"), "{arguments:?}");
+    }
+}

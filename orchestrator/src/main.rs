@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
 use command_line::interrupt::survive_full_files;
-use command_line::output::complain;
+use command_line::output::{self, complain};
 use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
         Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
     match result {
-        Ok(exit) => exit.into(),
+        Ok(exit) => output::end(exit).into(),
         Err(failure) => {
             complain(format_args!("{:?}", failure.report));
             failure.exit.into()

@@ -1,12 +1,14 @@
 //! The output of commands, and the logs that they are given.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
 use serde::Serialize;
 
+use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::terminal::printable_lines;
 
@@ -72,7 +74,28 @@ pub fn print(text: impl std::fmt::Display) {
     print_as_it_is(printable_lines(&text.to_string()));
 }
 
-/// Prints results that have colours. A reader that takes no more of them (`gerono check … | head`) has what it wants.
+/// Prints results that have colours. A reader that takes no more of them (`gerono check … | head`) has what it wants; any
+/// other error is kept for [`end`].
 pub fn print_as_it_is(text: impl std::fmt::Display) {
-    let _ = write!(std::io::stdout(), "{text}");
+    let mut output = std::io::stdout().lock();
+    if let Err(error) = write!(output, "{text}").and_then(|()| output.flush())
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        let _ = UNPRINTED.set(error);
+    }
+}
+
+/// The first error of printing.
+static UNPRINTED: OnceLock<std::io::Error> = OnceLock::new();
+
+/// Ends a command that has printed its results: they are not there if a disk behind standard output was full.
+#[must_use]
+pub fn end(exit: Exit) -> Exit {
+    match UNPRINTED.get() {
+        Some(error) if exit == Exit::Success => {
+            complain(format_args!("cannot write to standard output: {error}"));
+            Exit::NotWritten
+        }
+        _ => exit,
+    }
 }
