@@ -248,6 +248,11 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
     let upside_down = "envelope.box={min=[-2.0, -2.0, 0.0], max=[2.0, 2.0, 2.5], action=\"land\"}";
     let said_of_box = check("takeoff_and_land", upside_down);
     assert!(said_of_box.contains("m outside of the box"), "{said_of_box}");
+    let fast = check("laboratory", "estimator.kalman.coast=0.1");
+    assert!(
+        fast.contains("the law flies on for 0.30 s without sight"),
+        "{fast}"
+    );
     let alone = check("laboratory", "real_time.orchestrator_loss=\"continue\"");
     assert!(alone.contains("nobody lands the vehicle"), "{alone}");
     let said_of_laboratory = check("laboratory", "flight.landing_speed=0.01");

@@ -2,6 +2,7 @@
 
 use comfy_table::{Table, presets};
 use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
+use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 use tuning::digits;
@@ -105,7 +106,8 @@ fn warnings(scenario: &Scenario) -> String {
     let warnings = warnings
         .chain(path_warnings(scenario, &path))
         .chain(fence_warning(scenario, &path))
-        .chain(duration_warning(scenario, &path));
+        .chain(duration_warning(scenario, &path))
+        .chain(sight_warning(scenario));
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
@@ -219,6 +221,24 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
             format!("a landing at {land_at:?} s takes up to {needed:.0} s: the vehicle may fly at the end")
         })
         .and_then(warning)
+}
+
+/// Warns of a law that leaves the vehicle level before the path has slowed it down: without sight it keeps the velocity that it
+/// then has.
+fn sight_warning(scenario: &Scenario) -> Option<Problem> {
+    scenario.flight.as_ref()?;
+    let coast = scenario.estimator.as_ref()?.kalman.coast;
+    let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller)?;
+    safety.level?;
+    let (flies_for, needed) = (coast + safety.max_age, BRAKE_AFTER + 0.5 * BRAKE);
+    (flies_for < needed - 1e-9).then(|| {
+        let reason = format!(
+            "with `estimator.kalman.coast` the law flies on for {flies_for:.2} s without sight, and the vehicle then keeps \
+             the velocity that it has: to lose half of it takes {needed:.2} s"
+        );
+        let at = Key::root().then("safety").then("vehicle/state -> controller").then("max_age");
+        Problem::new(at, reason, "state longer times, as far as the estimate is good for")
+    })
 }
 
 /// The programs and plug-ins that fly in place of services, a line each.
