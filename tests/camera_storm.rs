@@ -34,8 +34,9 @@ const SYSTEMS: [CaptureSystem; 3] = [
     CaptureSystem::ViconUdp,
 ];
 
-/// Fastest touch-down that is a landing and no fall, m/s.
-const TOUCH_DOWN: f64 = 1.0;
+/// Fastest touch-down that is a landing and no fall, m/s: 1 m/s above that of the landing, as `impact_speed_max` has it. A blind
+/// descent from 1.2 m alone ends at 0.85 m/s, and one that begins on the way down at 0.9 m/s.
+const TOUCH_DOWN: f64 = 1.3;
 
 /// Rates of the cameras of each of these systems in the short test, Hz.
 const RATES: [u64; 3] = [50, 100, 200];
