@@ -1,6 +1,7 @@
 //! `gerono attach`: takes over a flight in real time whose orchestrator has died.
 
 use shared_types::ExternalServices;
+use shared_types::service::seconds;
 
 use super::conclusion::FlightResult;
 use super::{Failure, host_record, run_log};
@@ -8,6 +9,7 @@ use crate::cli::{Attach, Host};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
+use command_line::output::note;
 use command_line::progress::Progress;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
@@ -37,6 +39,13 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         .map_err(Failure::not_written)?
         .in_real_time(&manifest);
     let mut progress = Progress::new(flight.schedule(), NAME, arguments.quiet);
+    if !arguments.quiet {
+        note(format_args!(
+            "took over the flight at {:.1} s; its log from there on is in {}",
+            seconds(flight.schedule().time_ns(flight.first_tick())),
+            folder.path().display()
+        ));
+    }
     let people = Clients {
         interrupt: &interrupt,
         messages: progress.messages(),
