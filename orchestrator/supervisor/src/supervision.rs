@@ -10,6 +10,7 @@ mod external_service;
 mod managed_service;
 mod presentable;
 pub mod process;
+mod reaper;
 mod restart;
 pub mod restart_policy;
 mod standby;

@@ -3,17 +3,18 @@
 use std::ffi::OsString;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::reaper;
 use runtime::activity;
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::deployment;
 use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
 use runtime::shared_memory;
-use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitIdStatus, pidfd_open, pidfd_send_signal};
 
 /// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
 const END_LIMIT: Duration = Duration::from_secs(1);
@@ -134,10 +135,17 @@ impl Process {
     /// Returns whether it has ended; the system then forgets it if it ended too late for [`Self::end`].
     pub fn is_over(&mut self) -> bool {
         let has_ended = self.has_ended();
-        if let Some(child) = self.child.as_mut().filter(|_| has_ended) {
-            let _ = child.try_wait();
+        if has_ended {
+            self.forget();
         }
         has_ended
+    }
+
+    /// Lets the system forget it, after its end.
+    fn forget(&mut self) {
+        if let Some(child) = self.child.take() {
+            reaper::reap(child);
+        }
     }
 
     /// Waits for its end for no longer than this; whether it has come.
@@ -151,18 +159,18 @@ impl Process {
         self.is_gone = true;
         self.kill_group();
         let has_ended = self.ends_within(END_LIMIT);
-        let status = match &mut self.child {
-            Some(child) => child.try_wait().ok().flatten(),
-            // Only the parent of a process gets its exit status.
-            None => None,
-        };
+        // Only the parent of a process gets its exit status.
+        let status = self.child.as_ref().and_then(|_| reaper::status(&self.death));
+        if has_ended {
+            self.forget();
+        }
         let description = match status {
-            Some(status) => describe(status),
+            Some(status) => describe(&status),
             None if has_ended => "it cannot be told how".to_owned(),
             None => format!("it was killed and did not end within {} s", END_LIMIT.as_secs()),
         };
         Exit {
-            killed: status.is_some_and(|status| status.signal().is_some()),
+            killed: status.is_some_and(|status| status.terminating_signal().is_some()),
             description,
         }
     }
@@ -192,8 +200,8 @@ fn killed_by(signal: i32) -> String {
     )
 }
 
-fn describe(status: ExitStatus) -> String {
-    match (status.signal(), status.code()) {
+fn describe(status: &WaitIdStatus) -> String {
+    match (status.terminating_signal(), status.exit_status()) {
         (Some(signal), _) => killed_by(signal),
         (None, Some(code)) => format!("it exited with code {code}"),
         (None, None) => "it cannot be told how".to_owned(),
