@@ -41,7 +41,7 @@ pub enum Reason {
     HitGround,
     /// Its motors were stopped in the air: by a kill, by disarming, or because no command came.
     MotorsStopped,
-    /// Its motors were stopped after cameras had lost it for good, and nothing shows whether it was down by then.
+    /// Its motors were stopped when its place had not been known for a time in which it can have come down.
     Unseen,
     /// A number was not finite: where it was, or something that a service computed.
     NotFinite,
@@ -85,10 +85,10 @@ pub struct LossWatch {
     has_begun: bool,
     /// `true` if the vehicle is airborne by the newest reference.
     is_airborne: bool,
-    /// `true` if the place of the vehicle is known by the newest reference.
-    is_known: bool,
-    /// Time of the first of the newest frames that all stop the motors, ns.
-    stopped_since_ns: Option<u64>,
+    /// Time since which it has not been known, ns.
+    unknown_since_ns: Option<u64>,
+    /// Time of the first of the newest frames that all stop the motors, ns, and why the vehicle is lost if they go on.
+    stopped_since: Option<(u64, Reason)>,
     loss: Option<Loss>,
 }
 
@@ -126,8 +126,8 @@ impl LossWatch {
             has_settled: false,
             has_begun: false,
             is_airborne: false,
-            is_known: true,
-            stopped_since_ns: None,
+            unknown_since_ns: None,
+            stopped_since: None,
             loss: None,
         }
     }
@@ -170,13 +170,18 @@ impl LossWatch {
             // The log of a flight that was taken over may begin in the air, just above the ground.
             ground.has_lifted |= self.is_airborne && reference.header.tick > 0;
         }
-        self.is_known = reference.vehicle_known.is_set();
+        self.unknown_since_ns = if reference.vehicle_known.is_set() {
+            None
+        } else {
+            self.unknown_since_ns.or(Some(reference.header.stamp_ns))
+        };
         let stops = match reference.cause {
             PathReference::CAUSE_OPERATOR_KILLS | PathReference::CAUSE_OPERATOR_DISARMS => true,
             cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
         };
         if was_airborne && stops && FlightPhase::from_code(reference.phase) == FlightPhase::Disarmed {
-            self.motors_stopped(reference.header.stamp_ns, reference.cause);
+            let stamp_ns = reference.header.stamp_ns;
+            self.motors_stopped(self.reason_of_stop(stamp_ns), stamp_ns, reference.cause);
         }
     }
 
@@ -185,19 +190,20 @@ impl LossWatch {
     #[inline]
     pub fn observe_frame(&mut self, frame: &RcFrame) {
         if !frame.failsafe.is_set() || !self.is_in_the_air() {
-            self.stopped_since_ns = None;
+            self.stopped_since = None;
             return;
         }
         let now_ns = frame.header.stamp_ns;
-        let since_ns = *self.stopped_since_ns.get_or_insert(now_ns);
+        let reason = self.reason_of_stop(now_ns);
+        let (since_ns, reason) = *self.stopped_since.get_or_insert((now_ns, reason));
         if frame.action == RcFrame::ACTION_KILL {
             let by = match frame.limit {
                 RcFrame::LIMIT_NONE => PathReference::CAUSE_OPERATOR_KILLS,
                 limit => PathReference::CAUSE_ENVELOPE_KILLS | (limit % 16),
             };
-            self.motors_stopped(now_ns, by);
+            self.motors_stopped(reason, now_ns, by);
         } else if now_ns.saturating_sub(since_ns) >= nanoseconds(GROUNDED_AFTER) {
-            self.motors_stopped(since_ns, PathReference::CAUSE_NONE);
+            self.motors_stopped(reason, since_ns, PathReference::CAUSE_NONE);
         }
     }
 
@@ -207,12 +213,20 @@ impl LossWatch {
         self.is_airborne && self.ground.as_ref().is_none_or(|ground| ground.has_lifted)
     }
 
-    fn motors_stopped(&mut self, stamp_ns: u64, stopped_by: u8) {
+    /// Returns what a stop of the motors at a time means: a vehicle that has not been known for long may be down.
+    fn reason_of_stop(&self, stamp_ns: u64) -> Reason {
+        let unknown_for_ns = self
+            .unknown_since_ns
+            .map_or(0, |since| stamp_ns.saturating_sub(since));
+        if self.source == StateSource::Estimate && unknown_for_ns >= nanoseconds(GROUNDED_AFTER) {
+            Reason::Unseen
+        } else {
+            Reason::MotorsStopped
+        }
+    }
+
+    fn motors_stopped(&mut self, reason: Reason, stamp_ns: u64, stopped_by: u8) {
         let source = self.source;
-        let reason = match source {
-            StateSource::Estimate if !self.is_known => Reason::Unseen,
-            StateSource::Estimate | StateSource::Truth => Reason::MotorsStopped,
-        };
         self.loss.get_or_insert_with(|| Loss {
             reason,
             time: seconds(stamp_ns),
@@ -269,7 +283,7 @@ impl LossWatch {
             return None;
         }
         // One that is not seen is brought down by the failsafe stages, in whatever phase.
-        if self.is_known && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
+        if self.unknown_since_ns.is_none() && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
             return Some((Reason::HitGround, Some(sinking), None));
         }
         let limit = ground.speed_max;

@@ -261,22 +261,34 @@ fn a_vehicle_whose_motors_are_stopped_in_the_air_is_lost_in_a_laboratory_too() {
 }
 
 /// The last failsafe stage stops the motors of a vehicle that has gone down without sight, and whose path generator still
-/// takes for airborne.
+/// takes for airborne. What is known of it later changes nothing.
 #[test]
 fn in_a_laboratory_nothing_says_where_an_unseen_vehicle_was_when_its_motors_were_stopped() {
-    let mut watch = airborne();
-    let mut unseen = reference(PathReference::PHASE_FLY, 0, true);
-    unseen.vehicle_known = false.into();
-    watch.observe_reference(&unseen);
-    for at in (5000..=7000).step_by(20) {
-        watch.observe_frame(&failsafe_frame(at, RcFrame::ACTION_NONE, RcFrame::LIMIT_NONE));
+    for (unknown_at, known_again, reason) in [
+        (3000, false, Reason::Unseen),
+        (3000, true, Reason::Unseen),
+        (4500, false, Reason::MotorsStopped),
+        (5500, false, Reason::MotorsStopped),
+    ] {
+        let mut watch = airborne();
+        let mut seen = reference(PathReference::PHASE_FLY, 0, true);
+        for at in (3000..=7000).step_by(20) {
+            seen.header.stamp_ns = at * 1_000_000;
+            seen.vehicle_known = (at < unknown_at || (known_again && at > 6000)).into();
+            watch.observe_reference(&seen);
+            if at >= 5000 {
+                watch.observe_frame(&failsafe_frame(at, RcFrame::ACTION_NONE, RcFrame::LIMIT_NONE));
+            }
+        }
+        let loss = watch.loss().unwrap();
+        assert_eq!(
+            (loss.reason, loss.time),
+            (reason, 5.0),
+            "unknown from {unknown_at} ms on"
+        );
+        let words = "the motors were stopped while the cameras did not show whether the vehicle was down: failsafe frames for 2 s";
+        assert_eq!(loss.to_string() == words, reason == Reason::Unseen);
     }
-    let loss = watch.loss().unwrap();
-    assert_eq!((loss.reason, loss.time), (Reason::Unseen, 5.0));
-    assert_eq!(
-        loss.to_string(),
-        "the motors were stopped while the cameras did not show whether the vehicle was down: failsafe frames for 2 s"
-    );
 }
 
 #[test]
