@@ -18,7 +18,7 @@
 
 use nalgebra::Vector3;
 use scenario::{Model, RateCommand};
-use shared_types::path_stop::{BRAKE, Stop};
+use shared_types::path_stop::{Coast, Coasted};
 use shared_types::rotation;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::Lag;
@@ -206,22 +206,23 @@ impl Reference {
         }
     }
 
-    /// Returns the reference after some seconds of a stop, which begins with its γ̇ and γ̈.
+    /// Returns the reference some seconds later, if none comes and the path goes on for a time (s) before its stop.
     #[must_use]
-    pub fn stopped(&self, since_begin: f64) -> Self {
-        let stop = Stop {
+    pub fn coasted(&self, elapsed: f64, goes_on_for: f64) -> Self {
+        let coast = Coast {
             rate: self.gamma_dot,
             acceleration: self.gamma_ddot,
-            duration: BRAKE,
+            goes_on_for,
         };
-        let [gamma_dot, gamma_ddot, gamma_dddot] = stop.at(since_begin);
+        let Coasted { way, rates, .. } = coast.after(elapsed);
+        let [gamma_dot, gamma_ddot, gamma_dddot] = rates;
         Self {
             gamma_dot,
             gamma_ddot,
             gamma_dot_desired: gamma_dot,
             gamma_dddot_constant: gamma_dddot,
             gamma_dddot_slope: 0.0,
-            ..self.moved(stop.way(since_begin))
+            ..self.moved(way)
         }
     }
 

@@ -1,14 +1,14 @@
 //! Selection of the reference for the law.
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
-//! a policy, a late reference is continued along the path at its γ̈, up to `max_age`; from then on the path comes to rest
-//! ([`Stop`](shared_types::path_stop)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! a policy, a late reference is continued along the path at its γ̈, and comes to rest around `max_age`
+//! ([`Coast`](shared_types::path_stop::Coast)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
 //! reset the age.
 
 use scenario::{EdgeName, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
 use shared_types::samples::PathReference;
-use shared_types::service::{nanoseconds, seconds};
+use shared_types::service::seconds;
 use shared_types::{Input, Now, ServiceId, Topic};
 
 use control_law::signals::Reference;
@@ -23,13 +23,13 @@ pub struct References {
     gate: InputValidator<PathReference>,
 }
 
-/// Age limits of a reference, ns.
+/// Age limits of a reference.
 #[derive(Clone, Copy, Debug)]
 struct AgeLimits {
-    /// Oldest age without faults.
+    /// Oldest age without faults, ns.
     ordinary: u64,
-    /// Oldest age up to which it is continued.
-    most: u64,
+    /// Time for which the path goes on beyond that before it comes to rest, s.
+    goes_on_for: f64,
 }
 
 impl References {
@@ -37,11 +37,10 @@ impl References {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
-        let safety = scenario.safety_of(topic, service);
         Self {
-            patience: safety.map(|safety| AgeLimits {
+            patience: scenario.path_goes_on_for().map(|goes_on_for| AgeLimits {
                 ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-                most: nanoseconds(safety.max_age),
+                goes_on_for,
             }),
             gate: InputValidator::default(),
         }
@@ -71,21 +70,17 @@ impl References {
         self.gate.held()
     }
 
-    /// Returns the reference for the law: continued if it is late, coming to rest if it is too old.
+    /// Returns the reference for the law: continued if it is late, until it rests.
     #[must_use]
     #[inline]
     pub fn target(&self, now: &Now, reference: &PathReference) -> Reference {
         let target = Reference::from(reference);
         let age_ns = self.gate.age_ns(now).unwrap_or(0);
         match self.patience {
-            Some(AgeLimits { ordinary, most }) if age_ns > ordinary => {
-                let carried = target.ahead(seconds(age_ns.min(most).saturating_sub(ordinary)));
-                if age_ns > most {
-                    carried.stopped(seconds(age_ns - most))
-                } else {
-                    carried
-                }
-            }
+            Some(AgeLimits {
+                ordinary,
+                goes_on_for,
+            }) if age_ns > ordinary => target.coasted(seconds(age_ns - ordinary), goes_on_for),
             _ => target,
         }
     }

@@ -13,7 +13,7 @@
 //!   lightest vehicle needs. It then leads the vehicle from its place to the path, as in a take-off;
 //! * *stranded*: after dead reckoning the vehicle is seen again on the ground, where it lands; one that *rests* there, slower
 //!   than [`AT_REST`], has landed, and is disarmed;
-//! * *strayed*: the vehicle is seen again after dead reckoning, or after a rest of the reference without steps, farther than
+//! * *strayed*: the vehicle is seen again after dead reckoning, or after a gap of the steps, farther than
 //!   [`STRAYED`] from the reference, or with a velocity that differs from the reference's by more than [`STRAYED_BY_SPEED`].
 //!   The reference then starts again at the vehicle: the controller would answer such an error with more tilt than it can
 //!   recover from.
@@ -32,7 +32,7 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
 use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row};
-use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Stop};
+use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Coast, Coasted, Stop};
 use shared_types::sample::Flag;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds};
@@ -54,6 +54,8 @@ pub const STRAYED: f64 = 0.2;
 pub const STRAYED_BY_SPEED: f64 = 0.4;
 /// Speed below which a vehicle that is seen again on the ground rests there, m/s.
 pub const AT_REST: f64 = 0.3;
+/// Duration of dead reckoning after which a vehicle that was not landing can have come down, s.
+pub const DOWN_AFTER: f64 = 0.5;
 /// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
 /// Share of the speed of the descent below which the vehicle does not sink.
@@ -82,6 +84,8 @@ shared_types::sample! {
         pub along: f64,
         /// Rate of that time.
         pub along_rate: f64,
+        /// Its derivative, 1/s.
+        pub along_acceleration: f64,
         /// Wait for the vehicle at the end of a leg so far, s.
         pub waited: f64,
         /// Rate of the parameter when its stop began, 1/s.
@@ -125,8 +129,10 @@ shared_types::sample! {
         pub waiting: u8,
         /// `true` if the path is being brought to rest, or rests, for a loss of sight.
         pub braking: Flag,
+        /// `true` if `ground` is known: the vehicle was armed there.
+        pub ground_known: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 6],
+        pub pad0: [u8; 5],
     }
 }
 
@@ -179,6 +185,8 @@ pub struct Phases {
     airborne_thrust: f64,
     /// Tick of the first step of a flight. A first step after it is a cold start.
     first_tick: u64,
+    /// `true` in the step that follows a gap of the steps.
+    is_back: bool,
     /// State of the phases.
     pub memory: PhasesMemory,
 }
@@ -211,6 +219,7 @@ impl Phases {
                 limits,
                 airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
                 first_tick: first_tick(scenario),
+                is_back: false,
                 memory: PhasesMemory::new_zeroed(),
             })
     }
@@ -236,11 +245,6 @@ impl Phases {
     /// Advances to now, with the present inputs.
     pub fn advance(&mut self, now: &Now, sight: &PhaseInput<'_>) {
         let elapsed = now.elapsed();
-        let memory = &mut self.memory;
-        memory.along += elapsed * memory.along_rate;
-        if memory.stopping.is_set() {
-            memory.stopping_for += elapsed;
-        }
         if let Some(vehicle) = sight.vehicle {
             self.feel(elapsed, vehicle, sight.frame);
         } else {
@@ -266,6 +270,7 @@ impl Phases {
             self.memory.cause = published_cause(row, now, sight, not_ready);
         }
         self.spend_arming(now, before, &conditions, not_ready);
+        self.is_back = false;
     }
 
     /// Measures the dead reckoning, and begins to bring the parameter to rest when it has lasted. That stop is flown to its
@@ -279,7 +284,8 @@ impl Phases {
         memory.unseen_for = if is_seen {
             0.0
         } else {
-            memory.unseen_for + now.elapsed()
+            // The gap of the steps is none of the cameras.
+            memory.unseen_for + now.elapsed().min(LONGEST_LOOK)
         };
         if memory.braking.is_set() {
             if is_seen && memory.stopping_for >= BRAKE {
@@ -303,34 +309,63 @@ impl Phases {
         if self.memory.way == PhasesMemory::WAY_PATH {
             sight.path_rates
         } else {
-            [self.memory.along_rate, 0.0]
+            [self.memory.along_rate, self.memory.along_acceleration]
         }
     }
 
-    /// Goes on after the steps were away for so long that the controller has been bringing the path to rest for a time (s), at
-    /// first with these rates of γ and its derivative. What is left of that stop is flown.
-    pub fn come_to_rest(&mut self, now: &Now, path_rates: [f64; 2], stopped_for: f64) {
+    /// Goes on along the segment by the time since the last step.
+    pub fn go_on(&mut self, elapsed: f64) {
+        let memory = &mut self.memory;
+        memory.along += elapsed * memory.along_rate;
+        if memory.stopping.is_set() {
+            memory.stopping_for += elapsed;
+        }
+    }
+
+    /// Goes on from where the controller has brought the path or the segment, `elapsed` s after its last reference. A stop that
+    /// it flies is flown to its end; one that was being flown begins anew.
+    pub fn coast(&mut self, now: &Now, path: &Coasted, elapsed: f64, goes_on_for: f64) {
         if !self.is_led() {
             return;
         }
+        self.is_back = true;
         let memory = &mut self.memory;
-        let on_the_path = memory.way == PhasesMemory::WAY_PATH;
-        let rates = if on_the_path {
-            path_rates
+        let coasted = if memory.way == PhasesMemory::WAY_PATH {
+            *path
         } else {
-            [memory.along_rate, 0.0]
+            let coast = Coast {
+                rate: memory.along_rate,
+                acceleration: memory.along_acceleration,
+                goes_on_for,
+            };
+            let coasted = coast.after(elapsed);
+            memory.along += coasted.way;
+            [memory.along_rate, memory.along_acceleration, _] = coasted.rates;
+            coasted
         };
-        memory.begin_stop(rates, BRAKE);
-        memory.along += now.elapsed() * memory.along_rate + memory.stop().way(stopped_for);
-        memory.along_rate = 0.0;
-        if stopped_for >= BRAKE {
-            memory.braking = false.into();
-            memory.resumed_ns = now.time_ns;
-        } else {
-            memory.braking = (!memory.stopping.is_set()).into();
+        let [rate, acceleration, _] = coasted.rates;
+        let is_brought_to_rest = memory.stopping.is_set() || memory.braking.is_set();
+        match coasted.stop {
+            Some((stop, since_begin)) if since_begin < BRAKE => {
+                memory.begin_stop([stop.rate, stop.acceleration], BRAKE);
+                memory.stopping_for = since_begin;
+                memory.braking = (!memory.stopping.is_set()).into();
+            }
+            None if rate != 0.0 => {
+                if is_brought_to_rest {
+                    memory.begin_stop([rate, acceleration], BRAKE);
+                }
+            }
+            Some(_) | None => {
+                memory.begin_stop([0.0; 2], BRAKE);
+                memory.stopping_for = BRAKE;
+                memory.resumed_ns = now.time_ns;
+            }
         }
-        // The step that follows adds its time.
-        memory.stopping_for = stopped_for - now.elapsed();
+        if memory.braking.is_set() && rate != 0.0 {
+            // The look at the cameras in this step adds its time.
+            memory.stopping_for -= now.elapsed();
+        }
     }
 
     /// Spends a request to arm that was made in another state than disarmed, that has armed, or that has waited for
@@ -371,7 +406,7 @@ impl Phases {
                 (true, false) if known => self.pace(now),
                 (true, false) | (false, _) => [0.0; 3],
             };
-            self.memory.along_rate = rates[0];
+            [self.memory.along_rate, self.memory.along_acceleration, _] = rates;
             return PathRateCommand::Line(point, self.memory.along, PathRates::stated(rates));
         }
         match (self.is_led(), is_brought_to_rest) {
@@ -420,8 +455,9 @@ impl Phases {
         let slow_down = SlowDown {
             velocity: memory.met_velocity.into(),
         };
-        let should_sink =
-            memory.way == PhasesMemory::WAY_DESCENT && memory.along > DESCENT_BEGIN + slow_down.duration();
+        let should_sink = memory.way == PhasesMemory::WAY_DESCENT
+            && memory.along > DESCENT_BEGIN + slow_down.duration()
+            && memory.along_rate > 0.5;
         let stands = should_sink
             && velocity.z < SINKING * self.stated.landing_speed
             && thrust < UNLOADED * memory.carrying_thrust;
@@ -470,10 +506,16 @@ impl Phases {
         };
         // This step sees the vehicle, and `unseen_for` is still that of the steps before.
         let is_found = memory.unseen_for > BRAKE_AFTER && sight.is_seen();
-        let is_on_the_ground = sight
-            .vehicle
-            .is_some_and(|vehicle| vehicle.position_world[2] > memory.ground - LIFTED);
-        let has_rested = memory.resumed_ns == now.time_ns && sight.is_seen();
+        let is_on_the_ground = sight.vehicle.is_some_and(|vehicle| {
+            let [.., z] = vehicle.position_world;
+            memory.ground_known.is_set() && (z - memory.ground).abs() < LIFTED
+        });
+        // Only a landing goes down at once when it is not seen.
+        let falls_after = if self.phase() == FlightPhase::Land {
+            BRAKE_AFTER
+        } else {
+            DOWN_AFTER
+        };
         Conditions {
             armed,
             killed: killed || action == RcFrame::ACTION_KILL,
@@ -487,11 +529,12 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: (is_found || has_rested)
+            strayed: (is_found || (self.is_back && sight.is_seen()))
                 && (way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
                     || self.speed_from_reference(sight) > STRAYED_BY_SPEED),
             stranded: is_found && is_on_the_ground,
             rests: is_found
+                && memory.unseen_for > falls_after
                 && is_on_the_ground
                 && sight
                     .vehicle
@@ -527,6 +570,7 @@ impl Phases {
             FlightPhase::Armed => {
                 let place = sight.vehicle.map_or([0.0; 3], |vehicle| vehicle.position_world);
                 self.memory.ground = place[2];
+                self.memory.ground_known = true.into();
             }
             FlightPhase::TakeOff => {
                 if before == FlightPhase::Disarmed {
@@ -566,7 +610,8 @@ impl Phases {
     fn begin(&mut self, way: u8, from: Vector3<f64>, to: Vector3<f64>) {
         let memory = &mut self.memory;
         (memory.way, memory.from_world, memory.to_world) = (way, from.into(), to.into());
-        (memory.along, memory.along_rate, memory.waited) = (0.0, 1.0, 0.0);
+        (memory.along, memory.along_rate, memory.along_acceleration) = (0.0, 1.0, 0.0);
+        memory.waited = 0.0;
         (memory.stopping, memory.braking) = (false.into(), false.into());
         (memory.met_velocity, memory.resumed_ns) = ([0.0; 3], 0);
     }

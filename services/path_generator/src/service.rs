@@ -18,9 +18,9 @@ use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::input_validator::{
     GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
 };
-use shared_types::path_stop::{BRAKE, Stop};
+use shared_types::path_stop::{BRAKE_AFTER, Coast, Coasted};
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
-use shared_types::service::{Input, nanoseconds, seconds};
+use shared_types::service::{Input, nanoseconds};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
 use shared_types::{FlightPhase, Now, Service, ServiceId, Topic};
 use zerocopy::FromZeros;
@@ -82,11 +82,12 @@ pub struct PathGeneratorService {
     states: StateValidator,
     /// Oldest age of a state without faults, ns.
     ordinary_age_ns: u64,
-    /// Time for which the path goes on without a step, ns: from then on the controller brings it to rest, and it goes on from
-    /// there.
+    /// Longest time that a step takes for the time since the last one, ns.
     longest_gap_ns: u64,
-    /// Time between two steps, ns.
-    between_steps_ns: u64,
+    /// Time between two steps above which the controller has moved the path meanwhile, ns.
+    ordinary_gap_ns: u64,
+    /// Time for which it then goes on before its stop, s.
+    goes_on_for: Option<f64>,
     leader: PathLeader,
     /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
     yaws: Vec<(u64, f64)>,
@@ -155,7 +156,8 @@ impl PathGeneratorService {
                 .map_or(u64::MAX, |safety| {
                     nanoseconds(safety.max_age).max(between_steps_ns)
                 }),
-            between_steps_ns,
+            ordinary_gap_ns: nanoseconds(BRAKE_AFTER).max(between_steps_ns),
+            goes_on_for: scenario.path_goes_on_for(),
         })
     }
 
@@ -167,12 +169,19 @@ impl PathGeneratorService {
 }
 
 impl PathLeader {
-    /// Goes on from where the controller has brought the path, which it has been bringing to rest for a time, s.
-    fn come_to_rest(&mut self, now: &Now, stopped_for: f64) {
-        let rates = [self.motion.gamma_dot, self.motion.gamma_ddot];
-        self.motion.stop(stopped_for);
+    /// Advances by the time since the last step.
+    fn advance(&mut self, elapsed: f64) {
+        self.motion.advance(elapsed);
         if let Some(phases) = &mut self.phases {
-            phases.come_to_rest(now, rates, stopped_for);
+            phases.go_on(elapsed);
+        }
+    }
+
+    /// Goes on from where the controller has brought the path without references, `elapsed` s after the last one.
+    fn coast(&mut self, now: &Now, elapsed: f64, goes_on_for: f64) {
+        let coasted = self.motion.coast(elapsed, goes_on_for);
+        if let Some(phases) = &mut self.phases {
+            phases.coast(now, &coasted, elapsed, goes_on_for);
         }
     }
 
@@ -295,15 +304,17 @@ impl PathMotion {
         self.gamma_dot += h * self.gamma_ddot;
     }
 
-    /// Comes to rest for some seconds.
-    fn stop(&mut self, stopped_for: f64) {
-        let stop = Stop {
+    /// Moves as the controller has it move that gets no references.
+    fn coast(&mut self, elapsed: f64, goes_on_for: f64) -> Coasted {
+        let coast = Coast {
             rate: self.gamma_dot,
             acceleration: self.gamma_ddot,
-            duration: BRAKE,
+            goes_on_for,
         };
-        self.gamma += stop.way(stopped_for);
-        [self.gamma_dot, self.gamma_ddot, _] = stop.at(stopped_for);
+        let coasted = coast.after(elapsed);
+        self.gamma += coasted.way;
+        [self.gamma_dot, self.gamma_ddot, _] = coasted.rates;
+        coasted
     }
 
     fn take(&mut self, rates: &PathRates) {
@@ -319,14 +330,15 @@ impl Service for PathGeneratorService {
     type State = PathGeneratorState;
 
     fn step(&mut self, now: &Now, inputs: &Self::Inputs<'_>, outputs: &mut Self::Outputs<'_>) {
-        let stopped_ns = now.elapsed_ns.saturating_sub(self.longest_gap_ns);
+        let elapsed = now.elapsed();
+        let gap = self.goes_on_for.filter(|_| now.elapsed_ns > self.ordinary_gap_ns);
         let now = &Now {
             elapsed_ns: now.elapsed_ns.min(self.longest_gap_ns),
             ..*now
         };
-        self.leader.motion.advance(now.elapsed());
-        if stopped_ns > self.between_steps_ns {
-            self.leader.come_to_rest(now, seconds(stopped_ns));
+        match gap {
+            Some(goes_on_for) => self.leader.coast(now, elapsed, goes_on_for),
+            None => self.leader.advance(elapsed),
         }
         self.states.look(now, &inputs.state);
         let newest = self.states.held();

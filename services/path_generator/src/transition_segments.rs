@@ -1,12 +1,11 @@
 //! Transition segments: the straight lines between the ground and the path. Their parameter is the time on them, s.
 
 use nalgebra::Vector3;
+use scenario::leg_duration;
 
 use crate::curve::CurvePoint;
-use crate::speed_profile::{MOST_CURVED, STEEPEST, Step};
+use crate::speed_profile::{STEEPEST, Step};
 
-/// Largest acceleration on a leg, m/s².
-const ACCELERATION: f64 = 1.0;
 /// Largest deceleration of a vehicle that is met in motion, m/s².
 const DECELERATION: f64 = 2.5;
 /// Time in which a descent reaches its speed, s.
@@ -27,10 +26,7 @@ impl Leg {
     /// Returns its duration, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        let way = (self.to - self.from).norm();
-        let by_speed = STEEPEST * way / self.speed;
-        let by_acceleration = (MOST_CURVED * way / ACCELERATION).sqrt();
-        by_speed.max(by_acceleration)
+        leg_duration((self.to - self.from).norm(), self.speed)
     }
 
     /// Returns the point at a time on it, s.
@@ -146,7 +142,7 @@ mod tests {
             let time = share * leg.duration();
             let point = leg.at(time);
             prop_assert!(point.derivative1.norm() <= speed * (1.0 + 1e-9));
-            prop_assert!(point.derivative2.norm() <= ACCELERATION * (1.0 + 1e-9));
+            prop_assert!(point.derivative2.norm() <= 1.0 + 1e-9);
             prop_assume!(leg.duration() > 0.5);
             assert_derivatives(|time| leg.at(time), time)?;
         }

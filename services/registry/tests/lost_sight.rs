@@ -297,13 +297,31 @@ fn frames_lost_while_the_vehicle_stops_without_sight_do_not_send_it_away() {
 /// turned the vehicle by 43 degrees.
 #[test]
 fn a_path_generator_that_is_away_does_not_tilt_the_vehicle() {
-    for away in ["0.6", "0.75", "0.9", "2.0"] {
-        for at in ["15.0", "16.3", "17.7"] {
-            let fault =
-                format!("fault=[{{at={at}, service=\"path_generator\", kind=\"freeze\", for={away}}}]");
+    // On the rise, on the way to the path, on the path, while it stops, and in the descent.
+    for at in [3.2, 4.0, 5.5, 7.0, 15.0, 16.3, 17.7, 25.3, 26.0, 26.7, 28.5] {
+        for away in [0.3, 0.6, 0.75, 1.2, 2.0] {
+            let fault = format!("fault=[{}]", frozen(at, away));
             let flown = fly(&[&fault]);
             assert!(!flown.has_fallen() && flown.is_over, "{fault}: {flown:?}");
-            assert!(flown.upright > 0.92, "{fault}: {flown:?}");
+            assert!(flown.upright > 0.92 && flown.touch < 0.5, "{fault}: {flown:?}");
+        }
+    }
+}
+
+fn frozen(at: f64, away: f64) -> String {
+    format!("{{at={at:?}, service=\"path_generator\", kind=\"freeze\", for={away:?}}}")
+}
+
+/// A stop without sight that the controller goes on with turns back nowhere.
+#[test]
+fn a_path_generator_that_is_away_while_it_stops_without_sight_does_not_send_the_vehicle_away() {
+    let unseen = lost("mocap/pose -> estimator", 16.0, 2.75);
+    for after in [0.15, 0.3, 0.45, 0.6] {
+        for away in [0.2, 0.4, 0.7, 1.2] {
+            let faults = format!("fault=[{unseen}, {}]", frozen(16.0 + after, away));
+            let flown = fly(&[&faults]);
+            assert!(!flown.has_fallen() && flown.is_over, "{faults}: {flown:?}");
+            assert!(flown.strayed < 1.5, "{faults}: {flown:?}");
         }
     }
 }

@@ -69,7 +69,7 @@ impl Flight {
     #[must_use]
     pub fn shortest_time(&self) -> f64 {
         let rise = self.takeoff_height;
-        self.spool_up + rise / self.takeoff_speed + self.landing_time(rise)
+        self.spool_up + leg_duration(rise, self.takeoff_speed) + self.landing_time(rise)
     }
 
     /// Returns the planned requests of the operator, s: key, and the time if it is stated.
@@ -81,6 +81,18 @@ impl Flight {
             ("kill_at", self.kill_at),
         ]
     }
+}
+
+/// Largest slope and curvature of the step by which a vehicle goes along a leg, from rest to rest.
+const STEEPEST: f64 = 35.0 / 16.0;
+const MOST_CURVED: f64 = 7.5132;
+/// Largest acceleration on a leg, m/s².
+const ACCELERATION: f64 = 1.0;
+
+/// Returns the duration of a straight leg (m) whose largest speed is stated (m/s), s.
+#[must_use]
+pub fn leg_duration(way: f64, speed: f64) -> f64 {
+    (STEEPEST * way / speed).max((MOST_CURVED * way / ACCELERATION).sqrt())
 }
 
 impl Scenario {

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use shared_types::input_validator::Policy;
 
 use super::{EdgeName, Scenario};
-use shared_types::service::nanoseconds;
+use shared_types::path_stop::BRAKE;
+use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{ServiceId, Topic};
 
 /// Default duration of the transfer to the law's commands, s.
@@ -143,5 +144,15 @@ impl Scenario {
         let repeats =
             edge.topic == Topic::VehicleState && !is_predicted && between_captures_ns > between_states_ns;
         schedule.time_ns(age) + if repeats { between_captures_ns } else { 0 }
+    }
+
+    /// Returns the time for which a path goes on that the controller has no new reference of, s, before it comes to rest; `None`
+    /// without a policy. The whole way is that of `max_age` at the rate of the last reference, as far as the stop is not longer.
+    #[must_use]
+    pub fn path_goes_on_for(&self) -> Option<f64> {
+        let safety = self.safety_of(Topic::PathReference, ServiceId::Controller)?;
+        let ordinary = EdgeName::of(Topic::PathReference, ServiceId::Controller)
+            .map_or(0.0, |edge| seconds(self.ordinary_age_ns(edge)));
+        Some((safety.max_age - ordinary - 0.5 * BRAKE).max(0.0))
     }
 }

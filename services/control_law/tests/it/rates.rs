@@ -6,7 +6,7 @@ use control_law::rate_controller::RateController;
 use control_law::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
-use shared_types::path_stop::{BRAKE, Stop};
+use shared_types::path_stop::Coast;
 use shared_types::rotation;
 
 /// H, s: the paper's radio.
@@ -260,19 +260,20 @@ fn the_reference_ahead_is_the_curve_ahead() {
         derivative3_world: c3 * 6.0,
         ..resting_reference()
     };
-    let stop = Stop {
+    let coast = Coast {
         rate: 1.2,
         acceleration: -0.4,
-        duration: BRAKE,
+        goes_on_for: 0.1,
     };
-    let [rate, acceleration, _] = stop.at(0.3);
+    let coasted = coast.after(0.3);
+    let [rate, acceleration, _] = coasted.rates;
     let stopped = Reference {
         gamma_ddot: acceleration,
-        ..at(0.7 + stop.way(0.3), rate)
+        ..at(0.7 + coasted.way, rate)
     };
     for (moved, wanted) in [
         (at(0.7, 1.2).ahead(0.1), at(0.7 + 0.12 - 0.002, 1.16)),
-        (at(0.7, 1.2).stopped(0.3), stopped),
+        (at(0.7, 1.2).coasted(0.3, 0.1), stopped),
     ] {
         for (moved, wanted) in [
             (moved.position_world, wanted.position_world),

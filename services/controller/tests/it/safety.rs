@@ -262,14 +262,14 @@ fn a_late_reference_is_continued_and_one_that_is_too_old_comes_to_rest() {
     for age in 1..800 {
         let published = twins.step(50 + age, &state(50 + age), &reference(50));
         assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
-        // γ̇ is 1 for 20 ms, and then comes to rest.
+        // γ̇ is 1; a policy of 20 ms is shorter than half of the stop.
         let stop = Stop {
             rate: 1.0,
             acceleration: 0.0,
             duration: BRAKE,
         };
-        let stopped_for = 1e-3 * age.saturating_sub(20) as f64;
-        let way = 1e-3 * age.min(20) as f64 + stop.way(stopped_for);
+        let stopped_for = 1e-3 * age as f64;
+        let way = stop.way(stopped_for);
         let [rate, acceleration, _] = stop.at(stopped_for);
         let mut carried = reference(50 + age);
         for axis in 0..3 {

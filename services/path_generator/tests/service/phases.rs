@@ -794,6 +794,40 @@ fn a_cold_start_in_the_air_leads_the_vehicle_from_its_place_to_the_path() {
     }
 }
 
+/// Seen again at rest, a vehicle has come down only where it was armed, and after a time in which it can have come down.
+#[test]
+fn only_on_the_ground_where_it_was_armed_is_a_vehicle_disarmed_that_is_seen_again() {
+    for (knows_ground, above, unseen, phase) in [
+        (true, 0.0, 600, PathReference::PHASE_DISARMED),
+        (true, 0.03, 600, PathReference::PHASE_DISARMED),
+        (true, 0.0, 300, PathReference::PHASE_LAND),
+        (true, -0.3, 600, PathReference::PHASE_TAKE_OFF),
+        (true, 0.3, 600, PathReference::PHASE_TAKE_OFF),
+        (false, 0.0, 600, PathReference::PHASE_TAKE_OFF),
+        (false, -0.5, 600, PathReference::PHASE_TAKE_OFF),
+    ] {
+        let mut flown = FlownPath::eight();
+        flown.until(ARMED, PathReference::PHASE_FLY);
+        flown.for_seconds(ARMED, 4.0);
+        if !knows_ground {
+            flown.generator = PathGeneratorService::new(&flown.scenario).unwrap();
+            flown.until(ARMED, PathReference::PHASE_FLY);
+        }
+        flown.lifts = false;
+        flown.vehicle.coasting = true.into();
+        for _ in 0..unseen {
+            flown.step(ARMED);
+        }
+        let [x, y, _] = flown.vehicle.position_world;
+        flown.vehicle = vehicle([x, y, PLACE[2] - above], [0.0; 3]);
+        let found = flown.step(ARMED).phase;
+        assert_eq!(
+            found, phase,
+            "{above} m above, unseen for {unseen} ms, ground known: {knows_ground}"
+        );
+    }
+}
+
 #[test]
 fn a_cold_start_on_the_ground_or_with_old_frames_is_not_taken_for_flight() {
     for (failsafe, thrust, age) in [(true, 0.0, 0), (false, 0.1, 0), (false, 2.0, 200)] {

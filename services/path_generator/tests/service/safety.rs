@@ -3,7 +3,7 @@
 use path_generator::PathGeneratorService;
 use proptest::prelude::*;
 use scenario::{InputSafety, Scenario};
-use shared_types::path_stop::{BRAKE, Stop};
+use shared_types::path_stop::{Coast, Coasted};
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
 use zerocopy::{FromBytes, IntoBytes};
@@ -64,7 +64,7 @@ fn the_path_goes_on_until_the_state_is_older_than_the_stated_age_and_then_stands
     );
 }
 
-/// The controller continues a reference up to that age, and then brings the path to rest.
+/// The controller goes on along the path for a time, and then brings it to rest.
 #[test]
 fn after_a_longer_gap_the_path_goes_on_from_where_the_controller_has_brought_it() {
     let mut scenario = scenario(paper_path());
@@ -72,30 +72,37 @@ fn after_a_longer_gap_the_path_goes_on_from_where_the_controller_has_brought_it(
     scenario
         .safety
         .insert("path/reference -> controller".to_owned(), policy);
-    for (gap, stopped_for) in [(20, 0), (499, 0), (502, 2), (800, 300), (1200, 700), (3000, 2500)] {
+    let goes_on_for = scenario.path_goes_on_for().unwrap();
+    assert!((goes_on_for - 0.15).abs() < 2e-3, "{goes_on_for}");
+    for gap in [20, 100, 101, 140, 300, 500, 800, 900, 3000] {
         let mut path = generator(&scenario);
         let references = (0..100).map(|tick| step_at(&mut path, tick, Some(&state(tick))));
         let before = references.last().unwrap();
         assert!(before.gamma_dot > 1e-3);
         let after = step(&mut path, 99 + gap, gap, Some(&state(99 + gap)));
-        let goes_on = 1e-3 * gap.min(500) as f64;
-        let stop = Stop {
-            rate: before.gamma_dot + goes_on * before.gamma_ddot,
+        let coast = Coast {
+            rate: before.gamma_dot,
             acceleration: before.gamma_ddot,
-            duration: BRAKE,
+            goes_on_for,
         };
-        let stopped_for = 1e-3 * f64::from(stopped_for);
-        let expected = before.gamma_dot * goes_on + stop.way(stopped_for);
+        let elapsed = 1e-3 * gap as f64;
+        let Coasted { way, rates, .. } = coast.after(elapsed);
+        // A step is one of explicit Euler as long as steps come.
+        let expected = if gap > 100 {
+            way
+        } else {
+            before.gamma_dot * elapsed
+        };
         assert!((after.gamma - before.gamma - expected).abs() < 1e-12, "{gap} ms");
-        if stopped_for > 0.0 {
+        if gap > 150 {
             // The timing law takes γ̇ from there.
-            let [rate, ..] = stop.at(stopped_for);
             assert!(
-                (after.gamma_dot - rate).abs() < 1e-12,
+                (after.gamma_dot - rates[0]).abs() < 1e-12,
                 "{gap} ms: {}",
                 after.gamma_dot
             );
         }
+        assert_eq!(after.gamma_dot == 0.0, gap > 850, "{gap} ms: {}", after.gamma_dot);
     }
 }
 
