@@ -17,6 +17,7 @@ mod snippet;
 mod sources;
 mod structure;
 pub mod tuning;
+pub mod warnings;
 
 use std::path::Path;
 

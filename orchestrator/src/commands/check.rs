@@ -1,8 +1,7 @@
 //! `gerono check`: the resolved schedule and wiring of a scenario.
 
 use comfy_table::{Table, presets};
-use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
-use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
+use scenario::Scenario;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 use tuning::digits;
@@ -58,9 +57,6 @@ pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     )
 }
 
-/// Depth below the ground that no warning is due for, m: the points of a path are rounded.
-const WITHIN: f64 = 1e-3;
-
 fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
@@ -101,144 +97,9 @@ fn gains(scenario: &Scenario) -> String {
 
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
-    let path = view::path::points(scenario);
-    let warnings = tuning::warnings(scenario).into_iter();
-    let warnings = warnings
-        .chain(path_warnings(scenario, &path))
-        .chain(fence_warning(scenario, &path))
-        .chain(duration_warning(scenario, &path))
-        .chain(sight_warning(scenario));
+    let of_flight = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
+    let warnings = tuning::warnings(scenario).into_iter().chain(of_flight);
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
-}
-
-/// Warns of a path below the ground, and of one that begins far from the vehicle.
-fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
-    let [x, y, z] = scenario.vehicle.initial.position;
-    let at = Key::root().then("path").then("curve");
-    // Without `[flight]` the vehicle may start in the air; then the ground is taken to be at z = 0.
-    let ground = if scenario.flight.is_some() { z } else { z.max(0.0) };
-    let lowest = points
-        .iter()
-        .map(|point| f64::from(point[2]))
-        .fold(ground, f64::max);
-    let below = (lowest > ground + WITHIN).then(|| {
-        let reason = format!(
-            "the path goes down to z = {lowest:.2} m, {:.2} m below the ground",
-            lowest - ground
-        );
-        Problem::new(
-            at.clone(),
-            reason,
-            "z points down: what is above the ground has a smaller z",
-        )
-    });
-    let takeoff = scenario
-        .flight
-        .as_ref()
-        .map_or(0.0, |flight| flight.takeoff_height);
-    let start = [x, y, z - takeoff];
-    let away = points.first().map_or(0.0, |first| {
-        let way: [f64; 3] = std::array::from_fn(|axis| f64::from(first[axis]) - start[axis]);
-        way.map(|way| way * way).iter().sum::<f64>().sqrt()
-    });
-    let limit = scenario.path.alpha2;
-    let far = (away > limit && scenario.capture_system().is_none()).then(|| {
-        let reason =
-            format!("the path begins {away:.2} m from the vehicle, farther away than α2 = {limit:?} m");
-        let fix = "let the vehicle start nearer by `vehicle.initial.position`, or move the curve";
-        Problem::new(at, reason, fix)
-    });
-    below.into_iter().chain(far)
-}
-
-/// Warns of a path, or of a simulated start, outside of the box that the vehicle may not leave.
-fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
-    let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
-    let start = scenario.vehicle.initial.position;
-    let start = scenario.capture_system().is_none().then_some(start);
-    let places = path.iter().map(|point| point.map(f64::from)).chain(start);
-    let beyond = |place: &Vector| {
-        let by = |axis: usize| (fence.min[axis] - place[axis]).max(place[axis] - fence.max[axis]);
-        by(0).max(by(1)).max(by(2))
-    };
-    let farthest = places.max_by(|one, other| beyond(one).total_cmp(&beyond(other)))?;
-    (beyond(&farthest) > WITHIN).then(|| {
-        let [x, y, z] = farthest;
-        let reason = format!(
-            "the flight leads to [{x:.2}, {y:.2}, {z:.2}], {:.2} m outside of the box",
-            beyond(&farthest)
-        );
-        let at = Key::root().then("envelope").then("box");
-        Problem::new(
-            at,
-            reason,
-            "z points down: `min` is an upper corner; widen the box, or move the path",
-        )
-    })
-}
-
-/// Warns of a flight whose `duration` is over before the vehicle stands on the ground again.
-fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
-    let flight = scenario.flight.as_ref()?;
-    let duration = scenario.duration;
-    let warning = |reason| {
-        let fix = "state a longer `duration`, or an earlier `flight.land_at`";
-        Some(Problem::new(Key::root().then("duration"), reason, fix))
-    };
-    if scenario.capture_system().is_some() {
-        let needed = flight.shortest_time();
-        if duration < needed {
-            return warning(format!(
-                "to take off and land takes {needed:.0} s: the vehicle will not be armed"
-            ));
-        }
-        let after_loss = scenario.real_time.unwrap_or_default().orchestrator_loss;
-        return (after_loss == OrchestratorLoss::Continue).then(|| {
-            let at = Key::root().then("real_time").then("orchestrator_loss");
-            let reason = "without an orchestrator nobody lands the vehicle before the end of `duration`, \
-                          which stops its motors in the air";
-            Problem::new(
-                at,
-                reason,
-                "leave it out, or take the flight over in time: `gerono attach`",
-            )
-        });
-    }
-    if flight.arm_at.is_none() || flight.kill_at.is_some() {
-        return None;
-    }
-    let Some(land_at) = flight.land_at else {
-        return warning("nothing asks the vehicle to land: it flies at the end".to_owned());
-    };
-    let ground = scenario.vehicle.initial.position[2];
-    let height = points
-        .iter()
-        .map(|point| ground - f64::from(point[2]))
-        .fold(flight.takeoff_height, f64::max);
-    let needed = flight.landing_time(height);
-    (duration < land_at + needed)
-        .then(|| {
-            format!("a landing at {land_at:?} s takes up to {needed:.0} s: the vehicle may fly at the end")
-        })
-        .and_then(warning)
-}
-
-/// Warns of a law that leaves the vehicle level before the path has slowed it down: without sight it keeps the velocity that it
-/// then has.
-fn sight_warning(scenario: &Scenario) -> Option<Problem> {
-    scenario.flight.as_ref()?;
-    let coast = scenario.estimator.as_ref()?.kalman.coast;
-    let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller)?;
-    safety.level?;
-    let (flies_for, needed) = (coast + safety.max_age, BRAKE_AFTER + 0.5 * BRAKE);
-    (flies_for < needed - 1e-9).then(|| {
-        let reason = format!(
-            "with `estimator.kalman.coast` the law flies on for {flies_for:.2} s without sight, and the vehicle then keeps \
-             the velocity that it has: to lose half of it takes {needed:.2} s"
-        );
-        let at = Key::root().then("safety").then("vehicle/state -> controller").then("max_age");
-        Problem::new(at, reason, "state longer times, as far as the estimate is good for")
-    })
 }
 
 /// The programs and plug-ins that fly in place of services, a line each.
