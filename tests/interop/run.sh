@@ -1,7 +1,7 @@
 #!/bin/sh
 # Checks a run log with two independent readers of MCAP and CDR, and what is recovered of it when it is damaged with a third;
 # and the copy for viewers of a short flight with Foxglove's own definitions and with Rerun. Then the table of a sweep is read by
-# pandas, polars and DuckDB.
+# pandas, polars and DuckDB, and so are those of $GERONO_SWEEPS random sweeps, 8 unless stated.
 #
 #     tests/interop/run.sh RUN.mcap [EVERY]
 #
@@ -55,3 +55,4 @@ check "$work/damaged.recovered.mcap"
 
 mkdir "$work/sweep"
 "$venv/bin/python" "$here/sweep.py" "$GERONO" "$here/sweep.toml" "$work/sweep"
+"$venv/bin/python" "$here/random_sweeps.py" "$GERONO" "$root/scenarios/fig1.toml" "${GERONO_SWEEPS:-8}" 1 "$work/sweeps"
