@@ -42,7 +42,7 @@ use zerocopy::FromZeros;
 use crate::curve::CurvePoint;
 use crate::speed_profile::SpeedProfile;
 use crate::timing_law::PathRates;
-use crate::transition_segments::{DESCENT_BEGIN, Descent, Leg, SlowDown};
+use crate::transition_segments::{Descent, Leg, SlowDown};
 
 /// Rise after which the vehicle counts as airborne, m.
 pub const LIFTED: f64 = 0.05;
@@ -323,7 +323,7 @@ impl Phases {
     }
 
     /// Goes on from where the controller has brought the path or the segment, `elapsed` s after its last reference. A stop that
-    /// it flies is flown to its end; one that was being flown begins anew.
+    /// it flies is flown to its end; one that was being flown starts again.
     pub fn coast(&mut self, now: &Now, path: &Coasted, elapsed: f64, goes_on_for: f64) {
         if !self.is_led() {
             return;
@@ -441,6 +441,9 @@ impl Phases {
     /// the gap.
     fn feel(&mut self, elapsed: f64, vehicle: &VehicleState, frame: Option<&RcFrame>) {
         let (phase, elapsed) = (self.phase(), elapsed.min(LONGEST_LOOK));
+        let sinks = self
+            .line_point()
+            .map_or(0.0, |point| point.derivative1.z * self.memory.along_rate);
         let memory = &mut self.memory;
         let [.., z] = vehicle.position_world;
         let thrust = frame.map_or(0.0, |frame| frame.thrust);
@@ -452,12 +455,9 @@ impl Phases {
             return;
         }
         let velocity = vehicle.velocity_world();
-        let slow_down = SlowDown {
-            velocity: memory.met_velocity.into(),
-        };
-        let should_sink = memory.way == PhasesMemory::WAY_DESCENT
-            && memory.along > DESCENT_BEGIN + slow_down.duration()
-            && memory.along_rate > 0.5;
+        // Also one that was met on its way down, by a reference that goes on down while it slows it.
+        let should_sink =
+            memory.way == PhasesMemory::WAY_DESCENT && sinks > 2.0 * SINKING * self.stated.landing_speed;
         let stands = should_sink
             && velocity.z < SINKING * self.stated.landing_speed
             && thrust < UNLOADED * memory.carrying_thrust;

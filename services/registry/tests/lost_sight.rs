@@ -265,6 +265,16 @@ fn outages_around_the_touch_down_do_not_lift_or_tip_a_vehicle_on_the_ground() {
     }
 }
 
+/// It is met 6 cm above the ground at 1 m/s: the reference that slows it down leads on below the ground.
+#[test]
+fn a_vehicle_that_is_seen_again_just_before_its_blind_touch_down_is_disarmed_on_the_ground() {
+    for lasts in [4.3, 4.4, 4.45, 4.5, 4.55] {
+        let flown = fly(&[&captures(23.57, lasts, "kind=\"intermittent\", fraction=1.0")]);
+        assert!(!flown.has_fallen() && flown.is_over, "{lasts} s: {flown:?}");
+        assert!(flown.upright > 0.8, "{lasts} s: {flown:?}");
+    }
+}
+
 /// A slow stop that is under way is no reason to keep the speed: the ways to the ground are 0.2 to 0.9 m, and were up to 2.9 m.
 #[test]
 fn a_landing_that_is_demanded_when_the_cameras_are_lost_comes_down_near() {
