@@ -376,9 +376,9 @@ fn no_crate_holds_half_of_the_house() {
         let most = match member.folder.as_str() {
             "orchestrator" => 3760,
             "orchestrator/supervisor" => 8900,
-            "services/runtime" => 8600,
+            "services/runtime" => 8700,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 11_180,
+            "shared_types/scenario" => 11_200,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

@@ -65,7 +65,7 @@ fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
         .flight
         .as_ref()
         .map_or(0.0, |flight| flight.takeoff_height);
-    // In a laboratory the vehicle starts where somebody puts it.
+    // In a laboratory the vehicle starts where a person puts it.
     let is_simulated = scenario.capture_system().is_none();
     let start = [[x, y, z], [x, y, z - rise]].into_iter().filter(|_| is_simulated);
     let places = path.iter().map(|point| point.map(f64::from)).chain(start);

@@ -10,7 +10,6 @@ mod external_service;
 mod managed_service;
 mod presentable;
 pub mod process;
-mod reaper;
 mod restart;
 pub mod restart_policy;
 mod standby;

@@ -63,6 +63,7 @@ pub mod ports;
 pub mod process;
 mod process_error;
 pub mod real_time;
+pub mod reaper;
 pub mod replaying;
 pub mod ring_order;
 pub mod seqlock;

@@ -1,7 +1,7 @@
 //! Reaper: lets the system forget processes that have ended, at the priority of ordinary programs.
 //!
 //! When a process is waited for, the system drops its entries of `/proc`, and repeats that without a pause for as long as
-//! somebody reads them. A reader of ordinary priority on the core of a real-time orchestrator never goes on then: the core
+//! another program reads them. A reader of ordinary priority on the core of a real-time orchestrator never goes on then: the core
 //! spins until the system is told otherwise, and no service of that core flies on. So no thread of a flight waits for a
 //! process: its end and exit status are asked for without that the system forgets it (`WNOWAIT`), and this thread does the
 //! rest.
@@ -11,7 +11,7 @@ use std::process::Child;
 use std::sync::OnceLock;
 use std::sync::mpsc::{Sender, channel};
 
-use runtime::deployment::{self, Scheduler};
+use crate::deployment::{self, Scheduler};
 use rustix::process::{WaitId, WaitIdOptions, WaitIdStatus, waitid};
 
 /// Returns how a child ended; `None` while it lives. The system keeps its number and its status.
@@ -64,7 +64,7 @@ mod tests {
             let death = pidfd_open(Pid::from_child(&child), PidfdFlags::empty()).unwrap();
             assert_eq!(status(&death).map(|status| status.raw_signo()), None);
             pidfd_send_signal(&death, signal).unwrap();
-            assert!(runtime::activity::ends_within(
+            assert!(crate::activity::ends_within(
                 &death,
                 std::time::Duration::from_secs(10)
             ));

@@ -7,12 +7,12 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::reaper;
 use runtime::activity;
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::deployment;
 use runtime::descriptors::hand_on;
 use runtime::doorbell::Doorbell;
+use runtime::reaper;
 use runtime::shared_memory;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitIdStatus, pidfd_open, pidfd_send_signal};
 
