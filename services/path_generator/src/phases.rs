@@ -284,8 +284,7 @@ impl Phases {
         memory.unseen_for = if is_seen {
             0.0
         } else {
-            // The gap of the steps is none of the cameras.
-            memory.unseen_for + now.elapsed().min(LONGEST_LOOK)
+            memory.unseen_for + now.elapsed()
         };
         if memory.braking.is_set() {
             if is_seen && memory.stopping_for >= BRAKE {
@@ -441,9 +440,7 @@ impl Phases {
     /// the gap.
     fn feel(&mut self, elapsed: f64, vehicle: &VehicleState, frame: Option<&RcFrame>) {
         let (phase, elapsed) = (self.phase(), elapsed.min(LONGEST_LOOK));
-        let sinks = self
-            .line_point()
-            .map_or(0.0, |point| point.derivative1.z * self.memory.along_rate);
+        let sinks = self.line_point().map_or(0.0, |point| point.derivative1.z);
         let memory = &mut self.memory;
         let [.., z] = vehicle.position_world;
         let thrust = frame.map_or(0.0, |frame| frame.thrust);
