@@ -1,7 +1,7 @@
 //! The stop of a path that is not led any more, the same for all services.
 //!
 //! The path generator brings the path to rest when cameras do not show the vehicle. The controller does so when no references
-//! come ([`Coast`]), and a path generator that is back after such a gap goes on from where the controller has brought the path.
+//! come ([`Coasted`]), and a path generator that is back after such a gap goes on from where the controller has brought the path.
 
 /// Duration of dead reckoning after which the path generator begins to bring the path to rest, s.
 pub const BRAKE_AFTER: f64 = 0.1;
@@ -61,18 +61,7 @@ impl Stop {
     }
 }
 
-/// Motion of a path of which no reference comes: on at its acceleration, up to rest at most, and then a stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coast {
-    /// The rate of the last reference, 1/s.
-    pub rate: f64,
-    /// Its derivative, 1/s².
-    pub acceleration: f64,
-    /// Time for which the path goes on before the stop, s.
-    pub goes_on_for: f64,
-}
-
-/// Place and rates of a path that has coasted.
+/// Place and rates of a path of which no reference comes: it goes on at its acceleration, up to rest at most, and then stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coasted {
     /// Way of the parameter.
@@ -87,15 +76,11 @@ pub struct Coasted {
 /// k of them the rate is (1 − x)³ (1 + (3 − k) x + (6 − 3 k) x²) of that at the begin.
 const STEEPEST_BEGIN: f64 = 2.5;
 
-impl Coast {
-    /// Returns where the path is some seconds after its last reference.
+impl Coasted {
+    /// Returns where the path is some seconds after its last reference, which had this rate (1/s) and its derivative (1/s²), if
+    /// it goes on for a time (s) before its stop.
     #[must_use]
-    pub fn after(&self, elapsed: f64) -> Coasted {
-        let Self {
-            rate,
-            acceleration,
-            goes_on_for,
-        } = *self;
+    pub fn after(elapsed: f64, [rate, acceleration]: [f64; 2], goes_on_for: f64) -> Self {
         let rests_after = if rate * acceleration < 0.0 {
             -rate / acceleration
         } else {
@@ -104,7 +89,7 @@ impl Coast {
         let time = elapsed.min(goes_on_for).min(rests_after);
         let way = time * (rate + 0.5 * time * acceleration);
         if time >= rests_after {
-            return Coasted {
+            return Self {
                 way,
                 rates: [0.0; 3],
                 stop: None,
@@ -112,7 +97,7 @@ impl Coast {
         }
         let rate = rate + time * acceleration;
         if elapsed <= goes_on_for {
-            return Coasted {
+            return Self {
                 way,
                 rates: [rate, acceleration, 0.0],
                 stop: None,
@@ -129,7 +114,7 @@ impl Coast {
             duration: BRAKE,
         };
         let since_begin = elapsed - time;
-        Coasted {
+        Self {
             way: way + stop.way(since_begin),
             rates: stop.at(since_begin),
             stop: Some((stop, since_begin)),
@@ -153,20 +138,20 @@ mod tests {
         fn a_coasting_path_never_turns_back_and_comes_to_rest(
             rate in 0.001..2.0f64, acceleration in -8.0..2.0f64, goes_on_for in 0.0..0.5f64, share in 0.01..0.99f64,
         ) {
-            let coast = Coast { rate, acceleration, goes_on_for };
-            prop_assert_eq!(coast.after(0.0).way, 0.0);
-            let (mut before, mut time) = (coast.after(0.0).way, 0.0);
+            let after = |elapsed| Coasted::after(elapsed, [rate, acceleration], goes_on_for);
+            prop_assert_eq!(after(0.0).way, 0.0);
+            let (mut before, mut time) = (after(0.0).way, 0.0);
             while time < goes_on_for + BRAKE + 0.1 {
                 time += 0.01;
-                let now = coast.after(time);
+                let now = after(time);
                 prop_assert!(now.rates[0] > -1e-12 && now.way >= before - 1e-12, "{time}: {now:?}");
                 // The rate is that of the way.
                 let at = time - 0.01 * share;
-                let [late, early] = [at + 1e-6, at - 1e-6].map(|at| coast.after(at).way);
-                prop_assert!(((late - early) / 2e-6 - coast.after(at).rates[0]).abs() < 1e-4, "{at}");
+                let [late, early] = [at + 1e-6, at - 1e-6].map(|at| after(at).way);
+                prop_assert!(((late - early) / 2e-6 - after(at).rates[0]).abs() < 1e-4, "{at}");
                 before = now.way;
             }
-            prop_assert_eq!(coast.after(time).rates, [0.0; 3]);
+            prop_assert_eq!(after(time).rates, [0.0; 3]);
         }
 
         #[test]

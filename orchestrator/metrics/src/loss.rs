@@ -194,8 +194,9 @@ impl LossWatch {
             return;
         }
         let now_ns = frame.header.stamp_ns;
-        let reason = self.reason_of_stop(now_ns);
-        let (since_ns, reason) = *self.stopped_since.get_or_insert((now_ns, reason));
+        let stop = self.stopped_since;
+        let (since_ns, reason) = stop.unwrap_or_else(|| (now_ns, self.reason_of_stop(now_ns)));
+        self.stopped_since = Some((since_ns, reason));
         if frame.action == RcFrame::ACTION_KILL {
             let by = match frame.limit {
                 RcFrame::LIMIT_NONE => PathReference::CAUSE_OPERATOR_KILLS,

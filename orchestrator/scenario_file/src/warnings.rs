@@ -19,7 +19,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
 
 /// Warns of a path below the ground, and of one that begins far from the vehicle.
 fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
-    let [x, y, z] = scenario.vehicle.initial.position;
+    let [.., z] = scenario.vehicle.initial.position;
     let at = Key::root().then("path").then("curve");
     // Without `[flight]` the vehicle may start in the air; then the ground is taken to be at z = 0.
     let ground = if scenario.flight.is_some() { z } else { z.max(0.0) };
@@ -38,11 +38,7 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
             "z points down: what is above the ground has a smaller z",
         )
     });
-    let takeoff = scenario
-        .flight
-        .as_ref()
-        .map_or(0.0, |flight| flight.takeoff_height);
-    let start = [x, y, z - takeoff];
+    let start = top_of_rise(scenario);
     let away = points.first().map_or(0.0, |first| {
         let way: [f64; 3] = std::array::from_fn(|axis| f64::from(first[axis]) - start[axis]);
         way.map(|way| way * way).iter().sum::<f64>().sqrt()
@@ -57,17 +53,20 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
     below.into_iter().chain(far)
 }
 
+/// Returns where the take-off of a simulated vehicle leads it first, in {I}, m.
+fn top_of_rise(scenario: &Scenario) -> Vector {
+    let [x, y, z] = scenario.vehicle.initial.position;
+    let flight = scenario.flight.as_ref();
+    [x, y, z - flight.map_or(0.0, |flight| flight.takeoff_height)]
+}
+
 /// Warns of a path, or of a simulated start, outside of the box that the vehicle may not leave.
 fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
     let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
-    let [x, y, z] = scenario.vehicle.initial.position;
-    let rise = scenario
-        .flight
-        .as_ref()
-        .map_or(0.0, |flight| flight.takeoff_height);
     // In a laboratory the vehicle starts where a person puts it.
     let is_simulated = scenario.capture_system().is_none();
-    let start = [[x, y, z], [x, y, z - rise]].into_iter().filter(|_| is_simulated);
+    let start = [scenario.vehicle.initial.position, top_of_rise(scenario)];
+    let start = start.into_iter().filter(|_| is_simulated);
     let places = path.iter().map(|point| point.map(f64::from)).chain(start);
     let beyond = |place: &Vector| {
         let by = |axis: usize| (fence.min[axis] - place[axis]).max(place[axis] - fence.max[axis]);

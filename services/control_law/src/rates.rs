@@ -18,7 +18,7 @@
 
 use nalgebra::Vector3;
 use scenario::{Model, RateCommand};
-use shared_types::path_stop::{Coast, Coasted};
+use shared_types::path_stop::Coasted;
 use shared_types::rotation;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::Lag;
@@ -209,12 +209,8 @@ impl Reference {
     /// Returns the reference some seconds later, if none comes and the path goes on for a time (s) before its stop.
     #[must_use]
     pub fn coasted(&self, elapsed: f64, goes_on_for: f64) -> Self {
-        let coast = Coast {
-            rate: self.gamma_dot,
-            acceleration: self.gamma_ddot,
-            goes_on_for,
-        };
-        let Coasted { way, rates, .. } = coast.after(elapsed);
+        let rates = [self.gamma_dot, self.gamma_ddot];
+        let Coasted { way, rates, .. } = Coasted::after(elapsed, rates, goes_on_for);
         let [gamma_dot, gamma_ddot, gamma_dddot] = rates;
         Self {
             gamma_dot,

@@ -2,7 +2,7 @@
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
 //! a policy, a late reference is continued along the path at its γ̈, and comes to rest around `max_age`
-//! ([`Coast`](shared_types::path_stop::Coast)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! ([`Coasted`](shared_types::path_stop::Coasted)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
 //! reset the age.
 
 use scenario::{EdgeName, Scenario};

@@ -32,7 +32,7 @@
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
 use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row};
-use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Coast, Coasted, Stop};
+use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Coasted, Stop};
 use shared_types::sample::Flag;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds};
@@ -332,12 +332,8 @@ impl Phases {
         let coasted = if memory.way == PhasesMemory::WAY_PATH {
             *path
         } else {
-            let coast = Coast {
-                rate: memory.along_rate,
-                acceleration: memory.along_acceleration,
-                goes_on_for,
-            };
-            let coasted = coast.after(elapsed);
+            let rates = [memory.along_rate, memory.along_acceleration];
+            let coasted = Coasted::after(elapsed, rates, goes_on_for);
             memory.along += coasted.way;
             [memory.along_rate, memory.along_acceleration, _] = coasted.rates;
             coasted

@@ -18,7 +18,7 @@ use scenario::{EdgeName, PathMode, Scenario};
 use shared_types::input_validator::{
     GateState, InputValidator, LARGEST, StateGateState, StateValidator, Validity, is_of_the_past,
 };
-use shared_types::path_stop::{BRAKE_AFTER, Coast, Coasted};
+use shared_types::path_stop::{BRAKE_AFTER, Coasted};
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
 use shared_types::service::{Input, nanoseconds};
 use shared_types::wiring::{PathGeneratorInputs, PathGeneratorOutputs};
@@ -306,12 +306,7 @@ impl PathMotion {
 
     /// Moves as the controller has it move that gets no references.
     fn coast(&mut self, elapsed: f64, goes_on_for: f64) -> Coasted {
-        let coast = Coast {
-            rate: self.gamma_dot,
-            acceleration: self.gamma_ddot,
-            goes_on_for,
-        };
-        let coasted = coast.after(elapsed);
+        let coasted = Coasted::after(elapsed, [self.gamma_dot, self.gamma_ddot], goes_on_for);
         self.gamma += coasted.way;
         [self.gamma_dot, self.gamma_ddot, _] = coasted.rates;
         coasted

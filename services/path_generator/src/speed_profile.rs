@@ -3,11 +3,6 @@
 //! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1. Its first three derivatives are 0 at
 //! both ends, so that motion by it is C³. It is never steeper than 35/16.
 
-/// Largest slope of [`Step`].
-pub const STEEPEST: f64 = 35.0 / 16.0;
-/// Largest curvature of [`Step`] is below this: 84√5/25 = 7.513….
-pub const MOST_CURVED: f64 = 7.5132;
-
 /// s and its first three derivatives at a place; flat before 0 and after 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
@@ -91,6 +86,7 @@ impl SpeedProfile {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use scenario::{MOST_CURVED, STEEPEST};
 
     /// The derivative at `x` by central differences of fourth order.
     fn derivative(f: impl Fn(f64) -> f64, x: f64) -> f64 {

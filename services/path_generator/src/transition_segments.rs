@@ -1,10 +1,10 @@
 //! Transition segments: the straight lines between the ground and the path. Their parameter is the time on them, s.
 
 use nalgebra::Vector3;
-use scenario::leg_duration;
+use scenario::{STEEPEST, leg_duration};
 
 use crate::curve::CurvePoint;
-use crate::speed_profile::{STEEPEST, Step};
+use crate::speed_profile::Step;
 
 /// Largest deceleration of a vehicle that is met in motion, m/s².
 const DECELERATION: f64 = 2.5;
@@ -142,7 +142,7 @@ mod tests {
             let time = share * leg.duration();
             let point = leg.at(time);
             prop_assert!(point.derivative1.norm() <= speed * (1.0 + 1e-9));
-            prop_assert!(point.derivative2.norm() <= 1.0 + 1e-9);
+            prop_assert!(point.derivative2.norm() <= scenario::LEG_ACCELERATION * (1.0 + 1e-9));
             prop_assume!(leg.duration() > 0.5);
             assert_derivatives(|time| leg.at(time), time)?;
         }

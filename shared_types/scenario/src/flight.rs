@@ -83,16 +83,17 @@ impl Flight {
     }
 }
 
-/// Largest slope and curvature of the step by which a vehicle goes along a leg, from rest to rest.
-const STEEPEST: f64 = 35.0 / 16.0;
-const MOST_CURVED: f64 = 7.5132;
+/// Largest slope of the step by which a vehicle goes along a leg, from rest to rest.
+pub const STEEPEST: f64 = 35.0 / 16.0;
+/// The largest curvature of that step is below this: 84√5/25 = 7.513….
+pub const MOST_CURVED: f64 = 7.5132;
 /// Largest acceleration on a leg, m/s².
-const ACCELERATION: f64 = 1.0;
+pub const LEG_ACCELERATION: f64 = 1.0;
 
 /// Returns the duration of a straight leg (m) whose largest speed is stated (m/s), s.
 #[must_use]
 pub fn leg_duration(way: f64, speed: f64) -> f64 {
-    (STEEPEST * way / speed).max((MOST_CURVED * way / ACCELERATION).sqrt())
+    (STEEPEST * way / speed).max((MOST_CURVED * way / LEG_ACCELERATION).sqrt())
 }
 
 impl Scenario {

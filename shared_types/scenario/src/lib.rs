@@ -46,7 +46,7 @@ pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use estimator::{Estimator, Kalman};
 pub use fault::{Fault, FaultKind, FaultState, Target};
-pub use flight::{Flight, leg_duration};
+pub use flight::{Flight, LEG_ACCELERATION, MOST_CURVED, STEEPEST, leg_duration};
 pub use judge::Judge;
 pub use kind::{Kind, role_of_process};
 pub use law::{Baseline, LawKind};

@@ -6,7 +6,7 @@ use control_law::rate_controller::RateController;
 use control_law::{Acting, Estimates, Measured, Parameters, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
-use shared_types::path_stop::Coast;
+use shared_types::path_stop::Coasted;
 use shared_types::rotation;
 
 /// H, s: the paper's radio.
@@ -260,12 +260,7 @@ fn the_reference_ahead_is_the_curve_ahead() {
         derivative3_world: c3 * 6.0,
         ..resting_reference()
     };
-    let coast = Coast {
-        rate: 1.2,
-        acceleration: -0.4,
-        goes_on_for: 0.1,
-    };
-    let coasted = coast.after(0.3);
+    let coasted = Coasted::after(0.3, [1.2, -0.4], 0.1);
     let [rate, acceleration, _] = coasted.rates;
     let stopped = Reference {
         gamma_ddot: acceleration,

@@ -3,7 +3,7 @@
 use path_generator::PathGeneratorService;
 use proptest::prelude::*;
 use scenario::{InputSafety, Scenario};
-use shared_types::path_stop::{Coast, Coasted};
+use shared_types::path_stop::Coasted;
 use shared_types::sample::Field;
 use shared_types::samples::VehicleState;
 use zerocopy::{FromBytes, IntoBytes};
@@ -80,13 +80,9 @@ fn after_a_longer_gap_the_path_goes_on_from_where_the_controller_has_brought_it(
         let before = references.last().unwrap();
         assert!(before.gamma_dot > 1e-3);
         let after = step(&mut path, 99 + gap, gap, Some(&state(99 + gap)));
-        let coast = Coast {
-            rate: before.gamma_dot,
-            acceleration: before.gamma_ddot,
-            goes_on_for,
-        };
         let elapsed = 1e-3 * gap as f64;
-        let Coasted { way, rates, .. } = coast.after(elapsed);
+        let rates = [before.gamma_dot, before.gamma_ddot];
+        let Coasted { way, rates, .. } = Coasted::after(elapsed, rates, goes_on_for);
         // A step is one of explicit Euler as long as steps come.
         let expected = if gap > 100 {
             way
