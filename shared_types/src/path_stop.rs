@@ -12,15 +12,38 @@ pub const BRAKE: f64 = 0.7;
 /// Stop of a rate: the quintic with the rate and the acceleration of its begin, and zero at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
-    /// The rate at the begin, 1/s.
-    pub rate: f64,
-    /// Its derivative there, 1/s².
-    pub acceleration: f64,
-    /// Duration of the stop, s.
-    pub duration: f64,
+    rate: f64,
+    acceleration: f64,
+    duration: f64,
 }
 
+/// Largest deceleration with which a stop begins, in rates by durations of the stop: with more the rate would change its sign. Of
+/// k of them the rate is (1 − x)³ (1 + (3 − k) x + (6 − 3 k) x²) of that at the begin.
+const STEEPEST_BEGIN: f64 = 2.5;
+
 impl Stop {
+    /// Makes a stop of this duration, s, from a rate, 1/s, and its derivative, 1/s². It never turns back: a deceleration that is
+    /// too steep for that is limited.
+    #[must_use]
+    pub fn new([rate, acceleration]: [f64; 2], duration: f64) -> Self {
+        let steepest = STEEPEST_BEGIN * rate.abs() / duration;
+        Self {
+            rate,
+            acceleration: if rate * acceleration > 0.0 {
+                acceleration
+            } else {
+                acceleration.max(-steepest).min(steepest)
+            },
+            duration,
+        }
+    }
+
+    /// Returns the rate at the begin, 1/s, and its derivative, 1/s².
+    #[must_use]
+    pub fn begin(&self) -> [f64; 2] {
+        [self.rate, self.acceleration]
+    }
+
     /// Returns the rate and its first two derivatives some seconds after the begin.
     #[must_use]
     pub fn at(&self, since_begin: f64) -> [f64; 3] {
@@ -72,10 +95,6 @@ pub struct Coasted {
     pub stop: Option<(Stop, f64)>,
 }
 
-/// Largest deceleration with which a stop begins, in rates by durations of the stop: with more the rate would change its sign. Of
-/// k of them the rate is (1 − x)³ (1 + (3 − k) x + (6 − 3 k) x²) of that at the begin.
-const STEEPEST_BEGIN: f64 = 2.5;
-
 impl Coasted {
     /// Returns where the path is some seconds after its last reference, which had this rate (1/s) and its derivative (1/s²), if
     /// it goes on for a time (s) before its stop.
@@ -103,16 +122,7 @@ impl Coasted {
                 stop: None,
             };
         }
-        let steepest = STEEPEST_BEGIN * rate.abs() / BRAKE;
-        let stop = Stop {
-            rate,
-            acceleration: if rate * acceleration < 0.0 {
-                acceleration.clamp(-steepest, steepest)
-            } else {
-                acceleration
-            },
-            duration: BRAKE,
-        };
+        let stop = Stop::new([rate, acceleration], BRAKE);
         let since_begin = elapsed - time;
         Self {
             way: way + stop.way(since_begin),
@@ -156,18 +166,21 @@ mod tests {
 
         #[test]
         fn a_stop_begins_as_it_was_and_ends_at_rest(
-            rate in 0.0..2.0f64, acceleration in -1.0..1.0f64, duration in 0.2..5.0f64, share in 0.01..0.99f64,
+            rate in 0.0..2.0f64, acceleration in -4.0..4.0f64, duration in 0.2..5.0f64, share in 0.01..0.99f64,
         ) {
-            let stop = Stop { rate, acceleration, duration };
+            let stop = Stop::new([rate, acceleration], duration);
+            let steepest = -2.5 * rate / duration;
             let [begin, slope, curvature] = stop.at(0.0);
             prop_assert_eq!((begin, curvature.abs()), (rate, 0.0));
-            prop_assert!((slope - acceleration).abs() < 1e-14);
+            let expected = if rate == 0.0 { 0.0 } else { acceleration.max(steepest) };
+            prop_assert!((slope - expected).abs() < 1e-14);
             let near_end = stop.at(duration * (1.0 - 1e-7));
             let small = 1e-4 * (1.0 + 1.0 / (duration * duration));
             prop_assert!(near_end.iter().all(|value| value.abs() < small), "{:?}", near_end);
             prop_assert_eq!(stop.at(duration), [0.0; 3]);
             let at = share * duration;
-            let [_, first, second] = stop.at(at);
+            let [rate_at, first, second] = stop.at(at);
+            prop_assert!(rate_at > -1e-12, "{rate_at}");
             // The steps of the difference quotient are a thousandth of the stop's length.
             let scaled = |place: usize| derivative(|x| stop.at(x * duration)[place], share) / duration;
             let way = derivative(|x| stop.way(x * duration), share) / duration;

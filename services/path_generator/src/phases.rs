@@ -131,8 +131,10 @@ shared_types::sample! {
         pub braking: Flag,
         /// `true` if `ground` is known: the vehicle was armed there.
         pub ground_known: Flag,
+        /// `true` from a gap of the steps until the vehicle is seen.
+        pub is_back: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 5],
+        pub pad0: [u8; 4],
     }
 }
 
@@ -185,24 +187,18 @@ pub struct Phases {
     airborne_thrust: f64,
     /// Tick of the first step of a flight. A first step after it is a cold start.
     first_tick: u64,
-    /// `true` in the step that follows a gap of the steps.
-    is_back: bool,
     /// State of the phases.
     pub memory: PhasesMemory,
 }
 
 impl PhasesMemory {
-    fn begin_stop(&mut self, [rate, acceleration]: [f64; 2], duration: f64) {
-        (self.stop_rate, self.stop_acceleration) = (rate, acceleration);
+    fn begin_stop(&mut self, rates: [f64; 2], duration: f64) {
+        [self.stop_rate, self.stop_acceleration] = Stop::new(rates, duration).begin();
         (self.stopping_for, self.stop_duration) = (0.0, duration);
     }
 
     fn stop(&self) -> Stop {
-        Stop {
-            rate: self.stop_rate,
-            acceleration: self.stop_acceleration,
-            duration: self.stop_duration,
-        }
+        Stop::new([self.stop_rate, self.stop_acceleration], self.stop_duration)
     }
 }
 
@@ -219,7 +215,6 @@ impl Phases {
                 limits,
                 airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
                 first_tick: first_tick(scenario),
-                is_back: false,
                 memory: PhasesMemory::new_zeroed(),
             })
     }
@@ -270,7 +265,9 @@ impl Phases {
             self.memory.cause = published_cause(row, now, sight, not_ready);
         }
         self.spend_arming(now, before, &conditions, not_ready);
-        self.is_back = false;
+        if sight.is_seen() {
+            self.memory.is_back = false.into();
+        }
     }
 
     /// Measures the dead reckoning, and begins to bring the parameter to rest when it has lasted. That stop is flown to its
@@ -287,7 +284,9 @@ impl Phases {
             memory.unseen_for + now.elapsed()
         };
         if memory.braking.is_set() {
-            if is_seen && memory.stopping_for >= BRAKE {
+            // A descent goes on without sight.
+            let may_go_on = is_seen || memory.way == PhasesMemory::WAY_DESCENT;
+            if may_go_on && memory.stopping_for >= BRAKE {
                 memory.braking = false.into();
                 memory.resumed_ns = now.time_ns;
             }
@@ -327,8 +326,8 @@ impl Phases {
         if !self.is_led() {
             return;
         }
-        self.is_back = true;
         let memory = &mut self.memory;
+        memory.is_back = true.into();
         let coasted = if memory.way == PhasesMemory::WAY_PATH {
             *path
         } else {
@@ -342,7 +341,7 @@ impl Phases {
         let is_brought_to_rest = memory.stopping.is_set() || memory.braking.is_set();
         match coasted.stop {
             Some((stop, since_begin)) if since_begin < BRAKE => {
-                memory.begin_stop([stop.rate, stop.acceleration], BRAKE);
+                memory.begin_stop(stop.begin(), BRAKE);
                 memory.stopping_for = since_begin;
                 memory.braking = (!memory.stopping.is_set()).into();
             }
@@ -522,16 +521,14 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: (is_found || (self.is_back && sight.is_seen()))
+            strayed: (is_found || (memory.is_back.is_set() && sight.is_seen()))
                 && (way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
                     || self.speed_from_reference(sight) > STRAYED_BY_SPEED),
             stranded: is_found && is_on_the_ground,
             rests: is_found
                 && memory.unseen_for > falls_after
                 && is_on_the_ground
-                && sight
-                    .vehicle
-                    .is_some_and(|vehicle| vehicle.velocity_world().norm() < AT_REST),
+                && sight.vehicle.is_some_and(|vehicle| self.is_at_rest(vehicle)),
             found_flying: !memory.begun.is_set()
                 && sight.vehicle.is_some()
                 && sight.frame_age_ns <= self.limits.frame_age_ns
@@ -539,6 +536,12 @@ impl Phases {
                     .frame
                     .is_some_and(|frame| !frame.failsafe.is_set() && frame.thrust >= self.airborne_thrust),
         }
+    }
+
+    /// Returns whether the vehicle moves less than one that comes down beside its stand, as it passes the height of the stand.
+    fn is_at_rest(&self, vehicle: &VehicleState) -> bool {
+        let velocity = vehicle.velocity_world();
+        velocity.norm() < AT_REST && velocity.z.abs() < SINKING * self.stated.landing_speed
     }
 
     fn not_ready(&self, sight: &PhaseInput<'_>) -> Option<NotReady> {

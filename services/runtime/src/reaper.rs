@@ -20,9 +20,15 @@ pub fn status(death: &impl AsFd) -> Option<WaitIdStatus> {
     waitid(WaitId::PidFd(death.as_fd()), options).ok().flatten()
 }
 
+static REAPER: OnceLock<Option<Sender<Child>>> = OnceLock::new();
+
+/// Starts the thread, if it does not run: before a flight, since the system takes its time for that.
+pub fn start() {
+    REAPER.get_or_init(reaper);
+}
+
 /// Lets the system forget a child that has ended.
 pub fn reap(child: Child) {
-    static REAPER: OnceLock<Option<Sender<Child>>> = OnceLock::new();
     // Without a reaper the system forgets the child when this process ends.
     if let Some(reaper) = REAPER.get_or_init(reaper) {
         let _ = reaper.send(child);

@@ -72,6 +72,7 @@ impl Process {
         let doorbells = doorbells.iter().map(AsFd::as_fd);
         let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
         hand_on(&mut command, CONTROL_FD, files)?;
+        reaper::start();
         let child = command.spawn()?;
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty())?;

@@ -263,11 +263,7 @@ fn a_late_reference_is_continued_and_one_that_is_too_old_comes_to_rest() {
         let published = twins.step(50 + age, &state(50 + age), &reference(50));
         assert_eq!(published.adaptation.stage, ControlAdaptation::STAGE_LAW);
         // γ̇ is 1; a policy of 20 ms is shorter than half of the stop.
-        let stop = Stop {
-            rate: 1.0,
-            acceleration: 0.0,
-            duration: BRAKE,
-        };
+        let stop = Stop::new([1.0, 0.0], BRAKE);
         let stopped_for = 1e-3 * age as f64;
         let way = stop.way(stopped_for);
         let [rate, acceleration, _] = stop.at(stopped_for);

@@ -5,8 +5,10 @@ mod allocation;
 mod allocations;
 mod evaluations;
 mod flight;
+mod flown_path;
 mod phases;
 #[path = "../../../../tests/common/restart.rs"]
 mod restart;
 mod safety;
+mod sight;
 mod step;
