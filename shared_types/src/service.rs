@@ -64,6 +64,9 @@ pub trait ErasedService: Send {
     fn try_saved_state(&mut self) -> Result<(), String> {
         Ok(())
     }
+    /// Brings hardware that it is connected to to rest: the flight has ended. It is not called when this process ends before
+    /// the flight, and another one goes on.
+    fn finish(&mut self) {}
     /// Returns the size of a saved state, bytes.
     fn state_size(&self) -> usize;
     /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.

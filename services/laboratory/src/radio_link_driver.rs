@@ -20,14 +20,12 @@ use zerocopy::FromZeros;
 use super::is_under_way;
 use run_log::LinkFigures;
 
-/// Step logic of the transmitter, and the sender of its frames. A drop stops the motors, unless another process will go
-/// on.
+/// Step logic of the transmitter, and the sender of its frames. Only the end of the flight stops the motors: a receiver keeps the
+/// last sticks of a process that ends before it, and the next process goes on from there.
 pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
     /// Present until it is stopped.
     sender: Option<Sender>,
-    /// `true` if the last frame was not finite: that ends this process, not the flight.
-    is_broken: bool,
     page: Arc<SharedPage>,
 }
 
@@ -56,7 +54,6 @@ impl RadioLinkDriver {
         let transmitter = Self {
             service,
             sender: Some(sender),
-            is_broken: false,
             page,
         };
         transmitter.tell(&figures);
@@ -78,9 +75,8 @@ impl ErasedService for RadioLinkDriver {
         let Some(sender) = &self.sender else { return };
         let mut outputs = RcOutputOutputs::from_slots(outputs);
         if let Some(frame) = outputs.frame.due() {
-            self.is_broken = !frame.is_finite();
             // A frame that is not finite is not published either.
-            if !self.is_broken {
+            if frame.is_finite() {
                 sender.put(&Sticks::of(frame));
             }
         }
@@ -93,6 +89,12 @@ impl ErasedService for RadioLinkDriver {
 
     fn try_saved_state(&mut self) -> Result<(), String> {
         self.service.try_saved_state()
+    }
+
+    fn finish(&mut self) {
+        if let Some(sender) = &self.sender {
+            sender.put(&Sticks::AT_REST);
+        }
     }
 
     fn state_size(&self) -> usize {
@@ -110,11 +112,7 @@ impl ErasedService for RadioLinkDriver {
 
 impl Drop for RadioLinkDriver {
     fn drop(&mut self) {
-        let Some(sender) = self.sender.take() else { return };
-        if !self.is_broken {
-            sender.put(&Sticks::AT_REST);
-        }
-        if let Ok(report) = sender.stop() {
+        if let Some(Ok(report)) = self.sender.take().map(Sender::stop) {
             self.tell(&at_the_end(&report));
         }
     }
@@ -196,8 +194,9 @@ mod tests {
         fn restore(&mut self, _bytes: &[u8]) {}
     }
 
-    /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts.
-    fn last_frame(thrusts: &[f64], reversed: &str) -> radio_link::ChannelCodes {
+    /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts, whose process is there at the end
+    /// of the flight or not.
+    fn last_frame(thrusts: &[f64], reversed: &str, until_the_end: bool) -> radio_link::ChannelCodes {
         let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&receiver).unwrap();
         unlockpt(&receiver).unwrap();
@@ -228,6 +227,9 @@ mod tests {
             };
             transmitter.step(&now, &[], &mut outputs);
         }
+        if until_the_end {
+            transmitter.finish();
+        }
         drop(transmitter);
         let figures: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
         let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
@@ -240,13 +242,18 @@ mod tests {
 
     #[test]
     fn at_the_end_the_motors_rest() {
-        assert_eq!(last_frame(&[2.0, 2.1], "")[..5], [992, 992, 172, 992, 172]);
-        assert_eq!(last_frame(&[2.0, 2.1], "T")[..5], [992, 992, 1811, 992, 172]);
+        assert_eq!(last_frame(&[2.0, 2.1], "", true)[..5], [992, 992, 172, 992, 172]);
+        assert_eq!(
+            last_frame(&[2.0, 2.1], "T", true)[..5],
+            [992, 992, 1811, 992, 172]
+        );
     }
 
     #[test]
-    fn a_transmitter_that_is_not_finite_leaves_the_sticks_to_its_successor() {
-        let last = last_frame(&[2.0, f64::NAN], "");
-        assert_eq!(last[4], crsf::ENDS[1], "still armed");
+    fn a_transmitter_that_ends_before_the_flight_leaves_the_sticks_to_its_successor() {
+        for thrusts in [[2.0, 2.1], [2.0, f64::NAN]] {
+            let last = last_frame(&thrusts, "", false);
+            assert_eq!(last[4], crsf::ENDS[1], "still armed");
+        }
     }
 }

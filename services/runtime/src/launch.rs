@@ -11,6 +11,7 @@ use crate::checkpoints::Checkpoints;
 use crate::control::{Channel, ControlError, Start, ToOrchestrator, ToService};
 use crate::crash::{CrashPlace, CrashPoint};
 use crate::flight_clock::FlightClock;
+use crate::flight_error::FlightError;
 use crate::lock_step::{self, ServiceContext, ServicePorts};
 use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::ports::Topics;
@@ -152,9 +153,13 @@ impl Launch<'_> {
             tuning: TuningReader::default(),
             crash: self.crash,
         };
-        real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context)?;
+        let flown = real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context);
         watchdog::rest();
-        // Hardware that it is connected to in a laboratory stops with its last step.
+        // Hardware that it is connected to in a laboratory stops with the flight, and not with a process that fails.
+        if matches!(flown, Ok(()) | Err(FlightError::Stopping)) {
+            service.finish();
+        }
+        flown?;
         drop(service);
         stay_until_the_end(context.orchestrator_watchdog.channel())
     }
