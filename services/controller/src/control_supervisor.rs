@@ -9,6 +9,7 @@ use shared_types::{Now, ServiceId, Topic, rotation};
 use zerocopy::FromZeros;
 
 use crate::bumpless_transfer::Transfer;
+use crate::command_history::CommandHistory;
 use crate::dead_reckoning::{ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
 use crate::phase::ControlMode;
@@ -36,6 +37,8 @@ pub struct ControlSupervisor {
     pub observer: Option<MassObserver>,
     /// Policy for old states; `None` uses every state, however old.
     pub safety: Option<Safety>,
+    /// The commands that the vehicle has followed; none without a policy.
+    pub commands: CommandHistory,
     /// The last command that was published.
     pub last: Option<Commanded>,
     /// The stage of the last step.
@@ -59,6 +62,8 @@ pub struct ControlInput<'a> {
     pub target: Reference,
     /// `true` if the estimates may learn from the motion: the vehicle is airborne.
     pub teaches: bool,
+    /// `true` if a landing is demanded and nothing leads the vehicle.
+    pub lands_alone: bool,
 }
 
 /// Telemetry of the law.
@@ -113,6 +118,7 @@ impl ControlSupervisor {
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
             safety: safety.map(|safety| Safety::new(scenario, safety)),
+            commands: CommandHistory::NOTHING,
             last: None,
             stage: FailsafeStage::Nominal,
             step: scenario.controller_step(),
@@ -163,6 +169,7 @@ impl ControlSupervisor {
         if let Some(observer) = &mut self.observer {
             observer.interrupt();
         }
+        self.commands = CommandHistory::NOTHING;
         if let Some(safety) = &mut self.safety {
             (safety.reckoned, safety.transfer, safety.unseen_ns) = (Reckoned::NOTHING, Transfer::NONE, 0);
         }
@@ -182,7 +189,7 @@ impl ControlSupervisor {
         let ControlInput { state, age_ns, .. } = *input;
         let estimate = ModelEstimate::new(&self.parameters, &self.estimates);
         let last = self.last;
-        safety.reckon(now, input, last.as_ref(), &estimate);
+        safety.reckon(now, input, last.as_ref(), &estimate, &mut self.commands);
         self.stage = safety.stage(now, input, last.as_ref());
         if self.stage != FailsafeStage::Nominal {
             safety.transfer = Transfer::NONE;

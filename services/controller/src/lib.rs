@@ -1,6 +1,7 @@
 //! Controller as a service: the control supervisor around a [law](control_law).
 //!
 //! * [`failsafe`]: the stages of commands when the vehicle's state is too old for the law;
+//! * [`command_history`]: the commands of the last moments, for a state that comes late;
 //! * [`dead_reckoning`]: the predicted state of the vehicle, from the last good one and the commands since;
 //! * [`bumpless_transfer`]: the return of commands to the law's without a jump;
 //! * [`safety`]: these three together, by the age of the state;
@@ -13,6 +14,7 @@
 //! brings all that it needs of them.
 
 pub mod bumpless_transfer;
+pub mod command_history;
 pub mod control_supervisor;
 pub mod dead_reckoning;
 pub mod failsafe;

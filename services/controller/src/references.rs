@@ -2,17 +2,20 @@
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
 //! a policy, a late reference is continued along the path at its γ̈, and comes to rest around `max_age`
-//! ([`Coasted`](shared_types::path_stop::Coasted)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! ([`Coasted`](shared_types::path_stop::Coasted)). If a landing is demanded meanwhile, and no path generator is back after
+//! [`ABANDONED`], the vehicle goes down without one. A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
 //! reset the age.
 
 use scenario::{EdgeName, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity, is_of_the_past};
 use shared_types::samples::PathReference;
-use shared_types::service::seconds;
+use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 
 use control_law::signals::Reference;
 
+/// Age of a reference above which nothing leads the vehicle any more, s: a path generator that is restarted is back before.
+pub const ABANDONED: f64 = 5.0;
 /// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;
 
@@ -83,6 +86,18 @@ impl References {
             }) if age_ns > ordinary => target.coasted(seconds(age_ns - ordinary), goes_on_for),
             _ => target,
         }
+    }
+
+    /// Returns whether a landing is demanded and nothing leads the vehicle: its path generator is gone, and nothing replaces it.
+    #[must_use]
+    #[inline]
+    pub fn are_abandoned(&self, now: &Now) -> bool {
+        now.operator.land
+            && self.patience.is_some()
+            && self
+                .gate
+                .age_ns(now)
+                .is_some_and(|age| age > nanoseconds(ABANDONED))
     }
 
     /// Returns the number of references refused since the start of the flight.

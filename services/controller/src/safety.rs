@@ -6,10 +6,11 @@
 
 use scenario::{EdgeName, GRAVITY, InputSafety, Scenario};
 use shared_types::samples::{PathReference, VehicleState};
-use shared_types::service::seconds;
+use shared_types::service::nanoseconds;
 use shared_types::{Now, ServiceId, Topic};
 
 use crate::bumpless_transfer::Transfer;
+use crate::command_history::CommandHistory;
 use crate::control_supervisor::ControlInput;
 use crate::dead_reckoning::{DeadReckoning, ModelEstimate, Reckoned};
 use crate::failsafe::{FailsafeStage, FailsafeStages, Leveler};
@@ -20,6 +21,8 @@ use control_law::signals::Commanded;
 pub struct Safety {
     stages: FailsafeStages,
     recover_ns: u64,
+    /// Age up to which the law flies on a predicted state, ns.
+    max_age_ns: u64,
     /// Oldest age of the state without faults, ns.
     ordinary_age_ns: u64,
     dead_reckoning: DeadReckoning,
@@ -41,6 +44,7 @@ impl Safety {
         Self {
             stages: FailsafeStages::new(stated),
             recover_ns: stated.recover_ns(),
+            max_age_ns: nanoseconds(stated.max_age),
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             dead_reckoning,
             leveller: Leveler::new(dead_reckoning.inertia, scenario.command_hold()),
@@ -57,8 +61,11 @@ impl Safety {
         } else {
             0
         };
-        let stage = if leads_straight_down(input.reference) {
-            self.stages.at_landing(input.age_ns, self.unseen_ns)
+        let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
+        let stage = if input.lands_alone {
+            self.stages.descending(input.age_ns)
+        } else if leads_straight_down(input.reference) {
+            self.stages.at_landing(input.age_ns, self.unseen_ns.max(late_ns))
         } else {
             self.stages.at(input.age_ns)
         };
@@ -68,35 +75,40 @@ impl Safety {
         }
     }
 
-    /// Predicts the vehicle's state at present: from the last good state, if it is new, else from the last prediction.
+    /// Predicts the vehicle's state at present: from the last good state and the `commands` since, if it is new, else from the last
+    /// prediction.
     pub fn reckon(
         &mut self,
         now: &Now,
         input: &ControlInput<'_>,
         last: Option<&Commanded>,
         estimate: &ModelEstimate,
+        commands: &mut CommandHistory,
     ) {
         let hover = Commanded {
             thrust: estimate.mass * GRAVITY,
             ..Commanded::NOTHING
         };
         let last = last.unwrap_or(&hover);
+        commands.push(last, now.elapsed_ns, self.max_age_ns);
         if input.is_new || !self.reckoned.has_begun.is_set() {
             self.reckoned =
                 self.dead_reckoning
                     .begin(&self.reckoned, input.state, last, estimate, input.teaches);
             let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
-            self.pass(late_ns, last, estimate);
+            for (command, time) in commands.of_the_last(late_ns) {
+                self.pass(time, command, estimate);
+            }
         } else {
-            self.pass(now.elapsed_ns, last, estimate);
+            self.pass(now.elapsed(), last, estimate);
         }
     }
 
-    fn pass(&mut self, elapsed_ns: u64, last: &Commanded, estimate: &ModelEstimate) {
-        if elapsed_ns > 0 {
+    fn pass(&mut self, elapsed: f64, command: &Commanded, estimate: &ModelEstimate) {
+        if elapsed > 0.0 {
             self.reckoned = self
                 .dead_reckoning
-                .advanced(&self.reckoned, last, estimate, seconds(elapsed_ns));
+                .advanced(&self.reckoned, command, estimate, elapsed);
         }
     }
 

@@ -30,6 +30,7 @@ use shared_types::wiring::{ControllerInputs, ControllerOutputs};
 use shared_types::{Gains, Now, Service, ServiceId, Topic};
 
 use crate::bumpless_transfer::Transfer;
+use crate::command_history::CommandHistory;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
 use crate::dead_reckoning::Reckoned;
 use crate::failsafe::FailsafeStage;
@@ -82,6 +83,8 @@ shared_types::sample! {
         pub last: Commanded,
         /// The predicted vehicle; as at the start without a policy.
         pub reckoned: Reckoned,
+        /// The commands that it has followed; none without a policy.
+        pub commands: CommandHistory,
         /// The transfer back to the law.
         pub transfer: Transfer,
         /// Time for which the cameras have not seen the vehicle, ns; 0 without a policy.
@@ -187,6 +190,7 @@ impl Service for ControllerService {
                 reference,
                 target: references.target(now, reference),
                 teaches: mode == ControlMode::Fly,
+                lands_alone: references.are_abandoned(now),
             };
             let telemetry = Telemetry {
                 errors: outputs.errors.due(),
@@ -255,6 +259,7 @@ impl Service for ControllerService {
             reckoned: supervisor
                 .safety
                 .map_or(Reckoned::NOTHING, |safety| safety.reckoned),
+            commands: supervisor.commands,
             transfer: supervisor.safety.map_or(Transfer::NONE, |safety| safety.transfer),
             unseen_ns: supervisor.safety.map_or(0, |safety| safety.unseen_ns),
             observer_has_seen: seen.is_some().into(),
@@ -279,6 +284,7 @@ impl Service for ControllerService {
         supervisor.law.restore(&state.law);
         self.states.restore(&state.states);
         self.references.restore(&state.references, &state.reference);
+        supervisor.commands = state.commands;
         supervisor.last = state.has_last.is_set().then_some(state.last);
         supervisor.stage = FailsafeStage::from_code(state.stage);
         if let Some(safety) = &mut supervisor.safety {

@@ -337,6 +337,46 @@ fn a_path_generator_that_is_away_while_it_stops_without_sight_does_not_send_the_
 }
 
 /// A law that estimates nothing and believes in a mass that is too large, so in a thrust that is too large.
+/// The state is predicted by the commands since, which change several times in that time.
+#[test]
+fn states_that_come_late_but_not_too_late_for_the_law_do_not_tip_the_vehicle() {
+    for by in [0.05, 0.11, 0.13, 0.15, 0.18] {
+        for at in [6.0, 20.0] {
+            let late = format!(
+                "fault = [{{ at = {at:?}, edge = \"vehicle/state -> controller\", for = 1.0, kind = \"delay\", by = {by:?} }}]"
+            );
+            let flown = fly(&[&late]);
+            assert!(!flown.has_fallen(), "by {by} s at {at} s: {flown:?}");
+        }
+    }
+}
+
+/// What the path generator sees, the controller does not follow.
+#[test]
+fn a_descent_does_not_run_away_from_a_vehicle_that_does_not_follow_it() {
+    for edge in ["path/reference -> controller", "vehicle/state -> controller"] {
+        for (at, lasts) in [(29.0, 3.0), (29.0, 4.0), (30.5, 3.0), (31.9, 1.5), (31.9, 2.0)] {
+            let flown = fly(&[&format!("fault=[{}]", lost(edge, at, lasts))]);
+            assert!(!flown.has_fallen(), "{edge} from {at} s for {lasts} s: {flown:?}");
+        }
+    }
+}
+
+#[test]
+fn a_landing_comes_down_although_its_path_generator_is_gone() {
+    for at in [12.0, 27.9] {
+        let flown = fly(&[&format!("fault=[{}]", frozen(at, 40.0 - at))]);
+        assert!(
+            flown.touch < FALL && flown.touched_at.is_some(),
+            "from {at} s: {flown:?}"
+        );
+        assert!(
+            flown.upright > UPRIGHT && !flown.is_killed,
+            "from {at} s: {flown:?}"
+        );
+    }
+}
+
 #[test]
 fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
     for mass in ["0.18", "0.185", "0.195"] {

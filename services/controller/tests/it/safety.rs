@@ -7,7 +7,7 @@ use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::rotation;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
-use shared_types::service::InputView;
+use shared_types::service::{InputView, Operator};
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::garbage::sample;
@@ -382,4 +382,74 @@ proptest! {
             }
         }
     }
+}
+
+/// No policy of the reference, no landing and no newer reference is missing here.
+#[test]
+fn a_landing_that_nothing_leads_goes_down() {
+    let to_land = Operator {
+        land: true,
+        ..Operator::FLYING
+    };
+    for (operator, policy, descends_from) in [
+        (to_land, POLICY, Some(5_001)),
+        (Operator::FLYING, POLICY, None),
+        (to_land, "", None),
+    ] {
+        let mut service = ControllerService::new(&scenario(false, policy));
+        let mut first = None;
+        for tick in 0..6_000 {
+            let (state, reference) = (state(tick), reference(0));
+            let inputs = [
+                InputView {
+                    bytes: Some(state.as_bytes()),
+                    fresh: true,
+                },
+                InputView {
+                    bytes: Some(reference.as_bytes()),
+                    fresh: tick == 0,
+                },
+            ];
+            let stage = crate::support::step_for(&mut service, tick, operator, inputs)
+                .adaptation
+                .stage;
+            assert!(matches!(
+                stage,
+                ControlAdaptation::STAGE_LAW | ControlAdaptation::STAGE_DESCEND
+            ));
+            if stage == ControlAdaptation::STAGE_DESCEND {
+                first.get_or_insert(tick);
+            }
+        }
+        assert_eq!(first, descends_from, "{policy}");
+    }
+}
+
+/// The vehicle may stand on the ground when states stop to come: nothing may lift it.
+#[test]
+fn on_the_straight_way_down_a_late_state_is_followed_by_the_descent_and_not_by_level() {
+    let lands = |tick| PathReference {
+        derivative1_world: [0.0, 0.0, 0.3],
+        phase: PathReference::PHASE_LAND,
+        ..reference(tick)
+    };
+    let patient = POLICY
+        .replace("0.05", "0.2")
+        .replace("\"descend\": 0.1", "\"descend\": 0.28");
+    let mut twins = Twins::new(scenario(false, &patient));
+    for tick in 0..=50 {
+        twins.step(tick, &state(tick), &lands(tick));
+    }
+    let mut stages = Vec::new();
+    for age in 1..290 {
+        let stage = twins
+            .step(50 + age, &state(50), &lands(50 + age))
+            .adaptation
+            .stage;
+        if stages.last() != Some(&stage) {
+            stages.push(stage);
+        }
+    }
+    use ControlAdaptation as Told;
+    assert_eq!(stages, [Told::STAGE_LAW, Told::STAGE_HOLD, Told::STAGE_DESCEND]);
 }

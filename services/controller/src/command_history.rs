@@ -1,0 +1,143 @@
+//! The commands of the last moments: what the vehicle has followed since a state that comes late.
+
+use shared_types::service::seconds;
+
+use control_law::signals::Commanded;
+
+/// Spans of time that are remembered.
+const SPANS: usize = 16;
+
+shared_types::sample! {
+    /// The mean command of a span of time.
+    pub struct CommandSpan {
+        /// Duration, ns.
+        pub duration_ns: u64,
+        /// The command.
+        pub command: Commanded,
+    }
+}
+
+shared_types::sample! {
+    /// The newest spans, one after the other, the newest first.
+    pub struct CommandHistory {
+        /// Each of them; without a duration before the first command.
+        pub spans: [CommandSpan; SPANS],
+    }
+}
+
+impl CommandHistory {
+    /// Before the first command.
+    pub const NOTHING: Self = Self {
+        spans: [CommandSpan {
+            duration_ns: 0,
+            command: Commanded::NOTHING,
+        }; SPANS],
+    };
+
+    /// Adds a command that was followed for a time, ns; a memory of `memory_ns` is kept.
+    pub fn push(&mut self, command: &Commanded, duration_ns: u64, memory_ns: u64) {
+        if duration_ns == 0 {
+            return;
+        }
+        let [newest, ..] = &mut self.spans;
+        // One span less than there are: the newest is filled meanwhile.
+        if newest.duration_ns.saturating_add(duration_ns) > memory_ns / (SPANS as u64 - 1) {
+            self.spans.rotate_right(1);
+            self.spans[0] = CommandSpan {
+                duration_ns,
+                command: *command,
+            };
+            return;
+        }
+        let share = duration_ns as f64 / (newest.duration_ns + duration_ns) as f64;
+        newest.command = mean(&newest.command, command, share);
+        newest.duration_ns += duration_ns;
+    }
+
+    /// Returns the commands of the last `time_ns`, each with the time (s) for which it was followed, the oldest first. What is
+    /// older than the memory is taken for as the oldest command.
+    pub fn of_the_last(&self, time_ns: u64) -> impl Iterator<Item = (&Commanded, f64)> {
+        let mut left_ns = time_ns;
+        let newest_first = self.spans.each_ref().map(|span| {
+            let taken_ns = span.duration_ns.min(left_ns);
+            left_ns -= taken_ns;
+            (&span.command, taken_ns)
+        });
+        let oldest = self.spans.iter().rposition(|span| span.duration_ns > 0);
+        newest_first
+            .into_iter()
+            .enumerate()
+            .rev()
+            .map(move |(place, (command, taken_ns))| {
+                let before_ns = if Some(place) == oldest { left_ns } else { 0 };
+                (command, seconds(taken_ns + before_ns))
+            })
+            .filter(|(_, time)| *time > 0.0)
+    }
+}
+
+fn mean(one: &Commanded, other: &Commanded, share: f64) -> Commanded {
+    let between = |one: f64, other: f64| one + share * (other - one);
+    let each = |one: [f64; 3], other: [f64; 3]| std::array::from_fn(|axis| between(one[axis], other[axis]));
+    Commanded {
+        thrust: between(one.thrust, other.thrust),
+        torque_body: each(one.torque_body, other.torque_body),
+        rates_body: each(one.rates_body, other.rates_body),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn of_thrust(thrust: f64) -> Commanded {
+        Commanded {
+            thrust,
+            ..Commanded::NOTHING
+        }
+    }
+
+    const MEMORY_NS: u64 = 200_000_000;
+
+    proptest! {
+        #[test]
+        fn the_impulse_of_the_last_moments_is_that_of_the_commands(
+            commands in proptest::collection::vec((0.0..4.0f64, 1_000_000..30_000_000u64), 1..300), share in 0.0..1.0f64,
+        ) {
+            let mut history = CommandHistory::NOTHING;
+            for (thrust, duration_ns) in &commands {
+                history.push(&of_thrust(*thrust), *duration_ns, MEMORY_NS);
+            }
+            let time_ns = (share * MEMORY_NS as f64) as u64;
+            let told: Vec<_> = history.of_the_last(time_ns).collect();
+            let whole: f64 = told.iter().map(|(_, time)| time).sum();
+            prop_assert!((whole - seconds(time_ns)).abs() < 1e-9, "{whole}");
+            let impulse: f64 = told.iter().map(|(command, time)| command.thrust * time).sum();
+            let (mut expected, mut left_ns) = (0.0, time_ns);
+            for (thrust, duration_ns) in commands.iter().rev() {
+                let taken_ns = left_ns.min(*duration_ns);
+                expected += thrust * seconds(taken_ns);
+                left_ns -= taken_ns;
+            }
+            expected += commands[0].0 * seconds(left_ns);
+            // A span has a mean: at its older end up to 4 N are taken for others, over the 15th part of the memory.
+            let tolerance = 4.0 * seconds(MEMORY_NS) / 15.0 + 1e-9;
+            prop_assert!((impulse - expected).abs() < tolerance, "{impulse} {expected}");
+        }
+    }
+
+    #[test]
+    fn commands_that_are_as_long_as_a_span_or_longer_are_told_exactly() {
+        let mut history = CommandHistory::NOTHING;
+        assert_eq!(history.of_the_last(1).count(), 0);
+        for step in 0..40 {
+            history.push(&of_thrust(f64::from(step)), 22_000_000, MEMORY_NS);
+        }
+        let told: Vec<_> = history
+            .of_the_last(50_000_000)
+            .map(|(command, time)| (command.thrust, (1e3 * time).round()))
+            .collect();
+        assert_eq!(told, [(37.0, 6.0), (38.0, 22.0), (39.0, 22.0)]);
+    }
+}
