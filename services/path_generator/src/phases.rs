@@ -15,6 +15,7 @@
 //!   than [`AT_REST`], has landed, and is disarmed;
 //! * *strayed*: the vehicle is seen again after dead reckoning, or after a gap of the steps, farther than
 //!   [`STRAYED`] from the reference, or with a velocity that differs from the reference's by more than [`STRAYED_BY_SPEED`].
+//!   So has one that is [left behind](LEFT_BEHIND) on a segment, although it is seen.
 //!   The reference then starts again at the vehicle: the controller would answer such an error with more tilt than it can
 //!   recover from.
 //!
@@ -50,6 +51,9 @@ pub const LIFTED: f64 = 0.05;
 pub const ARRIVED: f64 = 0.3;
 /// Distance from the reference at which a vehicle that is seen again has strayed, m.
 pub const STRAYED: f64 = 0.2;
+/// Distance from a reference on a segment that leaves behind a vehicle which is seen all the time, m: something keeps the vehicle
+/// from following, or its controller from the reference.
+pub const LEFT_BEHIND: f64 = 0.5;
 /// Difference from its velocity at which one has, m/s: the controller answers an error of velocity with tilt, too.
 pub const STRAYED_BY_SPEED: f64 = 0.4;
 /// Speed below which a vehicle that is seen again on the ground rests there, m/s.
@@ -261,7 +265,7 @@ impl Phases {
         let has_seen = sight.frame.is_some_and(|frame| frame.failsafe.is_set()) || self.memory.begun.is_set();
         self.memory.begun = (has_seen || conditions.found_flying).into();
         if let Some(row) = row {
-            self.enter(now, row, sight);
+            self.enter(now, row, sight, &conditions);
             self.memory.cause = published_cause(row, now, sight, not_ready);
         }
         self.spend_arming(now, before, &conditions, not_ready);
@@ -521,9 +525,16 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: (is_found || (memory.is_back.is_set() && sight.is_seen()))
-                && (way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
-                    || self.speed_from_reference(sight) > STRAYED_BY_SPEED),
+            strayed: if is_found || (memory.is_back.is_set() && sight.is_seen()) {
+                way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
+                    || self.speed_from_reference(sight) > STRAYED_BY_SPEED
+            } else {
+                // The path waits for the vehicle; segments do not.
+                sight.is_seen()
+                    && self
+                        .line_point()
+                        .is_some_and(|point| way_from(point.position).is_some_and(|way| way > LEFT_BEHIND))
+            },
             stranded: is_found && is_on_the_ground,
             rests: is_found
                 && memory.unseen_for > falls_after
@@ -550,7 +561,7 @@ impl Phases {
         NotReady::find(&self.limits, state, frame)
     }
 
-    fn enter(&mut self, now: &Now, row: &Row, sight: &PhaseInput<'_>) {
+    fn enter(&mut self, now: &Now, row: &Row, sight: &PhaseInput<'_>, conditions: &Conditions) {
         let (before, phase) = (row.from, row.to);
         self.memory.phase = phase.code();
         self.memory.began_ns = now.time_ns;
@@ -588,7 +599,8 @@ impl Phases {
                 // A stop on the way to the path goes on with the path, which rests.
                 (self.memory.stop_rate, self.memory.stop_acceleration) = (0.0, 0.0);
             }
-            FlightPhase::Land if row.cause == Cause::Strayed => {
+            // Whatever else demands the landing at this step.
+            FlightPhase::Land if conditions.strayed || conditions.stranded => {
                 self.meet(PhasesMemory::WAY_DESCENT, sight);
             }
             FlightPhase::Land => {

@@ -1,7 +1,7 @@
 //! Losses of sight, gaps of the steps and cold starts: where the reference goes on, and what is taken for the ground.
 
 use path_generator::PathGeneratorService;
-use path_generator::phases::{PhasesMemory, STRAYED};
+use path_generator::phases::{LEFT_BEHIND, PhasesMemory, STRAYED};
 use scenario::Flight;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::samples::{PathReference, RcFrame};
@@ -151,6 +151,41 @@ fn a_look_that_is_due_after_a_gap_waits_until_the_vehicle_is_seen() {
         assert_eq!(now.cause, PathReference::CAUSE_STRAYED, "{blind} steps");
         assert_eq!(now.phase, PathReference::PHASE_TAKE_OFF);
     }
+}
+
+/// Whoever demands the landing at the step in which a vehicle is found elsewhere.
+#[test]
+fn a_vehicle_that_is_found_elsewhere_when_it_is_to_land_comes_down_from_where_it_is() {
+    for phase in [PathReference::PHASE_TAKE_OFF, PathReference::PHASE_FLY] {
+        let mut flown = FlownPath::eight();
+        flown.until(ARMED, phase);
+        flown.for_seconds(ARMED, 1.5);
+        flown.lifts = false;
+        flown.vehicle.coasting = true.into();
+        flown.for_seconds(ARMED, 2.0);
+        flown.vehicle.coasting = false.into();
+        flown.vehicle.position_world[0] += 2.0 * STRAYED;
+        let found = flown.vehicle.position_world;
+        let reference = flown.step(TO_LAND);
+        assert_eq!(reference.phase, PathReference::PHASE_LAND);
+        assert_eq!(reference.cause, PathReference::CAUSE_OPERATOR_LANDS);
+        assert!(distance(reference.position_world, found) < 1e-9, "{reference:?}");
+    }
+}
+
+/// Something keeps the vehicle from following, or its controller from the reference.
+#[test]
+fn a_segment_does_not_leave_a_vehicle_behind() {
+    let mut flown = held_up_in_the_descent();
+    let mut farthest: f64 = 0.0;
+    for _ in 0..10_000 {
+        flown.frame.thrust = 1.7;
+        let reference = flown.step(TO_LAND);
+        flown.frame.thrust = 1.7;
+        assert_eq!(reference.phase, PathReference::PHASE_LAND);
+        farthest = farthest.max(distance(reference.position_world, flown.vehicle.position_world));
+    }
+    assert!(farthest > 0.4 && farthest <= LEFT_BEHIND + 1e-3, "{farthest}");
 }
 
 #[test]
