@@ -1,4 +1,4 @@
-//! Policies of the controller's inputs where none is stated: in real time a state may be late.
+//! Policies of inputs where none is stated: in real time a state may be late.
 
 use scenario::{EdgeName, InputSafety, Scenario};
 use shared_types::service::seconds;
@@ -16,8 +16,12 @@ const DESCENDED: f64 = 1.0;
 /// Excess of a reference's age up to which it is continued along the path, s.
 const CONTINUED: f64 = 0.5;
 
-/// Returns the scenario for a flight in real time: the controller has a policy for its inputs also where none is
-/// stated, because the system's clock does not wait for a service that hangs or starts again.
+/// Returns the scenario for a flight in real time: the controller, and the path generator of a flight with phases, have a policy
+/// for states and references also where none is stated, because the system's clock does not wait for a service that hangs or starts
+/// again.
+///
+/// The path generator takes a state that is too old for no sight of the vehicle, and brings the path to rest; seen again
+/// elsewhere, the vehicle is led back from there.
 ///
 /// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle. A
 /// level vehicle that is not seen drifts by the wind and by the errors of its attitude until it meets a wall, so it
@@ -26,19 +30,39 @@ const CONTINUED: f64 = 0.5;
 /// While nothing is late, a policy changes no byte of a flight.
 #[must_use]
 pub fn with_policies(mut scenario: Scenario) -> Scenario {
-    let above_ordinary = |scenario: &Scenario, topic, excess: f64| {
-        let edge = EdgeName::of(topic, ServiceId::Controller);
-        seconds(edge.map_or(0, |edge| scenario.ordinary_age_ns(edge))) + excess
+    let ordinary = |topic, service| {
+        EdgeName::of(topic, service).map_or(0.0, |edge| seconds(scenario.ordinary_age_ns(edge)))
     };
-    let state = InputSafety {
-        level: Some(above_ordinary(&scenario, Topic::VehicleState, LEVELLED)),
-        descend: Some(above_ordinary(&scenario, Topic::VehicleState, DESCENDED)),
-        ..InputSafety::new(above_ordinary(&scenario, Topic::VehicleState, PREDICTED))
-    };
-    let reference = InputSafety::new(above_ordinary(&scenario, Topic::PathReference, CONTINUED));
-    for (topic, policy) in [(Topic::VehicleState, state), (Topic::PathReference, reference)] {
-        let name = format!("{topic} -> {}", ServiceId::Controller);
-        scenario.safety.entry(name).or_insert(policy);
+    let state = ordinary(Topic::VehicleState, ServiceId::Controller);
+    let mut policies = vec![
+        (
+            Topic::VehicleState,
+            ServiceId::Controller,
+            InputSafety {
+                level: Some(state + LEVELLED),
+                descend: Some(state + DESCENDED),
+                ..InputSafety::new(state + PREDICTED)
+            },
+        ),
+        (
+            Topic::PathReference,
+            ServiceId::Controller,
+            InputSafety::new(ordinary(Topic::PathReference, ServiceId::Controller) + CONTINUED),
+        ),
+    ];
+    if scenario.flight.is_some() {
+        let state = ordinary(Topic::VehicleState, ServiceId::PathGenerator);
+        policies.push((
+            Topic::VehicleState,
+            ServiceId::PathGenerator,
+            InputSafety::new(state + PREDICTED),
+        ));
+    }
+    for (topic, service, policy) in policies {
+        scenario
+            .safety
+            .entry(format!("{topic} -> {service}"))
+            .or_insert(policy);
     }
     scenario
 }
@@ -52,6 +76,21 @@ mod tests {
     fn scenario(name: &str) -> Scenario {
         let file = format!("{}/../../scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         scenario_file::load(std::path::Path::new(&file), &[], None).unwrap()
+    }
+
+    #[test]
+    fn in_real_time_the_path_generator_of_a_flight_with_phases_loses_sight_of_the_vehicle() {
+        let mut stated = scenario("takeoff_and_land");
+        stated.safety.clear();
+        let flown = with_policies(stated);
+        assert_eq!(flown.problems(), []);
+        let policy = flown
+            .safety_of(Topic::VehicleState, ServiceId::PathGenerator)
+            .unwrap();
+        assert!(
+            (0.2..0.25).contains(&policy.max_age) && policy.jump.is_none(),
+            "{policy:?}"
+        );
     }
 
     /// What is stated stays, and what is added is accepted as if it were stated.
