@@ -83,9 +83,9 @@ struct FlightResult {
 struct Shift(i64);
 
 impl Shift {
-    /// A time of the flight as one of the truth; what was before its beginning is at its beginning.
-    fn of_flight(self, time_ns: u64) -> u64 {
-        time_ns.saturating_add_signed(self.0)
+    /// A time of the flight as one of the truth; `None` before its beginning.
+    fn of_flight(self, time_ns: u64) -> Option<u64> {
+        time_ns.checked_add_signed(self.0)
     }
 
     /// A time of the truth as one of the flight.
@@ -106,13 +106,18 @@ pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, 
         Some(world) => Shift(start_of(flight)?.wrapping_sub(start_of(world)?).cast_signed()),
     };
     let truth = LogReader::open(world.unwrap_or(flight))?;
-    let [begin, end] = flown.on_path.map(|time| shift.of_flight(time));
+    let [begin, end] = flown.on_path;
+    let no_truth = || TruthError::NoTruth(world.unwrap_or(flight).to_owned());
+    let [begin, end] = [
+        shift.of_flight(begin).unwrap_or(0),
+        shift.of_flight(end).ok_or_else(no_truth)?,
+    ];
     let mut parts = parts(&truth.manifest().scenario, [begin, end], last);
     let averaged = [end.saturating_sub(nanoseconds(AVERAGED)).max(begin), end];
     let disturbance = flown.judge(truth, shift, &averaged, &mut parts)?;
     parts.retain(|(_, _, error)| error.count() > 0);
     if parts.is_empty() {
-        return Err(TruthError::NoTruth(world.unwrap_or(flight).to_owned()));
+        return Err(no_truth());
     }
     Ok(Truth {
         parts: parts.iter().map(Part::of).collect(),
@@ -181,7 +186,10 @@ impl FlightResult {
     fn estimate(&self, shift: Shift, averaged: &Span) -> [f64; 3] {
         let mut estimate: [Statistics; 3] = Default::default();
         for adaptation in &self.adaptations {
-            if is_within(averaged, shift.of_flight(adaptation.header.stamp_ns)) {
+            if shift
+                .of_flight(adaptation.header.stamp_ns)
+                .is_some_and(|at| is_within(averaged, at))
+            {
                 add_each(&mut estimate, &adaptation.disturbance_projected_world);
             }
         }
@@ -280,9 +288,9 @@ mod tests {
     #[test]
     fn a_world_that_began_earlier_is_further_on() {
         let shift = Shift(nanoseconds(1.5).cast_signed());
-        assert_eq!(shift.of_flight(nanoseconds(2.0)), nanoseconds(3.5));
+        assert_eq!(shift.of_flight(nanoseconds(2.0)), Some(nanoseconds(3.5)));
         assert_eq!(shift.of_truth(nanoseconds(3.5)), Some(nanoseconds(2.0)));
         assert_eq!(shift.of_truth(nanoseconds(1.0)), None, "before the flight");
-        assert_eq!(Shift(-1_500_000_000).of_flight(nanoseconds(1.0)), 0);
+        assert_eq!(Shift(-1_500_000_000).of_flight(nanoseconds(1.0)), None);
     }
 }

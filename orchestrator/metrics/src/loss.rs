@@ -76,6 +76,8 @@ pub struct LossWatch {
     least_upright: f64,
     source: StateSource,
     ground: Option<Ground>,
+    /// `true` of a real vehicle with phases: the end of the flight stops its motors.
+    must_land: bool,
     /// Distance from the path when it first was known, m.
     distance_at_start: Option<f64>,
     has_arrived: bool,
@@ -85,6 +87,8 @@ pub struct LossWatch {
     has_begun: bool,
     /// `true` if the vehicle is airborne by the newest reference.
     is_airborne: bool,
+    /// Phase by the newest reference.
+    phase: FlightPhase,
     /// Time since which it has not been known, ns.
     unknown_since_ns: Option<u64>,
     /// Time of the first of the newest frames that all stop the motors, ns, and why the vehicle is lost if they go on.
@@ -121,11 +125,15 @@ impl LossWatch {
             source,
             // In a laboratory nobody knows where the ground is to within the estimate's errors.
             ground: ground.filter(|_| source == StateSource::Truth),
+            must_land: source == StateSource::Estimate
+                && scenario.flight.is_some()
+                && scenario.recorded_captures().is_none(),
             distance_at_start: None,
             has_arrived: false,
             has_settled: false,
             has_begun: false,
             is_airborne: false,
+            phase: FlightPhase::Disarmed,
             unknown_since_ns: None,
             stopped_since: None,
             loss: None,
@@ -136,6 +144,21 @@ impl LossWatch {
     #[must_use]
     pub fn loss(&self) -> Option<&Loss> {
         self.loss.as_ref()
+    }
+
+    /// Returns the loss by the end of the flight at this time, ns: it stops the motors of a vehicle that is in the air.
+    #[must_use]
+    pub fn loss_at_the_end(&self, time_ns: u64) -> Option<Loss> {
+        let is_stopped = self.loss.is_none() && self.must_land && self.is_in_the_air();
+        is_stopped.then(|| Loss {
+            reason: self.reason_of_stop(time_ns),
+            time: seconds(time_ns),
+            value: None,
+            limit: None,
+            stopped_by: PathReference::CAUSE_NONE,
+            cause: Some("the flight ended".to_owned()),
+            source: self.source,
+        })
     }
 
     /// Takes a moment into account; they come in the order of time.
@@ -163,6 +186,8 @@ impl LossWatch {
     #[inline]
     pub fn observe_reference(&mut self, reference: &PathReference) {
         let was_airborne = self.is_in_the_air();
+        let phase = FlightPhase::from_code(reference.phase);
+        let before = std::mem::replace(&mut self.phase, phase);
         self.is_airborne = reference.airborne.is_set();
         if !std::mem::replace(&mut self.has_begun, true)
             && let Some(ground) = &mut self.ground
@@ -179,8 +204,15 @@ impl LossWatch {
             PathReference::CAUSE_OPERATOR_KILLS | PathReference::CAUSE_OPERATOR_DISARMS => true,
             cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
         };
-        if was_airborne && stops && FlightPhase::from_code(reference.phase) == FlightPhase::Disarmed {
-            let stamp_ns = reference.header.stamp_ns;
+        let stamp_ns = reference.header.stamp_ns;
+        // Seen again on the ground: nothing says how it has come there.
+        if self.must_land
+            && matches!(before, FlightPhase::TakeOff | FlightPhase::Fly)
+            && (phase, reference.cause) == (FlightPhase::Disarmed, PathReference::CAUSE_TOUCHED_DOWN)
+        {
+            self.motors_stopped(Reason::Unseen, stamp_ns, reference.cause);
+        }
+        if was_airborne && stops && phase == FlightPhase::Disarmed {
             self.motors_stopped(self.reason_of_stop(stamp_ns), stamp_ns, reference.cause);
         }
     }
@@ -358,6 +390,9 @@ impl Display for Loss {
                     "the motors were stopped in the air: {}",
                     self.stop_in_words()
                 )
+            }
+            (Reason::Unseen, _) if self.stopped_by == PathReference::CAUSE_TOUCHED_DOWN => {
+                write!(formatter, "it came down unseen, without a landing")
             }
             (Reason::Unseen, _) => {
                 write!(

@@ -454,8 +454,12 @@ impl FlightSummary {
                 ..loss.clone()
             });
         }
-        let seconds = seconds(self.schedule.time_ns(run.not_finite_at?));
-        Some(Loss::not_finite(seconds, self.tracker.source()))
+        if let Some(tick) = run.not_finite_at {
+            let seconds = seconds(self.schedule.time_ns(tick));
+            return Some(Loss::not_finite(seconds, self.tracker.source()));
+        }
+        let last_tick = self.last_tick.filter(|_| run.outcome == Outcome::Completed)?;
+        self.loss.loss_at_the_end(self.schedule.time_ns(last_tick))
     }
 
     /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.

@@ -220,6 +220,61 @@ fn airborne() -> LossWatch {
     watch
 }
 
+#[test]
+fn a_real_vehicle_that_is_seen_again_on_the_ground_has_landed_only_if_it_was_to_land() {
+    let phased = Scenario {
+        flight: Some(Flight::default()),
+        ..scenario(0.01, 10.0)
+    };
+    for (source, phase, is_lost) in [
+        (StateSource::Estimate, PathReference::PHASE_FLY, true),
+        (StateSource::Estimate, PathReference::PHASE_TAKE_OFF, true),
+        (StateSource::Estimate, PathReference::PHASE_LAND, false),
+        (StateSource::Truth, PathReference::PHASE_FLY, false),
+    ] {
+        let mut watch = LossWatch::new(&phased, source);
+        watch.observe_reference(&reference(phase, 0, true));
+        let cause = PathReference::CAUSE_TOUCHED_DOWN;
+        watch.observe_reference(&reference(PathReference::PHASE_DISARMED, cause, false));
+        assert_eq!(watch.loss().is_some(), is_lost, "{phase}");
+        if let Some(loss) = watch.loss() {
+            assert_eq!(loss.to_string(), "it came down unseen, without a landing");
+        }
+    }
+}
+
+#[test]
+fn a_real_vehicle_that_is_in_the_air_at_the_end_is_lost_by_it() {
+    let end = 9_000_000_000;
+    assert!(
+        airborne().loss_at_the_end(end).is_none(),
+        "without phases nothing lands it"
+    );
+    let phased = Scenario {
+        flight: Some(Flight::default()),
+        ..scenario(0.01, 10.0)
+    };
+    for (source, is_airborne, is_known, reason) in [
+        (StateSource::Estimate, true, true, Some(Reason::MotorsStopped)),
+        (StateSource::Estimate, true, false, Some(Reason::Unseen)),
+        (StateSource::Estimate, false, true, None),
+        (StateSource::Truth, true, true, None),
+    ] {
+        let mut watch = LossWatch::new(&phased, source);
+        let mut newest = reference(PathReference::PHASE_LAND, 0, is_airborne);
+        newest.vehicle_known = is_known.into();
+        watch.observe_reference(&newest);
+        let loss = watch.loss_at_the_end(end);
+        assert_eq!(loss.as_ref().map(|loss| loss.reason), reason);
+        if let Some(loss) = loss {
+            assert!(
+                loss.to_string().ends_with("the flight ended") && loss.time == 9.0,
+                "{loss}"
+            );
+        }
+    }
+}
+
 fn reference(phase: u8, cause: u8, airborne: bool) -> PathReference {
     let mut reference = PathReference::new_zeroed();
     reference.header.stamp_ns = 3_000_000_000;

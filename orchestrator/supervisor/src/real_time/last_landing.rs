@@ -17,13 +17,15 @@ impl Flight<'_> {
             return;
         };
         let state = self.recorder.newest::<VehicleState>();
-        let Some(state) = state.filter(|state| state.tracked.is_set()) else {
-            return;
-        };
-        let [.., z] = state.position_world;
+        // One that is not seen is where it was, as far as anything says.
+        if let Some(state) = state.filter(|state| state.tracked.is_set()) {
+            [.., self.vehicle_z] = state.position_world;
+        }
         if !reference.airborne.is_set() {
-            self.ground_z = z;
-        } else if self.shutdown == Shutdown::None && left < phases.landing_time(self.ground_z - z) {
+            self.ground_z = self.vehicle_z;
+        } else if self.shutdown == Shutdown::None
+            && left < phases.landing_time(self.ground_z - self.vehicle_z)
+        {
             let answer = self.request_end("the end of `duration`");
             let text = format!("the flight ends in {left:.0} s, its `duration`: {answer}");
             self.announce(text);
