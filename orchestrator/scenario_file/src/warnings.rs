@@ -13,6 +13,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
     path_warnings(scenario, path)
         .chain(fence_warning(scenario, path))
         .chain(duration_warning(scenario, path))
+        .chain(landing_warning(scenario, path))
         .chain(sight_warning(scenario))
         .collect()
 }
@@ -121,17 +122,33 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
     let Some(land_at) = flight.land_at else {
         return warning("nothing asks the vehicle to land: it flies at the end".to_owned());
     };
-    let ground = scenario.vehicle.initial.position[2];
-    let height = points
-        .iter()
-        .map(|point| ground - f64::from(point[2]))
-        .fold(flight.takeoff_height, f64::max);
-    let needed = flight.landing_time(height);
+    let needed = longest_landing(scenario, points)?;
     (duration < land_at + needed)
         .then(|| {
             format!("a landing at {land_at:?} s takes up to {needed:.0} s: the vehicle may fly at the end")
         })
         .and_then(warning)
+}
+
+/// Warns of a landing that the envelope takes for one that fails.
+fn landing_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
+    let land_within = scenario.envelope.as_ref()?.land_within;
+    let needed = longest_landing(scenario, points)?;
+    (land_within < needed).then(|| {
+        let reason = format!(
+            "a landing takes up to {needed:.0} s: one that the envelope demands may be killed in the air after {land_within:?} s"
+        );
+        let at = Key::root().then("envelope").then("land_within");
+        Problem::new(at, reason, "state a longer time, or a larger `flight.landing_speed`")
+    })
+}
+
+/// Returns the longest time that a landing takes from a point of the path, s.
+fn longest_landing(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
+    let flight = scenario.flight.as_ref()?;
+    let ground = scenario.vehicle.initial.position[2];
+    let heights = points.iter().map(|point| ground - f64::from(point[2]));
+    Some(flight.landing_time(heights.fold(flight.takeoff_height, f64::max)))
 }
 
 /// Warns of a law that leaves the vehicle level before the path has slowed it down: without sight it keeps the velocity that it
