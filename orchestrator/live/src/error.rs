@@ -53,13 +53,13 @@ pub enum LiveError {
     /// The run goes on alone.
     #[error(
         "the orchestrator of the run `{0}` has died; its services land, or fly on, as the scenario says: `gerono attach \
-         --run {0}` takes them over, `gerono kill --run {0}` lets the motors rest"
+         --run {0}` takes them over, `gerono kill --run {0}` stops the motors, in the air too"
     )]
     Abandoned(String),
     /// The orchestrator says nothing.
     #[error(
         "the orchestrator of the run `{0}` does not answer: it is stopped (`kill -CONT` lets it go on), hung, or has too \
-         little of the machine; `gerono kill --run {0}` works without it"
+         little of the machine; what was asked for is withdrawn; `gerono kill --run {0}` works without it"
     )]
     Silent(String),
     /// The socket failed.

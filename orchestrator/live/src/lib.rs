@@ -65,6 +65,15 @@ pub enum Question {
     FreezeService(String),
 }
 
+impl Question {
+    /// Returns whether it is withdrawn when its client goes before the answer: what somebody has given up, or was told to have
+    /// failed, must not happen later. Only a kill stands, since it can only come too late.
+    #[must_use]
+    pub fn ends_with_its_client(&self) -> bool {
+        *self != Self::Operate(Request::Kill)
+    }
+}
+
 /// The answer of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -122,7 +131,18 @@ impl LiveRun {
             run: run.name().to_owned(),
             source,
         };
-        let folder = run.open_folder().map_err(|error| failed(error.into()))?;
+        let folder = run.open_folder().map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => failed(
+                format!(
+                    "its folder {} was removed, and it lands; Ctrl-C in its terminal reaches it, and `gerono kill --run {}`, \
+                     which stops the motors, in the air too",
+                    run.folder.display(),
+                    run.name()
+                )
+                .into(),
+            ),
+            _ => failed(error.into()),
+        })?;
         let is_its_own = |user: u32| User::of(user) == run.owner;
         if !fstat(&folder).is_ok_and(|found| is_its_own(found.st_uid)) {
             return Err(failed("its folder belongs to another user".into()));

@@ -175,7 +175,10 @@ impl Client {
             Ok((_, 0)) | Err(_) => return ClientRequest::End,
             Ok((_, length)) => buffer.get(..length),
         };
-        let answer = match question.map(serde_json::from_slice) {
+        let answer = match question.map(serde_json::from_slice::<Question>) {
+            Some(Ok(question)) if question.ends_with_its_client() && self.channel.is_hung_up() => {
+                return ClientRequest::End;
+            }
             Some(Ok(question)) => contained(|| answer(question)).unwrap_or_else(|| {
                 let reason =
                     "this met a defect of gerono, which the terminal of the flight shows; the flight goes on";
@@ -287,6 +290,33 @@ mod tests {
         server.serve();
         clients[0].send(&KILL).unwrap();
         let _newcomers: Vec<_> = (0..CLIENTS).map(|_| server.client()).collect();
+        assert_eq!(server.serve(), 1);
+    }
+
+    #[test]
+    fn what_a_client_has_given_up_does_not_happen_but_a_kill_does() {
+        let mut server = Server::open();
+        for question in [
+            Question::Operate(Request::Arm),
+            Question::Operate(Request::Disarm),
+            Question::Operate(Request::Land),
+            Question::Stop,
+            Question::Set(vec!["controller.k1=5".to_owned()]),
+            Question::KillService("controller".to_owned()),
+        ] {
+            let client = server.client();
+            client.send(&question).unwrap();
+            drop(client);
+            let mut has_happened = false;
+            server.server.serve(|_| {
+                has_happened = true;
+                Answer::Done(String::new())
+            });
+            assert!(!has_happened, "{question:?}");
+        }
+        let client = server.client();
+        client.send(&KILL).unwrap();
+        drop(client);
         assert_eq!(server.serve(), 1);
     }
 

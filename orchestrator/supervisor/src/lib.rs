@@ -17,6 +17,7 @@ pub mod supervision;
 
 use std::error::Error;
 use std::fmt::{Display, Formatter};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use command_line::exit::Exit;
@@ -139,6 +140,12 @@ pub enum FlightFailure {
         /// The reason that it gave.
         reason: String,
     },
+    /// The folder of the run's bookkeeping is gone.
+    #[error(
+        "the folder of the run, {}, was removed: nothing finds the run any more, and no service could be started again; \
+         one below XDG_RUNTIME_DIR goes with the user's last login (`loginctl enable-linger`)", .0.display()
+    )]
+    PlaceRemoved(PathBuf),
     /// A service did not become ready.
     #[error("the services {} did not become ready within {} s; is the machine overloaded?", .services.join(", "), .limit.as_secs())]
     NotReady {

@@ -24,6 +24,7 @@ mod tuning;
 pub use policies::with_policies;
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -63,6 +64,9 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
 /// From the decision to fly until tick 0 begins: everybody has been told by then.
 const COUNTDOWN: Duration = Duration::from_millis(50);
+
+/// Time after the last tick within which a flight ends whose services are delayed.
+const DELAYED_END_LIMIT: Duration = Duration::from_secs(10);
 
 /// Events of a flight in real time, for the record of the machine.
 pub trait StepObserver: SupervisionObserver {
@@ -155,14 +159,15 @@ where
         context,
         shared,
         survivors,
-        killed,
+        place,
         clock,
         first_tick,
     } = take_over;
     let mut recorder = Recorder::new(context.listen_in()?, first_tick);
     let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
     recorder.connect().map_err(FlightFailure::setup)?;
-    // From here on nothing fails without a landing.
+    // Only now: nobody restarts them if it fails before, and from here on nothing fails without a landing.
+    let killed = take_over::end_the_others(&place, &survivors)?;
     let supervisor = context.adopt_supervisor(shared, survivors)?;
     observer.flight_begins_at(clock.start_ns);
     observer.ready(&supervisor, context.cores.ring);
@@ -200,6 +205,8 @@ struct Flight<'a> {
     heartbeats: Heartbeats,
     observer: &'a mut dyn StepObserver,
     scenario: &'a Scenario,
+    /// The folder of its bookkeeping.
+    place: &'a Path,
     laboratory: Laboratory<'a>,
     people: &'a Clients<'a>,
     /// Name of the run, by which other terminals find it.
@@ -224,6 +231,8 @@ struct Flight<'a> {
     was_lost: bool,
     /// z of the vehicle when it was on the ground last, in {I}, m; that of the floor until it is known.
     ground_z: f64,
+    /// z of the vehicle when it was last seen, m.
+    vehicle_z: f64,
     /// The last events, for people at other terminals.
     events: LiveEvents,
 }
@@ -249,6 +258,7 @@ impl<'a> Flight<'a> {
             recorder,
             observer,
             scenario: &context.scenario,
+            place: context.root.folder(),
             laboratory: Laboratory::of(&context.scenario),
             people,
             run: context.root.name(),
@@ -263,6 +273,7 @@ impl<'a> Flight<'a> {
             last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
             was_lost: false,
             ground_z: 0.0,
+            vehicle_z: 0.0,
             events: LiveEvents::default(),
         }
     }
@@ -324,6 +335,9 @@ impl<'a> Flight<'a> {
             server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.supervisor.remove_unfinished();
+                if !self.place.exists() {
+                    self.fail(FlightFailure::PlaceRemoved(self.place.to_owned()));
+                }
                 self.observer.health(&self.supervisor);
                 self.observe_laboratory();
                 self.tell_of_laboratory();
@@ -341,8 +355,14 @@ impl<'a> Flight<'a> {
     /// Returns whether the last tick is so long past that nothing more comes: a service that cannot be restarted never
     /// finishes.
     fn is_past_its_end(&self) -> bool {
+        let since_end = self.since_end();
+        since_end > STOP_LIMIT && (since_end > DELAYED_END_LIMIT || !self.supervisor.is_delayed())
+    }
+
+    /// Returns the time since the last tick.
+    fn since_end(&self) -> Duration {
         let last = self.clock.begins_at(self.schedule.last_tick());
-        monotonic_ns().saturating_sub(last) > STOP_LIMIT.as_nanos() as u64
+        Duration::from_nanos(monotonic_ns().saturating_sub(last))
     }
 
     /// Takes note of a service that has not flown its last step although its time is past: its flight is not complete.
@@ -351,7 +371,7 @@ impl<'a> Flight<'a> {
         if self.shutdown != Shutdown::None || self.failure.is_some() {
             return Vec::new();
         }
-        let limit = STOP_LIMIT.as_secs();
+        let limit = self.since_end().as_secs();
         let mut warnings = Vec::new();
         for service in self.supervisor.unfinished() {
             let name = self.supervisor.name_of(service).to_owned();

@@ -402,6 +402,23 @@ impl<'a> Supervisor<'a> {
         cell.steps_until.load(Ordering::Relaxed)
     }
 
+    /// Returns whether a service that has steps to do is delayed by the machine or by its restart: it runs, waits for a processor
+    /// or for its memory, or is about to fly again.
+    #[must_use]
+    pub fn is_delayed(&self) -> bool {
+        let is_delayed = |member: &ManagedService| match member.phase {
+            Phase::Finished | Phase::GivenUp => false,
+            Phase::Flying => {
+                !self.has_flown_all(member.service)
+                    && self
+                        .activity(member.service)
+                        .is_some_and(|activity| activity.is_runnable)
+            }
+            Phase::Starting | Phase::Ready | Phase::CatchingUp(_) | Phase::Dead(_) => true,
+        };
+        self.members.iter().any(is_delayed)
+    }
+
     /// Waits up to `limit` for something to happen and tells what did.
     pub fn watch(&mut self, limit: Duration) -> Vec<ServiceEvent> {
         let timeout = Timespec::try_from(limit).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! Taking over a flight whose orchestrator is gone: everything of it is learned from its services.
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -26,16 +26,15 @@ pub struct TakeOver {
     pub(super) context: RunContext,
     pub(super) shared: Shared,
     pub(super) survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
-    /// Processes that had not come and were killed.
-    pub(super) killed: Vec<u32>,
+    /// Place of the run.
+    pub(super) place: PathBuf,
     pub(super) clock: FlightClock,
     /// The first tick that will be recorded.
     pub(super) first_tick: u64,
 }
 
 impl TakeOver {
-    /// Waits at the place of a run for its services, alone: a second one is refused. Kills those that do not come: they are
-    /// stopped or hang, and whatever takes their place needs their ports.
+    /// Waits at the place of a run for its services, alone: a second one is refused.
     ///
     /// # Errors
     /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
@@ -72,9 +71,6 @@ impl TakeOver {
                  signals have stopped them, which `gerono clean` ends"
             ))
         })?;
-        let came = survivors.iter().flatten();
-        let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
-        let killed = live::runs::end_services_except(place, &came).map_err(FlightFailure::setup)?;
         let [page, checkpoints, step_log, lock] = first.files;
         let context = RunContext::take_over(&first.hello.start, lock)?;
         let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
@@ -93,7 +89,7 @@ impl TakeOver {
             context,
             shared,
             survivors,
-            killed,
+            place: place.to_owned(),
             clock,
         })
     }
@@ -115,6 +111,17 @@ impl TakeOver {
     pub fn first_tick(&self) -> u64 {
         self.first_tick
     }
+}
+
+/// Kills the services of the run at a place that have not come: they are stopped or hang, and whatever takes their place needs
+/// their ports. Returns the numbers of their processes.
+pub(super) fn end_the_others(
+    place: &Path,
+    survivors: &[Option<OrphanedService>],
+) -> Result<Vec<u32>, FlightFailure> {
+    let came = survivors.iter().flatten();
+    let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
+    live::runs::end_services_except(place, &came).map_err(FlightFailure::setup)
 }
 
 /// Takes the lock of those that take a run over, which is one on its folder.
