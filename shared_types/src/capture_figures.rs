@@ -109,6 +109,16 @@ impl CaptureFigures {
         ]
     }
 
+    /// Returns the outcomes of frames whose pose was refused in words, each with its count; empty if none was.
+    #[must_use]
+    pub fn drops_in_words(&self) -> String {
+        let drops = &self.named()[2..12];
+        debug_assert_eq!(drops.iter().map(|(_, count)| count).sum::<u64>(), self.dropped());
+        let some = drops.iter().filter(|(_, count)| *count > 0);
+        let words: Vec<_> = some.map(|(name, count)| format!("{name} {count}")).collect();
+        words.join(", ")
+    }
+
     /// Returns the number of frames whose pose was refused, for all reasons.
     #[must_use]
     pub fn dropped(&self) -> u64 {

@@ -237,6 +237,8 @@ struct SequenceCount {
     /// Number of the next one, of those that belong into the log.
     next: u64,
     gaps: u64,
+    /// `true` if nothing is expected before the next one: it is the first after a take-over.
+    begins_here: bool,
 }
 
 impl FlightSummary {
@@ -269,10 +271,13 @@ impl FlightSummary {
     /// Expects nothing before a tick: the flight was taken over there.
     pub fn begin_at(&mut self, tick: u64) {
         self.first_tick = tick;
-        for topic in Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some()) {
-            let published = self.schedule.publications(topic).count_before(tick);
+        for topic in Topic::ALL {
             let count = &mut self.counts[topic.index()];
-            count.next = count.scope.count_before(published);
+            count.begins_here = true;
+            if topic.publisher().is_some() {
+                let published = self.schedule.publications(topic).count_before(tick);
+                count.next = count.scope.count_before(published);
+            }
         }
     }
 
@@ -472,6 +477,7 @@ impl FlightSummary {
             recorded,
             next,
             gaps,
+            ..
         } = self.counts[topic.index()];
         let due = match (topic.publisher(), self.last_tick) {
             (Some(_), Some(tick)) => self.schedule.publications(topic).count_before(tick + 1),
@@ -522,6 +528,7 @@ impl SequenceCount {
             recorded: 0,
             next: 0,
             gaps: 0,
+            begins_here: false,
         }
     }
 
@@ -529,6 +536,9 @@ impl SequenceCount {
     fn count(&mut self, seq: u64) {
         if self.scope.has(seq) {
             let number = self.scope.count_before(seq);
+            if std::mem::take(&mut self.begins_here) {
+                self.next = number;
+            }
             self.recorded += 1;
             self.gaps += number.saturating_sub(self.next);
             self.next = self.next.max(number + 1);

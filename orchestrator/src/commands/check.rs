@@ -17,6 +17,13 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
     registry::build_all(&scenario).map_err(Failure::bad_input)?;
+    // Poses from the network fly in real time only.
+    if let Some(problem) = scenario
+        .unattended()
+        .filter(|_| scenario.capture_system().is_some())
+    {
+        return Err(Failure::bad_input(problem.to_string()));
+    }
     if arguments.mermaid {
         print(manual::wiring::mermaid());
     } else {

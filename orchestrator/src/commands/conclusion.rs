@@ -120,7 +120,10 @@ fn was_refused(outcome: &Outcome) -> bool {
     matches!(
         outcome,
         Outcome::Failed(
-            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. }
+            FlightFailure::Setup(_)
+                | FlightFailure::NotReady { .. }
+                | FlightFailure::NotPermitted { .. }
+                | FlightFailure::GaveUp { .. }
         )
     )
 }

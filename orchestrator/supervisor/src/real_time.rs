@@ -563,7 +563,9 @@ impl<'a> Flight<'a> {
         );
         for service in hanging {
             self.observer.hung(service);
-            self.supervisor.replace_hung(service);
+            let ticks = now.saturating_sub(self.supervisor.steps_until(service));
+            let hung_for = Duration::from_nanos(ticks * self.clock.tick_ns);
+            self.supervisor.replace_hung(service, hung_for);
             let name = self.supervisor.name_of(service);
             self.remember(&format!("`{name}` hangs and is replaced"));
         }

@@ -143,6 +143,8 @@ impl RunContext {
         shared: Shared,
         survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Supervisor<'_>, FlightFailure> {
+        // Those that have just been killed have ports that others need.
+        self.member.clean_up_after_the_dead();
         let start = self.start(Host::RealTime);
         let lock = self.root.lock();
         let supervisor = Supervisor::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;

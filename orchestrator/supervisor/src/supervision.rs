@@ -357,8 +357,9 @@ impl<'a> Supervisor<'a> {
         Activity::of(self.members[service.index()].process.id())
     }
 
-    /// Replaces the process of a service, which hangs.
-    pub fn replace_hung(&mut self, service: ServiceId) {
+    /// Replaces the process of a service, which has hung for some time.
+    pub fn replace_hung(&mut self, service: ServiceId, hung_for: Duration) {
+        self.members[service.index()].silent_since = Instant::now().checked_sub(hung_for);
         self.replace(service.index(), "hung".to_owned());
     }
 
@@ -396,7 +397,8 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Returns 1 + the last tick at which a service has stepped.
-    fn steps_until(&self, service: ServiceId) -> u64 {
+    #[must_use]
+    pub fn steps_until(&self, service: ServiceId) -> u64 {
         let cell = &self.page.control_block().cells[service.index()];
         // Relaxed: a count and nothing else; of a dead service it is the last, because the end of its process was awaited.
         cell.steps_until.load(Ordering::Relaxed)

@@ -164,7 +164,11 @@ impl Display for Findings<'_> {
                 "the attitude of `{}` does not move: is it tracked by one marker?",
                 diagnosis.name
             ))?,
-            Some(PosePart::Pose) | None => {}
+            Some(PosePart::Pose) => list.add(format_args!(
+                "the pose of `{}` does not move at all: the server repeats it, or simulated cameras have no noise",
+                diagnosis.name
+            ))?,
+            None => {}
             Some(part @ PosePart::Coordinate(_)) => list.add(format_args!(
                 "the {part} of `{}` in the cameras' frame does not move",
                 diagnosis.name

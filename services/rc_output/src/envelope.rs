@@ -2,7 +2,7 @@
 //!
 //! All functions are pure, of the newest good state and command. [`crate::guard`] acts on an exceeded limit.
 
-use scenario::{Action, Fence, Vector};
+use scenario::{Action, Vector};
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
 use shared_types::service::nanoseconds;
 
@@ -50,7 +50,7 @@ impl Envelope {
         };
         [
             stated.r#box.as_ref().map(|fence| {
-                let is_outside = of_state(&|state| distance_outside(fence, state) > 0.0);
+                let is_outside = of_state(&|state| fence.distance_outside(&state.position_world) > 0.0);
                 (RcFrame::LIMIT_BOX, fence.action, is_outside)
             }),
             stated
@@ -90,7 +90,7 @@ impl Envelope {
         let (fence, state) = (self.stated.r#box.as_ref(), state);
         fence
             .zip(state)
-            .is_some_and(|(fence, state)| distance_outside(fence, state) > fence.margin)
+            .is_some_and(|(fence, state)| fence.distance_outside(&state.position_world) > fence.margin)
     }
 
     /// Returns the command within the limits, whatever their actions: thrust from 0 to its largest, torque and rates
@@ -127,16 +127,6 @@ impl Envelope {
     pub fn needs_state(&self) -> bool {
         self.stated.estimate.is_some()
     }
-}
-
-/// Returns the distance of a vehicle from the box, m; 0 inside.
-fn distance_outside(fence: &Fence, state: &VehicleState) -> f64 {
-    let position = state.position_world;
-    let beyond = |axis: usize| {
-        let [below, above] = [fence.min[axis] - position[axis], position[axis] - fence.max[axis]];
-        below.max(above).max(0.0)
-    };
-    norm(&[beyond(0), beyond(1), beyond(2)])
 }
 
 fn norm([x, y, z]: &Vector) -> f64 {

@@ -86,6 +86,19 @@ pub struct Fence {
     pub action: Action,
 }
 
+impl Fence {
+    /// Returns the distance of a place from the box, m; 0 inside.
+    #[must_use]
+    pub fn distance_outside(&self, place: &Vector) -> f64 {
+        let beyond = |axis: usize| {
+            let [below, above] = [self.min[axis] - place[axis], place[axis] - self.max[axis]];
+            below.max(above).max(0.0)
+        };
+        let [x, y, z] = [beyond(0), beyond(1), beyond(2)];
+        (x * x + y * y + z * z).sqrt()
+    }
+}
+
 /// Required accuracy of the estimated state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

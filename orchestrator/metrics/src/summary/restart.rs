@@ -16,7 +16,7 @@ pub struct Restart {
     pub pid: u32,
     /// The last tick that had been flown; `None` if it was the first.
     pub tick: Option<u64>,
-    /// From the moment when the death was noticed until the new process flew, s.
+    /// From the moment when the death was noticed, or from the last step of a process that hung, until the new process flew, s.
     pub lost_seconds: f64,
 }
 

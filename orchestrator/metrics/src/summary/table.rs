@@ -80,7 +80,7 @@ impl Summary {
         writeln!(formatter, "{}", wrapped(&flown))?;
         if self.began_at > 0.0 {
             let text = format!(
-                "taken over at {:.3} s: what was flown before is in the log of the orchestrator that died, and not judged here",
+                "taken over at {:.3} s: what was flown before is not judged here; the log of the orchestrator that died has it up to its death",
                 self.began_at
             );
             writeln!(formatter, "{}", wrapped(&text))?;

@@ -426,6 +426,29 @@ fn what_nobody_published_is_told_from_what_was_not_recorded() {
     assert!(text.contains("15 of rc/frame"), "{text}");
 }
 
+/// Nothing was left out: it came before the first sample that the new orchestrator received.
+#[test]
+fn what_came_before_the_first_sample_after_a_take_over_is_not_missing() {
+    let (scenario, schedule) = flight();
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    summary.begin_at(100);
+    for tick in (110..=2000).filter(|tick| !(300..305).contains(tick)) {
+        summary.observe(
+            Topic::RcFrame,
+            &sample(Topic::RcFrame, schedule.header(Topic::RcFrame, tick)),
+        );
+    }
+    let summary = summary.finish(RunFacts {
+        timing: Some(late_timing(5, 0)),
+        ..facts()
+    });
+    let missing = |topic: &str| {
+        let count = summary.topics.iter().find(|count| count.topic == topic).unwrap();
+        count.not_flown + count.not_recorded
+    };
+    assert_eq!((missing("rc/frame"), missing("vehicle/truth")), (5, 1901));
+}
+
 #[test]
 fn a_log_that_could_not_be_written_has_what_is_in_it() {
     let text = lost_flight(RunFacts {

@@ -151,6 +151,17 @@ impl Flight<'_> {
         let Some(state) = self.recorder.newest::<VehicleState>() else {
             return Some("nothing is known of the vehicle yet".to_owned());
         };
+        let fence = self
+            .scenario
+            .envelope
+            .as_ref()
+            .and_then(|envelope| envelope.r#box.as_ref());
+        let outside = fence.map_or(0.0, |fence| fence.distance_outside(&state.position_world));
+        if state.tracked.is_set() && outside > 0.0 {
+            return Some(format!(
+                "the vehicle stands {outside:.2} m outside of `envelope.box`: carry it back, or state a larger box"
+            ));
+        }
         let age_ns = |stamp_ns| elapsed_ns.saturating_sub(stamp_ns);
         let state_age_ns = age_ns(state.header.stamp_ns);
         let frame = self.recorder.newest::<RcFrame>();

@@ -132,11 +132,12 @@ fn unseen(
     let (name, server, object) = (system.name(), &stated.server, &stated.object);
     let age = seconds(elapsed_ns.saturating_sub(figures.believed_at_ns));
     let [least, most] = stated.rate;
-    let reason = figures.reason();
-    let because = if reason.is_empty() {
+    let found = [figures.reason().into_owned(), figures.drops_in_words()];
+    let found: Vec<_> = found.into_iter().filter(|words| !words.is_empty()).collect();
+    let because = if found.is_empty() {
         String::new()
     } else {
-        format!("; so far {reason}")
+        format!("; so far {}", found.join("; "))
     };
     match figures.health {
         CaptureFigures::HEALTH_UNKNOWN | CaptureFigures::HEALTH_SILENT if figures.malformed > 0 => {
@@ -276,6 +277,14 @@ mod tests {
         assert!(
             refused.starts_with("packets come") && refused.ends_with(words),
             "{refused}"
+        );
+        let still = with(&|figures| {
+            figures.health = CaptureFigures::HEALTH_SETTLING;
+            (figures.frozen, figures.jumped) = (1671, 2);
+        });
+        assert!(
+            still.ends_with("not believed yet; so far frozen 1671, jumped 2"),
+            "{still}"
         );
         let slow = with(&|figures| figures.rate = 20.0);
         assert!(slow.contains("20.0 frames come a second"), "{slow}");

@@ -27,8 +27,10 @@ pub(super) struct ManagedService {
     pub(super) fruitless: u32,
     /// 1 + the last tick that was flown before the last death.
     pub(super) flown_until: u64,
-    /// Time at which the last death was noticed.
+    /// Time at which the last death was noticed, or at which a process that hung had stepped last.
     pub(super) died_at: Option<Instant>,
+    /// That time of a process that hangs, until its end.
+    pub(super) silent_since: Option<Instant>,
     /// Number of this birth, and when it was announced to the others.
     pub(super) birth: Option<(u32, Instant)>,
     /// `true` if its process was a standby process that was prepared for its role.
@@ -95,6 +97,7 @@ impl ManagedService {
             fruitless: 0,
             flown_until: 0,
             died_at: None,
+            silent_since: None,
             birth: None,
             was_prepared: false,
             slow_start: None,

@@ -92,7 +92,8 @@ impl Supervisor<'_> {
         };
         let now = Instant::now();
         // One that dies before it flies does not end the gap that the death before it began.
-        let gap_began = member.died_at.filter(|_| member.is_newborn());
+        let silent_since = member.silent_since.take();
+        let gap_began = member.died_at.filter(|_| member.is_newborn()).or(silent_since);
         member.died_at = (!is_planned).then_some(gap_began.unwrap_or(now));
         member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
             Phase::Dead(now + pause)
