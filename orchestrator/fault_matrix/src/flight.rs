@@ -6,7 +6,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use host::in_process::TickSink;
 use scenario::Scenario;
 use shared_types::digest::ExperimentDigest;
-use shared_types::{Schedule, Topic};
+use shared_types::samples::PathReference;
+use shared_types::{FlightPhase, Schedule, Topic};
 
 use super::plan::MatrixCell;
 use super::undisturbed::{NotFlown, Undisturbed};
@@ -27,6 +28,8 @@ pub struct FlightResult {
     pub report: Option<FaultReport>,
     /// The loss of the vehicle, if it was lost.
     pub loss: Option<Loss>,
+    /// `true` if the vehicle stood disarmed at its end.
+    pub has_landed: bool,
     /// Reason why the flight ended early, if the fault ended it.
     pub ended: Option<Ended>,
     /// Digest of all samples, if it was asked for.
@@ -74,6 +77,8 @@ pub fn fly(
         watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
         undisturbed: undisturbed.clone(),
         digest: with_digest.then(ExperimentDigest::default),
+        phase: None,
+        has_phases: scenario.flight.is_some(),
     };
     let outcome = match way {
         Way::InProcess { .. } => in_this_process(scenario, &mut observer, interrupt),
@@ -132,6 +137,9 @@ struct Observer {
     watch: FaultWatch,
     undisturbed: Undisturbed,
     digest: Option<ExperimentDigest>,
+    /// Phase by the newest reference, in a flight with phases.
+    phase: Option<FlightPhase>,
+    has_phases: bool,
 }
 
 impl Observer {
@@ -148,6 +156,7 @@ impl Observer {
         FlightResult {
             report: self.watch.finish(schedule, self.loss.loss()).pop(),
             loss: self.loss.loss().cloned(),
+            has_landed: self.phase == Some(FlightPhase::Disarmed),
             ended,
             digest: self.digest.map(ExperimentDigest::finish),
         }
@@ -163,7 +172,10 @@ impl TickSink for Observer {
             self.observe(&moment);
         }
         match topic {
-            Topic::PathReference => metrics::view(bytes, |reference| self.loss.observe_reference(reference)),
+            Topic::PathReference => metrics::view(bytes, |reference: &PathReference| {
+                self.loss.observe_reference(reference);
+                self.phase = self.has_phases.then(|| FlightPhase::from_code(reference.phase));
+            }),
             Topic::RcFrame => metrics::view(bytes, |frame| self.loss.observe_frame(frame)),
             _ => {}
         }

@@ -12,7 +12,7 @@ use metrics::loss::Reason;
 pub enum Survival {
     /// It strayed no farther than [`SURVIVES`] times the bound.
     Survived,
-    /// It did, and came back inside the bound for good.
+    /// It did, and came back inside the bound for good, or landed.
     Degraded,
     /// It did not come back, was lost by the limits of the scenario, a number was not finite, or a service died of it.
     Lost,
@@ -91,6 +91,10 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
             details: Some(format!("lost at {} s: {loss}", loss.time)),
         });
     }
+    // On the ground there is no path to come back to: a touch-down is judged by the limits alone.
+    if flown.has_landed {
+        return None;
+    }
     let report = flown.report.as_ref();
     let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
         return Some(MatrixLoss::new("it is not known where the vehicle was"));
@@ -122,6 +126,7 @@ mod tests {
                 others: String::new(),
             }),
             loss: None,
+            has_landed: false,
             ended: None,
             digest: None,
         }
@@ -139,6 +144,24 @@ mod tests {
             let (judged, why) = judge(&flown(peak, back_after));
             assert_eq!(judged, verdict, "{peak} {back_after:?}");
             assert_eq!(why.is_some(), verdict == Survival::Lost);
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_has_landed_need_not_come_back_to_its_path() {
+        for report in [flown(0.2, None).report, flown(0.01, None).report, None] {
+            let strays = report.as_ref().and_then(|report| report.peak_error) != Some(0.01);
+            let landed = FlightResult {
+                report,
+                has_landed: true,
+                ..flown(0.2, None)
+            };
+            let verdict = if strays {
+                Survival::Degraded
+            } else {
+                Survival::Survived
+            };
+            assert_eq!(judge(&landed), (verdict, None));
         }
     }
 
