@@ -66,7 +66,7 @@ pub enum Question {
 }
 
 impl Question {
-    /// Returns whether it is withdrawn when its client goes before the answer: what somebody has given up, or was told to have
+    /// Returns whether it is withdrawn when its client goes before the answer: what has been given up, or was told to have
     /// failed, must not happen later. Only a kill stands, since it can only come too late.
     #[must_use]
     pub fn ends_with_its_client(&self) -> bool {

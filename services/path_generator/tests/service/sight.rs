@@ -153,7 +153,7 @@ fn a_look_that_is_due_after_a_gap_waits_until_the_vehicle_is_seen() {
     }
 }
 
-/// Whoever demands the landing at the step in which a vehicle is found elsewhere.
+/// The landing is demanded at the step in which the vehicle is found.
 #[test]
 fn a_vehicle_that_is_found_elsewhere_when_it_is_to_land_comes_down_from_where_it_is() {
     for phase in [PathReference::PHASE_TAKE_OFF, PathReference::PHASE_FLY] {
