@@ -29,7 +29,7 @@ pub struct FlightResult {
     /// The loss of the vehicle, if it was lost.
     pub loss: Option<Loss>,
     /// `true` if the vehicle stood disarmed at its end.
-    pub has_landed: bool,
+    pub stands_disarmed: bool,
     /// Reason why the flight ended early, if the fault ended it.
     pub ended: Option<Ended>,
     /// Digest of all samples, if it was asked for.
@@ -156,7 +156,7 @@ impl Observer {
         FlightResult {
             report: self.watch.finish(schedule, self.loss.loss()).pop(),
             loss: self.loss.loss().cloned(),
-            has_landed: self.phase == Some(FlightPhase::Disarmed),
+            stands_disarmed: self.phase == Some(FlightPhase::Disarmed),
             ended,
             digest: self.digest.map(ExperimentDigest::finish),
         }

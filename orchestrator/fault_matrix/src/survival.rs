@@ -12,7 +12,7 @@ use metrics::loss::Reason;
 pub enum Survival {
     /// It strayed no farther than [`SURVIVES`] times the bound.
     Survived,
-    /// It did, and came back inside the bound for good, or landed.
+    /// It did, and came back inside the bound for good, or stood disarmed at the end.
     Degraded,
     /// It did not come back, was lost by the limits of the scenario, a number was not finite, or a service died of it.
     Lost,
@@ -92,7 +92,7 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
         });
     }
     // On the ground there is no path to come back to: a touch-down is judged by the limits alone.
-    if flown.has_landed {
+    if flown.stands_disarmed {
         return None;
     }
     let report = flown.report.as_ref();
@@ -126,7 +126,7 @@ mod tests {
                 others: String::new(),
             }),
             loss: None,
-            has_landed: false,
+            stands_disarmed: false,
             ended: None,
             digest: None,
         }
@@ -153,7 +153,7 @@ mod tests {
             let strays = report.as_ref().and_then(|report| report.peak_error) != Some(0.01);
             let landed = FlightResult {
                 report,
-                has_landed: true,
+                stands_disarmed: true,
                 ..flown(0.2, None)
             };
             let verdict = if strays {

@@ -91,6 +91,9 @@ pub struct RunFacts {
     pub outcome: Outcome,
     /// Reason for the outcome, in words; empty when it was completed.
     pub reason: String,
+    /// `true` if the flight went on to its last tick, which stops the motors of a real vehicle. A log alone does not show it.
+    #[serde(skip)]
+    pub is_over: bool,
     /// Tick at which a service computed a number that is not finite, if that ended it.
     #[serde(skip)]
     pub not_finite_at: Option<u64>,
@@ -205,6 +208,9 @@ pub struct TopicCount {
     pub not_recorded: u64,
 }
 
+/// Time in which an orchestrator that takes over has connected to what the services publish, s.
+const CONNECTING: f64 = 0.2;
+
 /// Gathers a [`Summary`] while a flight goes on, in constant memory.
 #[derive(Clone, Debug)]
 pub struct FlightSummary {
@@ -237,8 +243,8 @@ struct SequenceCount {
     /// Number of the next one, of those that belong into the log.
     next: u64,
     gaps: u64,
-    /// `true` if nothing is expected before the next one: it is the first after a take-over.
-    begins_here: bool,
+    /// Number up to which nothing is missing before the next one: the first after a take-over.
+    may_skip_to: u64,
 }
 
 impl FlightSummary {
@@ -271,13 +277,16 @@ impl FlightSummary {
     /// Expects nothing before a tick: the flight was taken over there.
     pub fn begin_at(&mut self, tick: u64) {
         self.first_tick = tick;
+        let connected = tick + nanoseconds(CONNECTING) / self.schedule.tick_ns();
         for topic in Topic::ALL {
             let count = &mut self.counts[topic.index()];
-            count.begins_here = true;
-            if topic.publisher().is_some() {
-                let published = self.schedule.publications(topic).count_before(tick);
-                count.next = count.scope.count_before(published);
-            }
+            count.may_skip_to = if topic.publisher().is_some() {
+                let published = |tick| self.schedule.publications(topic).count_before(tick);
+                count.next = count.scope.count_before(published(tick));
+                count.scope.count_before(published(connected))
+            } else {
+                u64::MAX
+            };
         }
     }
 
@@ -463,7 +472,7 @@ impl FlightSummary {
             let seconds = seconds(self.schedule.time_ns(tick));
             return Some(Loss::not_finite(seconds, self.tracker.source()));
         }
-        let last_tick = self.last_tick.filter(|_| run.outcome == Outcome::Completed)?;
+        let last_tick = self.last_tick.filter(|_| run.is_over)?;
         self.loss.loss_at_the_end(self.schedule.time_ns(last_tick))
     }
 
@@ -528,7 +537,7 @@ impl SequenceCount {
             recorded: 0,
             next: 0,
             gaps: 0,
-            begins_here: false,
+            may_skip_to: 0,
         }
     }
 
@@ -536,9 +545,7 @@ impl SequenceCount {
     fn count(&mut self, seq: u64) {
         if self.scope.has(seq) {
             let number = self.scope.count_before(seq);
-            if std::mem::take(&mut self.begins_here) {
-                self.next = number;
-            }
+            self.next = self.next.max(number.min(std::mem::take(&mut self.may_skip_to)));
             self.recorded += 1;
             self.gaps += number.saturating_sub(self.next);
             self.next = self.next.max(number + 1);

@@ -44,7 +44,8 @@ impl FlightResult<'_> {
         let summary = flown.finish(self.facts(&ending));
         if has_flown_nothing(&ending.outcome, &summary) {
             self.folder.remove_logs();
-            if was_refused(&ending.outcome) {
+            let gave_up = matches!(&ending.outcome, Outcome::Failed(failure) if failure.is_given_up());
+            if was_refused(&ending.outcome) || gave_up {
                 // There is nothing to keep: the same command finds the folder as it was.
                 self.folder.remove_files(&self.kept);
                 self.folder.remove_if_empty();
@@ -69,6 +70,7 @@ impl FlightResult<'_> {
             host: self.host.name().to_owned(),
             outcome,
             reason,
+            is_over: matches!(ending.outcome, Outcome::Completed),
             not_finite_at: match &ending.outcome {
                 Outcome::Failed(failure) => failure.not_finite_at(),
                 _ => None,
@@ -120,10 +122,7 @@ fn was_refused(outcome: &Outcome) -> bool {
     matches!(
         outcome,
         Outcome::Failed(
-            FlightFailure::Setup(_)
-                | FlightFailure::NotReady { .. }
-                | FlightFailure::NotPermitted { .. }
-                | FlightFailure::GaveUp { .. }
+            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. }
         )
     )
 }

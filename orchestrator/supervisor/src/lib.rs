@@ -261,6 +261,12 @@ impl FlightFailure {
         }
     }
 
+    /// Returns whether a service could not do its work and said so.
+    #[must_use]
+    pub fn is_given_up(&self) -> bool {
+        matches!(self.itself(), Self::GaveUp { .. })
+    }
+
     /// Returns the tick at which a service computed a number that is not finite, if that is the failure.
     #[must_use]
     pub fn not_finite_at(&self) -> Option<u64> {

@@ -335,7 +335,7 @@ impl<'a> Flight<'a> {
             server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.supervisor.remove_unfinished();
-                if !self.place.exists() {
+                if matches!(self.place.try_exists(), Ok(false)) {
                     self.fail(FlightFailure::PlaceRemoved(self.place.to_owned()));
                 }
                 self.observer.health(&self.supervisor);

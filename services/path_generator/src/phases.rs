@@ -15,7 +15,7 @@
 //!   than [`AT_REST`], has landed, and is disarmed;
 //! * *strayed*: the vehicle is seen again after dead reckoning, or after a gap of the steps, farther than
 //!   [`STRAYED`] from the reference, or with a velocity that differs from the reference's by more than [`STRAYED_BY_SPEED`].
-//!   So has one that is [left behind](LEFT_BEHIND) on a segment, although it is seen.
+//!   So has one that a landing has [left behind](LEFT_BEHIND) in the air, although it is seen.
 //!   The reference then starts again at the vehicle: the controller would answer such an error with more tilt than it can
 //!   recover from.
 //!
@@ -51,8 +51,8 @@ pub const LIFTED: f64 = 0.05;
 pub const ARRIVED: f64 = 0.3;
 /// Distance from the reference at which a vehicle that is seen again has strayed, m.
 pub const STRAYED: f64 = 0.2;
-/// Distance from a reference on a segment that leaves behind a vehicle which is seen all the time, m: something keeps the vehicle
-/// from following, or its controller from the reference.
+/// Distance from the reference of a landing that leaves behind a vehicle which is seen all the time, m: something keeps the
+/// vehicle from following, or its controller from the reference.
 pub const LEFT_BEHIND: f64 = 0.5;
 /// Difference from its velocity at which one has, m/s: the controller answers an error of velocity with tilt, too.
 pub const STRAYED_BY_SPEED: f64 = 0.4;
@@ -529,11 +529,7 @@ impl Phases {
                 way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
                     || self.speed_from_reference(sight) > STRAYED_BY_SPEED
             } else {
-                // The path waits for the vehicle; segments do not.
-                sight.is_seen()
-                    && self
-                        .line_point()
-                        .is_some_and(|point| way_from(point.position).is_some_and(|way| way > LEFT_BEHIND))
+                self.phase() == FlightPhase::Land && self.is_left_behind(sight)
             },
             stranded: is_found && is_on_the_ground,
             rests: is_found
@@ -547,6 +543,17 @@ impl Phases {
                     .frame
                     .is_some_and(|frame| !frame.failsafe.is_set() && frame.thrust >= self.airborne_thrust),
         }
+    }
+
+    /// Returns whether the reference of a landing has gone down without a vehicle that is in the air: not with one that the ground
+    /// holds, which a law that is soft unloads only when the reference is far below.
+    fn is_left_behind(&self, sight: &PhaseInput<'_>) -> bool {
+        let Some((point, vehicle)) = self.line_point().zip(sight.vehicle.filter(|_| sight.is_seen())) else {
+            return false;
+        };
+        let place = Vector3::from(vehicle.position_world);
+        let is_high = self.memory.ground_known.is_set() && place.z < self.memory.ground - STRAYED;
+        is_high && (place - point.position).norm() > LEFT_BEHIND
     }
 
     /// Returns whether the vehicle moves less than one that comes down beside its stand, as it passes the height of the stand.

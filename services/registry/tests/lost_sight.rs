@@ -336,7 +336,6 @@ fn a_path_generator_that_is_away_while_it_stops_without_sight_does_not_send_the_
     }
 }
 
-/// A law that estimates nothing and believes in a mass that is too large, so in a thrust that is too large.
 /// The state is predicted by the commands since, which change several times in that time.
 #[test]
 fn states_that_come_late_but_not_too_late_for_the_law_do_not_tip_the_vehicle() {
@@ -377,6 +376,7 @@ fn a_landing_comes_down_although_its_path_generator_is_gone() {
     }
 }
 
+/// A law that estimates nothing and believes in a mass that is too large, so in a thrust that is too large.
 #[test]
 fn a_blind_vehicle_goes_down_although_its_thrust_is_believed_too_large() {
     for mass in ["0.18", "0.185", "0.195"] {

@@ -156,7 +156,11 @@ impl Launch<'_> {
         let flown = real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context);
         watchdog::rest();
         // Hardware that it is connected to in a laboratory stops with the flight, and not with a process that fails.
-        if matches!(flown, Ok(()) | Err(FlightError::Stopping)) {
+        // What a plug-in forgets is told when it has flown all.
+        if matches!(
+            flown,
+            Ok(()) | Err(FlightError::Stopping | FlightError::Forgets(_))
+        ) {
             service.finish();
         }
         flown?;

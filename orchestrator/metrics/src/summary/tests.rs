@@ -21,6 +21,7 @@ pub(super) fn facts() -> RunFacts {
         host: "inprocess".to_owned(),
         outcome: Outcome::Completed,
         reason: String::new(),
+        is_over: true,
         not_finite_at: None,
         in_log: None,
         wall_seconds: 0.5,

@@ -175,8 +175,9 @@ fn a_vehicle_that_is_found_elsewhere_when_it_is_to_land_comes_down_from_where_it
 
 /// Something keeps the vehicle from following, or its controller from the reference.
 #[test]
-fn a_segment_does_not_leave_a_vehicle_behind() {
+fn a_landing_does_not_leave_a_vehicle_behind_in_the_air() {
     let mut flown = held_up_in_the_descent();
+    assert!(flown.vehicle.position_world[2] < PLACE[2] - STRAYED);
     let mut farthest: f64 = 0.0;
     for _ in 0..10_000 {
         flown.frame.thrust = 1.7;
