@@ -26,6 +26,9 @@ const ARRIVED: f64 = 0.5;
 /// The share within which it may not tip over any more.
 const NEAR: f64 = 0.1;
 
+/// Age of a reference from which on it does not lead the vehicle any more, s.
+const LED: f64 = 1.0;
+
 /// Height below which a vehicle touches the ground, m.
 const TOUCHES: f64 = 1e-6;
 
@@ -91,6 +94,8 @@ pub struct LossWatch {
     phase: FlightPhase,
     /// Time since which it has not been known, ns.
     unknown_since_ns: Option<u64>,
+    /// Time of the newest reference, ns.
+    referred_at_ns: u64,
     /// Time of the first of the newest frames that all stop the motors, ns, and why the vehicle is lost if they go on.
     stopped_since: Option<(u64, Reason)>,
     loss: Option<Loss>,
@@ -135,6 +140,7 @@ impl LossWatch {
             is_airborne: false,
             phase: FlightPhase::Disarmed,
             unknown_since_ns: None,
+            referred_at_ns: 0,
             stopped_since: None,
             loss: None,
         }
@@ -186,6 +192,7 @@ impl LossWatch {
     #[inline]
     pub fn observe_reference(&mut self, reference: &PathReference) {
         let was_airborne = self.is_in_the_air();
+        self.referred_at_ns = reference.header.stamp_ns;
         let phase = FlightPhase::from_code(reference.phase);
         let before = std::mem::replace(&mut self.phase, phase);
         self.is_airborne = reference.airborne.is_set();
@@ -248,9 +255,9 @@ impl LossWatch {
 
     /// Returns what a stop of the motors at a time means: a vehicle that has not been known for long may be down.
     fn reason_of_stop(&self, stamp_ns: u64) -> Reason {
-        let unknown_for_ns = self
-            .unknown_since_ns
-            .map_or(0, |since| stamp_ns.saturating_sub(since));
+        // Nothing says more without a path generator.
+        let known_until_ns = self.unknown_since_ns.unwrap_or(self.referred_at_ns);
+        let unknown_for_ns = stamp_ns.saturating_sub(known_until_ns);
         if self.source == StateSource::Estimate && unknown_for_ns >= nanoseconds(GROUNDED_AFTER) {
             Reason::Unseen
         } else {
@@ -311,12 +318,17 @@ impl LossWatch {
         let ground = self.ground.as_mut()?;
         let height = ground.height - moment.vehicle.position_world[2];
         let sinking = std::mem::replace(&mut ground.sinking, speed_downwards(&moment.vehicle));
+        let is_led = moment.vehicle.time_ns.saturating_sub(self.referred_at_ns) < nanoseconds(LED);
         ground.has_lifted |= height > LIFTED;
         if height > TOUCHES || !std::mem::replace(&mut ground.has_lifted, false) {
             return None;
         }
-        // One that is not seen is brought down by the failsafe stages, in whatever phase.
-        if self.unknown_since_ns.is_none() && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly) {
+        // One that is not seen is brought down by the failsafe stages, in whatever phase, and one without a path generator by its
+        // controller.
+        if self.unknown_since_ns.is_none()
+            && is_led
+            && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly)
+        {
             return Some((Reason::HitGround, Some(sinking), None));
         }
         let limit = ground.speed_max;

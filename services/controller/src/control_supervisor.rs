@@ -62,8 +62,6 @@ pub struct ControlInput<'a> {
     pub target: Reference,
     /// `true` if the estimates may learn from the motion: the vehicle is airborne.
     pub teaches: bool,
-    /// `true` if a landing is demanded and nothing leads the vehicle.
-    pub lands_alone: bool,
 }
 
 /// Telemetry of the law.

@@ -24,9 +24,6 @@
 //! **A landing** goes over to this stage early, `COASTS` after the cameras have lost the vehicle on its straight way
 //! down: neither the stage *level* nor the law on a predicted state is safe where the ground may hold the vehicle.
 //!
-//! A vehicle **lands alone** in this stage, too: if a landing is demanded and no path generator leads it
-//! ([`crate::references`]).
-//!
 //! Failure policy: without a last command to hold, as after a cold start of the controller, the vehicle levels out
 //! instead. Before the first good state the controller commands nothing. No stage is final: the next good state returns
 //! to the law.
@@ -132,19 +129,9 @@ impl FailsafeStages {
     /// vehicle for a time, ns.
     #[must_use]
     pub fn at_landing(&self, age_ns: u64, unseen_ns: u64) -> FailsafeStage {
-        if unseen_ns > nanoseconds(COASTS) {
-            self.descending(age_ns)
-        } else {
-            self.at(age_ns)
-        }
-    }
-
-    /// Returns the stage for an age, ns, of a vehicle that is to go down: no earlier one than the descent, if there is one.
-    #[must_use]
-    pub fn descending(&self, age_ns: u64) -> FailsafeStage {
         let [_, _, (descend, begins), _] = self.begins;
         let stage = self.at(age_ns);
-        if begins.is_some() {
+        if begins.is_some() && unseen_ns > nanoseconds(COASTS) {
             stage.max(descend)
         } else {
             stage

@@ -5,6 +5,7 @@
 //! * [`dead_reckoning`]: the predicted state of the vehicle, from the last good one and the commands since;
 //! * [`bumpless_transfer`]: the return of commands to the law's without a jump;
 //! * [`safety`]: these three together, by the age of the state;
+//! * [`lone_landing`]: the way down of a vehicle whose path generator is gone;
 //! * [`references`]: the reference for the law;
 //! * [`phase`]: the control mode in each phase of the flight;
 //! * [`control_supervisor`]: commands by the law or a failsafe stage;
@@ -18,6 +19,7 @@ pub mod command_history;
 pub mod control_supervisor;
 pub mod dead_reckoning;
 pub mod failsafe;
+pub mod lone_landing;
 pub mod phase;
 pub mod references;
 pub mod safety;

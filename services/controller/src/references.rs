@@ -2,8 +2,7 @@
 //!
 //! Failure policy: a reference with impossible numbers is refused and counted, and the last good one stays in use. With
 //! a policy, a late reference is continued along the path at its γ̈, and comes to rest around `max_age`
-//! ([`Coasted`](shared_types::path_stop::Coasted)). If a landing is demanded meanwhile, and no path generator is back after
-//! [`ABANDONED`], the vehicle goes down without one. A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
+//! ([`Coasted`](shared_types::path_stop::Coasted)). A reference that repeats γ, γ̇ and phase of a moving path is old, and does not
 //! reset the age.
 
 use scenario::{EdgeName, Scenario};
@@ -12,10 +11,9 @@ use shared_types::samples::PathReference;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{Input, Now, ServiceId, Topic};
 
+use crate::lone_landing::ABANDONED;
 use control_law::signals::Reference;
 
-/// Age of a reference above which nothing leads the vehicle any more, s: a path generator that is restarted is back before.
-pub const ABANDONED: f64 = 5.0;
 /// γ̇ above which γ differs from one reference to the next, 1/s.
 const MOVES: f64 = 1e-6;
 
@@ -88,16 +86,13 @@ impl References {
         }
     }
 
-    /// Returns whether a landing is demanded and nothing leads the vehicle: its path generator is gone, and nothing replaces it.
+    /// Returns whether a landing is demanded and nothing leads the vehicle any more: its path generator is gone, and nothing has
+    /// replaced it.
     #[must_use]
     #[inline]
     pub fn are_abandoned(&self, now: &Now) -> bool {
-        now.operator.land
-            && self.patience.is_some()
-            && self
-                .gate
-                .age_ns(now)
-                .is_some_and(|age| age > nanoseconds(ABANDONED))
+        let age_ns = self.gate.age_ns(now).unwrap_or(0);
+        now.operator.land && self.patience.is_some() && age_ns > nanoseconds(ABANDONED)
     }
 
     /// Returns the number of references refused since the start of the flight.

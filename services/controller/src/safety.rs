@@ -62,9 +62,7 @@ impl Safety {
             0
         };
         let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
-        let stage = if input.lands_alone {
-            self.stages.descending(input.age_ns)
-        } else if leads_straight_down(input.reference) {
+        let stage = if leads_straight_down(input.reference) {
             self.stages.at_landing(input.age_ns, self.unseen_ns.max(late_ns))
         } else {
             self.stages.at(input.age_ns)

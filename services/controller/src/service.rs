@@ -32,8 +32,9 @@ use shared_types::{Gains, Now, Service, ServiceId, Topic};
 use crate::bumpless_transfer::Transfer;
 use crate::command_history::CommandHistory;
 use crate::control_supervisor::{ControlInput, ControlSupervisor, Telemetry};
-use crate::dead_reckoning::Reckoned;
+use crate::dead_reckoning::{ModelEstimate, Reckoned};
 use crate::failsafe::FailsafeStage;
+use crate::lone_landing::LoneLanding;
 use crate::phase::{ControlMode, ControlModes};
 use crate::references::References;
 use control_law::adaptive::parameter_vector::ParameterVector;
@@ -81,6 +82,10 @@ shared_types::sample! {
         pub references: GateState,
         /// The last command that was published; all zero before the first.
         pub last: Commanded,
+        /// Time for which it has been landing without a path generator, s.
+        pub lands_alone_for: f64,
+        /// Time for which it has stood on the ground then, s.
+        pub standing_for: f64,
         /// The predicted vehicle; as at the start without a policy.
         pub reckoned: Reckoned,
         /// The commands that it has followed; none without a policy.
@@ -108,6 +113,8 @@ pub struct ControllerService {
     rates: EstimateRates,
     states: StateValidator,
     references: References,
+    /// The landing without a path generator, in a flight with phases.
+    lone_landing: Option<LoneLanding>,
     modes: ControlModes,
     /// Gains of the scenario.
     gains: Gains,
@@ -127,6 +134,7 @@ impl ControllerService {
             rates: EstimateRates::ZERO,
             states: StateValidator::new(safety.map(scenario::InputSafety::policy)),
             references: References::new(scenario),
+            lone_landing: LoneLanding::new(scenario),
             modes: ControlModes::new(scenario),
             gains: scenario.gains(),
             planned: scenario.planned_gains(),
@@ -161,6 +169,7 @@ impl Service for ControllerService {
             rates,
             states,
             references,
+            lone_landing,
             modes,
             ..
         } = self;
@@ -179,18 +188,35 @@ impl Service for ControllerService {
         references.look(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let (mut learns, mut is_nonsense) = (false, false);
-        let mode = modes.of(references.held());
+        let mut mode = modes.of(references.held());
+        let is_abandoned = references.are_abandoned(now);
+        if let Some(landing) = lone_landing {
+            landing.advance(now.elapsed(), is_abandoned);
+            if landing.has_landed() {
+                mode = ControlMode::Rest;
+            }
+        }
         if matches!(mode, ControlMode::Rest | ControlMode::Idle) {
             supervisor.stand_by(mode);
         } else if let (Some(state), Some(reference)) = (states.held(), references.held()) {
+            let mut target = references.target(now, reference);
+            let alone = lone_landing.as_mut().filter(|_| is_abandoned);
+            let teaches = mode == ControlMode::Fly && alone.is_none();
+            if let Some(landing) = alone {
+                target = landing.reference(&target);
+                if state.tracked.is_set() {
+                    let thrust = supervisor.last.map_or(0.0, |last| last.thrust);
+                    let mass = ModelEstimate::new(&supervisor.parameters, &supervisor.estimates).mass;
+                    landing.watch(now.elapsed(), state, &target, thrust, mass);
+                }
+            }
             let input = ControlInput {
                 state,
                 is_new,
                 age_ns: states.age_ns(now).unwrap_or(0),
                 reference,
-                target: references.target(now, reference),
-                teaches: mode == ControlMode::Fly,
-                lands_alone: references.are_abandoned(now),
+                target,
+                teaches,
             };
             let telemetry = Telemetry {
                 errors: outputs.errors.due(),
@@ -256,6 +282,8 @@ impl Service for ControllerService {
             reference,
             references,
             last: supervisor.last.unwrap_or(Commanded::NOTHING),
+            lands_alone_for: self.lone_landing.map_or(0.0, |landing| landing.under_way_for),
+            standing_for: self.lone_landing.map_or(0.0, |landing| landing.standing_for),
             reckoned: supervisor
                 .safety
                 .map_or(Reckoned::NOTHING, |safety| safety.reckoned),
@@ -284,6 +312,9 @@ impl Service for ControllerService {
         supervisor.law.restore(&state.law);
         self.states.restore(&state.states);
         self.references.restore(&state.references, &state.reference);
+        if let Some(landing) = &mut self.lone_landing {
+            (landing.under_way_for, landing.standing_for) = (state.lands_alone_for, state.standing_for);
+        }
         supervisor.commands = state.commands;
         supervisor.last = state.has_last.is_set().then_some(state.last);
         supervisor.stage = FailsafeStage::from_code(state.stage);

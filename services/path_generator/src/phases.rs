@@ -106,6 +106,8 @@ shared_types::sample! {
         pub resumed_ns: u64,
         /// Time since which a request to arm has waited for readiness, ns.
         pub waiting_since_ns: u64,
+        /// Length of the last gap of the steps, s, until the vehicle is seen after it; else 0.
+        pub away_for: f64,
         /// z of the vehicle in {I} when it was armed, m.
         pub ground: f64,
         /// Mean of the thrust that carries the vehicle, N.
@@ -135,10 +137,8 @@ shared_types::sample! {
         pub braking: Flag,
         /// `true` if `ground` is known: the vehicle was armed there.
         pub ground_known: Flag,
-        /// `true` from a gap of the steps until the vehicle is seen.
-        pub is_back: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 4],
+        pub pad0: [u8; 5],
     }
 }
 
@@ -270,7 +270,7 @@ impl Phases {
         }
         self.spend_arming(now, before, &conditions, not_ready);
         if sight.is_seen() {
-            self.memory.is_back = false.into();
+            self.memory.away_for = 0.0;
         }
     }
 
@@ -331,7 +331,7 @@ impl Phases {
             return;
         }
         let memory = &mut self.memory;
-        memory.is_back = true.into();
+        memory.away_for = elapsed;
         let coasted = if memory.way == PhasesMemory::WAY_PATH {
             *path
         } else {
@@ -500,8 +500,9 @@ impl Phases {
             let position = |vehicle: &VehicleState| Vector3::from(vehicle.position_world);
             sight.vehicle.map(|vehicle| (position(vehicle) - place).norm())
         };
-        // This step sees the vehicle, and `unseen_for` is still that of the steps before.
-        let is_found = memory.unseen_for > BRAKE_AFTER && sight.is_seen();
+        // This step sees the vehicle, and both times are still those of the steps before.
+        let not_looked_for = memory.unseen_for.max(memory.away_for);
+        let is_found = not_looked_for > BRAKE_AFTER && sight.is_seen();
         let is_on_the_ground = sight.vehicle.is_some_and(|vehicle| {
             let [.., z] = vehicle.position_world;
             memory.ground_known.is_set() && (z - memory.ground).abs() < LIFTED
@@ -525,7 +526,7 @@ impl Phases {
                 && way_from(sight.path).is_some_and(|way| way <= ARRIVED),
             overdue: memory.waited > PATIENCE,
             touched_down: memory.standing_for >= STANDING,
-            strayed: if is_found || (memory.is_back.is_set() && sight.is_seen()) {
+            strayed: if is_found {
                 way_from(self.reference(sight)).is_some_and(|way| way > STRAYED)
                     || self.speed_from_reference(sight) > STRAYED_BY_SPEED
             } else {
@@ -533,7 +534,7 @@ impl Phases {
             },
             stranded: is_found && is_on_the_ground,
             rests: is_found
-                && memory.unseen_for > falls_after
+                && not_looked_for > falls_after
                 && is_on_the_ground
                 && sight.vehicle.is_some_and(|vehicle| self.is_at_rest(vehicle)),
             found_flying: !memory.begun.is_set()

@@ -7,7 +7,7 @@ use shared_types::path_stop::{BRAKE, Stop};
 use shared_types::rotation;
 use shared_types::sample::Field;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, VehicleState};
-use shared_types::service::{InputView, Operator};
+use shared_types::service::InputView;
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::garbage::sample;
@@ -381,47 +381,6 @@ proptest! {
                 prop_assert!(published.errors.is_finite(), "{:?}", published);
             }
         }
-    }
-}
-
-/// No policy of the reference, no landing and no newer reference is missing here.
-#[test]
-fn a_landing_that_nothing_leads_goes_down() {
-    let to_land = Operator {
-        land: true,
-        ..Operator::FLYING
-    };
-    for (operator, policy, descends_from) in [
-        (to_land, POLICY, Some(5_001)),
-        (Operator::FLYING, POLICY, None),
-        (to_land, "", None),
-    ] {
-        let mut service = ControllerService::new(&scenario(false, policy));
-        let mut first = None;
-        for tick in 0..6_000 {
-            let (state, reference) = (state(tick), reference(0));
-            let inputs = [
-                InputView {
-                    bytes: Some(state.as_bytes()),
-                    fresh: true,
-                },
-                InputView {
-                    bytes: Some(reference.as_bytes()),
-                    fresh: tick == 0,
-                },
-            ];
-            let stage = crate::support::step_for(&mut service, tick, operator, inputs)
-                .adaptation
-                .stage;
-            assert!(matches!(
-                stage,
-                ControlAdaptation::STAGE_LAW | ControlAdaptation::STAGE_DESCEND
-            ));
-            if stage == ControlAdaptation::STAGE_DESCEND {
-                first.get_or_insert(tick);
-            }
-        }
-        assert_eq!(first, descends_from, "{policy}");
     }
 }
 

@@ -2,7 +2,6 @@
 
 use controller::ControllerService;
 use shared_types::Now;
-use shared_types::Operator;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
@@ -19,16 +18,6 @@ pub(crate) struct Published {
 
 /// One step at a tick, one after the step before, on a state and a reference.
 pub(crate) fn step(service: &mut ControllerService, tick: u64, inputs: [InputView<'_>; 2]) -> Published {
-    step_for(service, tick, Operator::FLYING, inputs)
-}
-
-/// Makes one step while this operator wants this.
-pub(crate) fn step_for(
-    service: &mut ControllerService,
-    tick: u64,
-    operator: Operator,
-    inputs: [InputView<'_>; 2],
-) -> Published {
     let mut published = Published {
         command: ControlCommand::new_zeroed(),
         adaptation: ControlAdaptation::new_zeroed(),
@@ -45,7 +34,7 @@ pub(crate) fn step_for(
         tick,
         time_ns: tick * TICK_NS,
         elapsed_ns: if tick == 0 { 0 } else { TICK_NS },
-        operator,
+        operator: shared_types::Operator::FLYING,
     };
     ErasedService::step(service, &now, &inputs, &mut outputs);
     published

@@ -189,6 +189,26 @@ fn a_landing_does_not_leave_a_vehicle_behind_in_the_air() {
     assert!(farthest > 0.4 && farthest <= LEFT_BEHIND + 1e-3, "{farthest}");
 }
 
+/// Its controller has landed it meanwhile.
+#[test]
+fn a_path_generator_that_is_back_finds_the_vehicle_on_the_ground_and_disarms_it() {
+    for (gap, moves, phase) in [
+        (10_000, 0.0, PathReference::PHASE_DISARMED),
+        (10_000, 0.5, PathReference::PHASE_LAND),
+        (10, 0.0, PathReference::PHASE_FLY),
+    ] {
+        let mut flown = FlownPath::that_coasts(0.5);
+        flown.until(ARMED, PathReference::PHASE_FLY);
+        flown.for_seconds(ARMED, 3.0);
+        flown.lifts = false;
+        flown.vehicle.position_world[2] = PLACE[2];
+        flown.vehicle.velocity_body = [moves, 0.0, 0.0];
+        flown.tick += gap;
+        let reference = flown.step_after(gap + 1, ARMED);
+        assert_eq!(reference.phase, phase, "{gap} ms, {moves} m/s");
+    }
+}
+
 #[test]
 fn a_descent_that_a_gap_has_stopped_goes_on_without_sight() {
     let mut flown = FlownPath::that_coasts(0.5);

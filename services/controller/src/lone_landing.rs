@@ -1,0 +1,157 @@
+//! Landing without a path generator: if a landing is demanded and no reference has come for some seconds, the law leads the
+//! vehicle straight down.
+//!
+//! The reference goes down from where the path has come to rest, at the speed of all landings. When it is ahead of a vehicle that
+//! does not sink, and whose thrust does not carry it, the vehicle stands on the ground, and the motors stop. Nothing is learned
+//! meanwhile. The next reference ends all this: a path generator that is back finds the vehicle where it is.
+
+use nalgebra::Vector3;
+use scenario::{GRAVITY, Scenario};
+use shared_types::samples::VehicleState;
+
+use control_law::signals::Reference;
+
+/// Age of a reference after which nothing leads the vehicle any more, s: a path generator that is restarted is back before.
+pub const ABANDONED: f64 = 5.0;
+/// Time in which the descent gets its speed, s.
+const SPEEDS_UP: f64 = 1.0;
+/// Way of the reference below a vehicle that may stand, m.
+const AHEAD: f64 = 0.3;
+/// Share of the speed of the descent below which the vehicle does not sink.
+const SINKING: f64 = 0.25;
+/// Share of the weight below which something else carries the vehicle.
+const UNLOADED: f64 = 0.75;
+/// Time for which all this must last, s.
+const STANDING: f64 = 0.4;
+
+/// The landing of a vehicle that nothing leads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoneLanding {
+    /// Speed of the descent, m/s.
+    speed: f64,
+    /// Time since its begin, s.
+    pub under_way_for: f64,
+    /// Time for which the vehicle has stood, s.
+    pub standing_for: f64,
+}
+
+impl LoneLanding {
+    /// Makes the landing of a checked scenario; `None` of a flight without phases.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Option<Self> {
+        scenario.flight.as_ref().map(|flight| Self {
+            speed: flight.landing_speed,
+            under_way_for: 0.0,
+            standing_for: 0.0,
+        })
+    }
+
+    /// Goes on by the time since the step before, s, if nothing leads the vehicle; else it is over.
+    pub fn advance(&mut self, elapsed: f64, is_abandoned: bool) {
+        if is_abandoned {
+            self.under_way_for += elapsed;
+        } else {
+            (self.under_way_for, self.standing_for) = (0.0, 0.0);
+        }
+    }
+
+    /// Returns the reference on the way down from where the path rests.
+    #[must_use]
+    pub fn reference(&self, rests: &Reference) -> Reference {
+        let since = self.under_way_for;
+        let ramp = since.min(SPEEDS_UP);
+        let way = self.speed * (0.5 * ramp * ramp / SPEEDS_UP + (since - ramp));
+        let rate = self.speed * ramp / SPEEDS_UP;
+        Reference {
+            position_world: rests.position_world + Vector3::z() * way,
+            derivative1_world: Vector3::z(),
+            derivative2_world: Vector3::zeros(),
+            derivative3_world: Vector3::zeros(),
+            gamma_dot: rate,
+            gamma_dot_desired: rate,
+            gamma_ddot: if since < SPEEDS_UP {
+                self.speed / SPEEDS_UP
+            } else {
+                0.0
+            },
+            gamma_dddot_constant: 0.0,
+            gamma_dddot_slope: 0.0,
+            ..*rests
+        }
+    }
+
+    /// Watches for the ground, for the time since the step before, by the thrust (N) on a vehicle of this mass (kg).
+    pub fn watch(&mut self, elapsed: f64, state: &VehicleState, target: &Reference, thrust: f64, mass: f64) {
+        let [.., z] = state.position_world;
+        let stands = target.position_world.z - z > AHEAD
+            && state.velocity_world().z < SINKING * self.speed
+            && thrust < UNLOADED * mass * GRAVITY;
+        if !self.has_landed() {
+            self.standing_for = if stands { self.standing_for + elapsed } else { 0.0 };
+        }
+    }
+
+    /// Returns whether the vehicle stands on the ground.
+    #[must_use]
+    pub fn has_landed(&self) -> bool {
+        self.standing_for >= STANDING
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use scenario::Flight;
+    use shared_types::samples::PathReference;
+    use zerocopy::FromZeros;
+
+    fn landing() -> LoneLanding {
+        LoneLanding {
+            speed: Flight::default().landing_speed,
+            under_way_for: 0.0,
+            standing_for: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_reference_goes_down_without_a_jump_of_place_or_velocity() {
+        let rests = Reference::from(&PathReference::new_zeroed());
+        let mut landing = landing();
+        let mut before = landing.reference(&rests);
+        assert_eq!(before.position_world, rests.position_world);
+        for step in 1..4_000 {
+            landing.advance(1e-3, true);
+            let now = landing.reference(&rests);
+            let way = (now.position_world - before.position_world).z;
+            let mean = 0.5 * (now.velocity_world() + before.velocity_world()).z;
+            assert!((way - 1e-3 * mean).abs() < 1e-6, "{step}: {way}");
+            assert!((now.velocity_world() - before.velocity_world()).norm() < 4e-4);
+            before = now;
+        }
+        assert!((before.velocity_world().z - Flight::default().landing_speed).abs() < 1e-12);
+    }
+
+    #[test]
+    fn only_a_vehicle_that_neither_sinks_nor_is_carried_stands() {
+        let below = Reference {
+            position_world: Vector3::z() * 0.4,
+            ..Reference::from(&PathReference::new_zeroed())
+        };
+        for (depth, sinks, thrust, stands) in [
+            (0.4, 0.0, 1.0, true),
+            (0.2, 0.0, 1.0, false),
+            (0.4, 0.2, 1.0, false),
+            (0.4, 0.0, 1.8, false),
+        ] {
+            let mut state = VehicleState::new_zeroed();
+            state.position_world[2] = 0.4 - depth;
+            state.world_from_body = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            state.velocity_body[2] = sinks;
+            let mut landing = landing();
+            for _ in 0..50 {
+                landing.watch(0.01, &state, &below, thrust, 0.2);
+            }
+            assert_eq!(landing.has_landed(), stands, "{depth} {sinks} {thrust}");
+        }
+    }
+}
