@@ -109,12 +109,24 @@ impl CaptureFigures {
         ]
     }
 
+    /// Returns those of the names and counts that are of refused poses.
+    fn drops(&self) -> [(&'static str, u64); 10] {
+        let [
+            _frames,
+            _believed,
+            drops @ ..,
+            _lost,
+            _restarted,
+            _settled,
+            _warnings,
+        ] = self.named();
+        drops
+    }
+
     /// Returns the outcomes of frames whose pose was refused in words, each with its count; empty if none was.
     #[must_use]
     pub fn drops_in_words(&self) -> String {
-        let drops = &self.named()[2..12];
-        debug_assert_eq!(drops.iter().map(|(_, count)| count).sum::<u64>(), self.dropped());
-        let some = drops.iter().filter(|(_, count)| *count > 0);
+        let some = self.drops().into_iter().filter(|(_, count)| *count > 0);
         let words: Vec<_> = some.map(|(name, count)| format!("{name} {count}")).collect();
         words.join(", ")
     }
@@ -122,15 +134,6 @@ impl CaptureFigures {
     /// Returns the number of frames whose pose was refused, for all reasons.
     #[must_use]
     pub fn dropped(&self) -> u64 {
-        self.absent
-            + self.occluded
-            + self.frozen
-            + self.repeated
-            + self.late
-            + self.mistimed
-            + self.unsettled
-            + self.jumped
-            + self.exchanged
-            + self.clock_steps
+        self.drops().map(|(_, count)| count).iter().sum()
     }
 }

@@ -21,6 +21,13 @@ pub use readiness::{NotReady, ReadyLimits};
 /// A vehicle falls 20 m in this time, more than the height of any laboratory.
 pub const GROUNDED_AFTER: f64 = 2.0;
 
+/// Share of the speed of a descent below which a vehicle does not sink.
+pub const SINKING: f64 = 0.25;
+/// Share of the thrust that carries a vehicle below which something else carries it.
+pub const UNLOADED: f64 = 0.75;
+/// Time for which a vehicle neither sinks nor is carried by its thrust until it has touched down, s.
+pub const STANDING: f64 = 0.4;
+
 /// Time for which a request to arm waits until all is ready, s. After it the request lapses.
 pub const ARM_WITHIN: f64 = 0.5;
 

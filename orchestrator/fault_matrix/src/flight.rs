@@ -6,8 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use host::in_process::TickSink;
 use scenario::Scenario;
 use shared_types::digest::ExperimentDigest;
-use shared_types::samples::PathReference;
-use shared_types::{FlightPhase, Schedule, Topic};
+use shared_types::{Schedule, Topic};
 
 use super::plan::MatrixCell;
 use super::undisturbed::{NotFlown, Undisturbed};
@@ -77,8 +76,6 @@ pub fn fly(
         watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
         undisturbed: undisturbed.clone(),
         digest: with_digest.then(ExperimentDigest::default),
-        phase: None,
-        has_phases: scenario.flight.is_some(),
     };
     let outcome = match way {
         Way::InProcess { .. } => in_this_process(scenario, &mut observer, interrupt),
@@ -137,9 +134,6 @@ struct Observer {
     watch: FaultWatch,
     undisturbed: Undisturbed,
     digest: Option<ExperimentDigest>,
-    /// Phase by the newest reference, in a flight with phases.
-    phase: Option<FlightPhase>,
-    has_phases: bool,
 }
 
 impl Observer {
@@ -156,7 +150,7 @@ impl Observer {
         FlightResult {
             report: self.watch.finish(schedule, self.loss.loss()).pop(),
             loss: self.loss.loss().cloned(),
-            stands_disarmed: self.phase == Some(FlightPhase::Disarmed),
+            stands_disarmed: self.loss.stands_disarmed(),
             ended,
             digest: self.digest.map(ExperimentDigest::finish),
         }
@@ -172,10 +166,7 @@ impl TickSink for Observer {
             self.observe(&moment);
         }
         match topic {
-            Topic::PathReference => metrics::view(bytes, |reference: &PathReference| {
-                self.loss.observe_reference(reference);
-                self.phase = self.has_phases.then(|| FlightPhase::from_code(reference.phase));
-            }),
+            Topic::PathReference => metrics::view(bytes, |reference| self.loss.observe_reference(reference)),
             Topic::RcFrame => metrics::view(bytes, |frame| self.loss.observe_frame(frame)),
             _ => {}
         }

@@ -79,6 +79,7 @@ pub struct LossWatch {
     least_upright: f64,
     source: StateSource,
     ground: Option<Ground>,
+    has_phases: bool,
     /// `true` of a real vehicle with phases: the end of the flight stops its motors.
     must_land: bool,
     /// Distance from the path when it first was known, m.
@@ -130,6 +131,7 @@ impl LossWatch {
             source,
             // In a laboratory nobody knows where the ground is to within the estimate's errors.
             ground: ground.filter(|_| source == StateSource::Truth),
+            has_phases: scenario.flight.is_some(),
             must_land: source == StateSource::Estimate
                 && scenario.flight.is_some()
                 && scenario.recorded_captures().is_none(),
@@ -152,18 +154,19 @@ impl LossWatch {
         self.loss.as_ref()
     }
 
+    /// Returns whether the vehicle stands disarmed by the newest reference, in a flight with phases.
+    #[must_use]
+    pub fn stands_disarmed(&self) -> bool {
+        self.has_phases && self.has_begun && self.phase == FlightPhase::Disarmed
+    }
+
     /// Returns the loss by the end of the flight at this time, ns: it stops the motors of a vehicle that is in the air.
     #[must_use]
     pub fn loss_at_the_end(&self, time_ns: u64) -> Option<Loss> {
         let is_stopped = self.loss.is_none() && self.must_land && self.is_in_the_air();
         is_stopped.then(|| Loss {
-            reason: self.reason_of_stop(time_ns),
-            time: seconds(time_ns),
-            value: None,
-            limit: None,
-            stopped_by: PathReference::CAUSE_NONE,
             cause: Some("the flight ended".to_owned()),
-            source: self.source,
+            ..Loss::new(self.reason_of_stop(time_ns), seconds(time_ns), self.source)
         })
     }
 
@@ -177,13 +180,9 @@ impl LossWatch {
             .or(self.hit_ground(moment));
         if let (None, Some((reason, value, limit))) = (&self.loss, found) {
             self.loss = Some(Loss {
-                reason,
-                time: seconds(moment.vehicle.time_ns),
                 value,
                 limit,
-                stopped_by: PathReference::CAUSE_NONE,
-                cause: None,
-                source: self.source,
+                ..Loss::new(reason, seconds(moment.vehicle.time_ns), self.source)
             });
         }
     }
@@ -268,13 +267,8 @@ impl LossWatch {
     fn motors_stopped(&mut self, reason: Reason, stamp_ns: u64, stopped_by: u8) {
         let source = self.source;
         self.loss.get_or_insert_with(|| Loss {
-            reason,
-            time: seconds(stamp_ns),
-            value: None,
-            limit: None,
             stopped_by,
-            cause: None,
-            source,
+            ..Loss::new(reason, seconds(stamp_ns), source)
         });
     }
 
@@ -340,8 +334,13 @@ impl Loss {
     /// A service computed a number that is not finite at this time, s.
     #[must_use]
     pub fn not_finite(time: f64, source: StateSource) -> Self {
+        Self::new(Reason::NotFinite, time, source)
+    }
+
+    /// A loss at this time, s, without a number or a cause.
+    fn new(reason: Reason, time: f64, source: StateSource) -> Self {
         Self {
-            reason: Reason::NotFinite,
+            reason,
             time,
             value: None,
             limit: None,

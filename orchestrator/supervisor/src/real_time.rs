@@ -166,7 +166,7 @@ where
     let mut recorder = Recorder::new(context.listen_in()?, first_tick);
     let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
     recorder.connect().map_err(FlightFailure::setup)?;
-    // Only now: nobody restarts them if it fails before, and from here on nothing fails without a landing.
+    // Only now: if it failed before, they would not be restarted. From here on nothing fails without a landing.
     let killed = take_over::end_the_others(&place, &survivors)?;
     let supervisor = context.adopt_supervisor(shared, survivors)?;
     observer.flight_begins_at(clock.start_ns);

@@ -7,6 +7,7 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
+use shared_types::flight_phase::{SINKING, STANDING, UNLOADED};
 use shared_types::samples::VehicleState;
 
 use control_law::signals::Reference;
@@ -17,12 +18,6 @@ pub const ABANDONED: f64 = 5.0;
 const SPEEDS_UP: f64 = 1.0;
 /// Way of the reference below a vehicle that may stand, m.
 const AHEAD: f64 = 0.3;
-/// Share of the speed of the descent below which the vehicle does not sink.
-const SINKING: f64 = 0.25;
-/// Share of the weight below which something else carries the vehicle.
-const UNLOADED: f64 = 0.75;
-/// Time for which all this must last, s.
-const STANDING: f64 = 0.4;
 
 /// The landing of a vehicle that nothing leads.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -61,7 +61,7 @@ impl Safety {
         } else {
             0
         };
-        let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
+        let late_ns = self.late_ns(input);
         let stage = if leads_straight_down(input.reference) {
             self.stages.at_landing(input.age_ns, self.unseen_ns.max(late_ns))
         } else {
@@ -93,13 +93,17 @@ impl Safety {
             self.reckoned =
                 self.dead_reckoning
                     .begin(&self.reckoned, input.state, last, estimate, input.teaches);
-            let late_ns = input.age_ns.saturating_sub(self.ordinary_age_ns);
-            for (command, time) in commands.of_the_last(late_ns) {
+            for (command, time) in commands.of_the_last(self.late_ns(input)) {
                 self.pass(time, command, estimate);
             }
         } else {
             self.pass(now.elapsed(), last, estimate);
         }
+    }
+
+    /// Returns by how much the state is older than without faults, ns.
+    fn late_ns(&self, input: &ControlInput<'_>) -> u64 {
+        input.age_ns.saturating_sub(self.ordinary_age_ns)
     }
 
     fn pass(&mut self, elapsed: f64, command: &Commanded, estimate: &ModelEstimate) {

@@ -32,7 +32,9 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
-use shared_types::flight_phase::{ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row};
+use shared_types::flight_phase::{
+    ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row, SINKING, STANDING, UNLOADED,
+};
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Coasted, Stop};
 use shared_types::sample::Flag;
 use shared_types::samples::{PathReference, RcFrame, VehicleState};
@@ -62,12 +64,6 @@ pub const AT_REST: f64 = 0.3;
 pub const DOWN_AFTER: f64 = 0.5;
 /// Longest wait of a take-off for the vehicle at the end of a leg, s.
 pub const PATIENCE: f64 = 5.0;
-/// Share of the speed of the descent below which the vehicle does not sink.
-pub const SINKING: f64 = 0.25;
-/// Share of the carrying thrust below which something else carries the vehicle.
-pub const UNLOADED: f64 = 0.75;
-/// Duration for which that must last, s.
-pub const STANDING: f64 = 0.4;
 /// Time constant of the mean of the thrust that carries the vehicle, s.
 const CARRYING: f64 = 1.0;
 /// Longest time for which one look at the vehicle stands, s: steps are milliseconds apart, but for those after a restart.

@@ -156,7 +156,7 @@ impl Launch<'_> {
         let flown = real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context);
         watchdog::rest();
         // Hardware that it is connected to in a laboratory stops with the flight, and not with a process that fails.
-        // What a plug-in forgets is told when it has flown all.
+        // That a plug-in forgets a part of its state is said after its last step.
         if matches!(
             flown,
             Ok(()) | Err(FlightError::Stopping | FlightError::Forgets(_))

@@ -97,7 +97,7 @@ impl FlownPath {
         self.step_after(self.tick.min(1), operator)
     }
 
-    /// Makes one tick, so many after the one before it.
+    /// Makes one tick, this many after the one before it.
     pub fn step_after(&mut self, ticks: u64, operator: Operator) -> PathReference {
         self.generator = restarted(
             &self.generator,

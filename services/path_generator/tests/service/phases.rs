@@ -1,9 +1,9 @@
 //! Flights from the ground to the path and back: phases in their order, references without jumps.
 
 use path_generator::PathGeneratorService;
-use path_generator::phases::{LIFTED, PATIENCE, STANDING};
+use path_generator::phases::{LIFTED, PATIENCE};
 use scenario::{Curve, Flight, Path, PathMode, TiltedEight};
-use shared_types::flight_phase::NotReady;
+use shared_types::flight_phase::{NotReady, STANDING};
 use shared_types::samples::{PathReference, RcFrame};
 use shared_types::service::{Now, Operator, Service};
 
