@@ -4,3 +4,4 @@ pub mod info;
 pub mod plot;
 pub mod report;
 pub mod reproduce;
+pub mod text_table;

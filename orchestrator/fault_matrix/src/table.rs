@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use super::report::{CellReport, MatrixReport, Row};
 use super::{BESIDE, SURVIVES};
-use evaluation::reproduce::table::TextTable;
+use evaluation::text_table::TextTable;
 use metrics::SETTLED;
 use metrics::summary::faults::{BEFORE, Detection};
 
@@ -14,10 +14,7 @@ pub fn sheet(report: &MatrixReport) -> TextTable {
     let mut header = vec!["what fails".to_owned(), "how".to_owned()];
     header.extend(report.times.moments.iter().map(|moment| format!("at {moment} s")));
     header.extend(["peak ‖p − pd‖, m", "back after, s", "noticed after, s"].map(str::to_owned));
-    TextTable {
-        header,
-        lines: report.rows.iter().map(line).collect(),
-    }
+    TextTable::new("", &header, report.rows.iter().map(line))
 }
 
 /// Returns the key of the table.

@@ -34,6 +34,9 @@ pub struct Grid {
     /// Fly fewer seeds.
     #[arg(long)]
     pub quick: bool,
+    /// Write the tables as LaTeX as well, into grid.tex.
+    #[arg(long)]
+    pub latex: bool,
     /// Folder for the results; must be empty if it exists [default: the next free runs/grid-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

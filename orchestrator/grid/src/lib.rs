@@ -25,6 +25,7 @@ use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use command_line::output::{print, write, write_json};
 use command_line::progress;
+use evaluation::text_table::latex_file;
 use run_log::run_folder::RunFolder;
 
 use arguments::Grid;
@@ -65,6 +66,9 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let report = GridReport::new(&base, &laws, &conditions, &seeds, cells, margins);
     write_json(&folder.path().join("grid.json"), &report)?;
     write(&folder.path().join("grid.md"), &report.markdown())?;
+    if arguments.latex {
+        write(&folder.path().join("grid.tex"), &latex_file(&report.tables()))?;
+    }
     write(&folder.path().join("index.html"), &page::page(&report))?;
     if let Some(drawing) = page::pareto(&report) {
         write(&folder.path().join("pareto.svg"), &drawing)?;

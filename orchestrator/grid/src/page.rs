@@ -40,25 +40,8 @@ pub fn page(report: &GridReport) -> String {
     if let Some(drawing) = pareto(report) {
         html += &format!("<h2>Performance against margin</h2>\n<p>{drawing}</p>\n");
     }
-    for table in report.tables().into_iter().skip(1) {
-        html += &format!(
-            "<h2>{}</h2>\n<div class=\"wide\"><table>\n<tr><th>law</th>",
-            escaped(&table.title)
-        );
-        html += &table
-            .columns
-            .iter()
-            .map(|name| format!("<th>{}</th>", escaped(name)))
-            .collect::<String>();
-        html += "</tr>\n";
-        for (law, cells) in table.lines {
-            let cells: String = cells
-                .iter()
-                .map(|cell| format!("<td>{}</td>", escaped(cell)))
-                .collect();
-            html += &format!("<tr><td>{}</td>{cells}</tr>\n", escaped(&law));
-        }
-        html += "</table></div>\n";
+    for table in report.tables().iter().skip(1) {
+        html += &table.html();
     }
     html += "<h2>Settings</h2>\n<ul>\n";
     for law in &report.laws {

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use comfy_table::{Table, presets};
+use evaluation::text_table::TextTable;
 use serde::Serialize;
 
 use crate::conditions::{Condition, MARGINS};
@@ -28,16 +28,6 @@ pub struct GridReport {
     pub margins: Vec<Margin>,
     /// Performance and margin of every law; none if margins were not searched.
     pub front: Vec<FrontPoint>,
-}
-
-/// A table: its title, its columns, and a line a law.
-pub struct LawTable {
-    /// Its title.
-    pub title: String,
-    /// The names of its columns.
-    pub columns: Vec<String>,
-    /// The name of a law, and a cell a column.
-    pub lines: Vec<(String, Vec<String>)>,
 }
 
 impl GridReport {
@@ -102,7 +92,7 @@ impl GridReport {
 
     /// Returns the tables: errors, peaks, body rates, margins and front.
     #[must_use]
-    pub fn tables(&self) -> Vec<LawTable> {
+    pub fn tables(&self) -> Vec<TextTable> {
         let seeds = self.seeds.len();
         let mut tables = vec![
             self.by_condition(
@@ -126,7 +116,7 @@ impl GridReport {
         tables
     }
 
-    fn by_condition(&self, title: String, text: impl Fn(&Cell) -> String) -> LawTable {
+    fn by_condition(&self, title: String, text: impl Fn(&Cell) -> String) -> TextTable {
         let columns: Vec<_> = self
             .conditions
             .iter()
@@ -137,16 +127,12 @@ impl GridReport {
                 let cell = self.cell(&law.name, condition);
                 cell.map_or_else(String::new, &text)
             });
-            (law.name.clone(), cells.collect())
+            line_of(&law.name, cells)
         };
-        LawTable {
-            title,
-            lines: self.laws.iter().map(line).collect(),
-            columns,
-        }
+        table(&title, &columns, self.laws.iter().map(line))
     }
 
-    fn margin_table(&self) -> LawTable {
+    fn margin_table(&self) -> TextTable {
         let line = |law: &ControlLaw| {
             let cells = MARGINS
                 .iter()
@@ -158,22 +144,17 @@ impl GridReport {
                     }) => format!("{}{value}", if failed.is_none() { "≥ " } else { "" }),
                     _ => "–".to_owned(),
                 });
-            (law.name.clone(), cells.collect())
+            line_of(&law.name, cells)
         };
-        LawTable {
-            title: format!(
-                "Margins: the largest value with which all seeds stay within {} cm of the path, RMS",
-                100.0 * SURVIVED
-            ),
-            columns: MARGINS
-                .iter()
-                .map(|quantity| format!("{}, {}", quantity.name, quantity.unit))
-                .collect(),
-            lines: self.laws.iter().map(line).collect(),
-        }
+        let title = format!(
+            "Margins: the largest value with which all seeds stay within {} cm of the path, RMS",
+            100.0 * SURVIVED
+        );
+        let columns = MARGINS.map(|quantity| format!("{}, {}", quantity.name, quantity.unit));
+        table(&title, &columns, self.laws.iter().map(line))
     }
 
-    fn front_table(&self) -> LawTable {
+    fn front_table(&self) -> TextTable {
         let line = |point: &FrontPoint| {
             let beaten_by = match point.beaten_by.as_slice() {
                 [] => "none: it is on the front".to_owned(),
@@ -185,34 +166,38 @@ impl GridReport {
             let delay = point
                 .delay
                 .map_or_else(|| "–".to_owned(), |delay| delay.to_string());
-            let cells = vec![centimetres(point.rms), point.lost.to_string(), delay, beaten_by];
-            (point.law.clone(), cells)
+            let cells = [centimetres(point.rms), point.lost.to_string(), delay, beaten_by];
+            line_of(&point.law, cells)
         };
-        LawTable {
-            title: "Front: a law is beaten by those that are as near to the path, lose no more flights and survive as much \
-                    delay, and are better in one of the three"
-                .to_owned(),
-            columns: ["geometric mean of the RMS, cm", "flights lost", "delay survived, ms", "beaten by"]
-                .map(str::to_owned)
-                .to_vec(),
-            lines: self.front.iter().map(line).collect(),
-        }
+        let title = "Front: a law is beaten by those that are as near to the path, lose no more flights and survive as much \
+                     delay, and are better in one of the three";
+        let columns = [
+            "geometric mean of the RMS, cm",
+            "flights lost",
+            "delay survived, ms",
+            "beaten by",
+        ];
+        table(title, &columns.map(str::to_owned), self.front.iter().map(line))
     }
 
     /// Returns the tables as Markdown, each after its title.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut text = String::new();
-        for table in self.tables() {
-            text += &format!("{}:\n\n| law | {} |\n", table.title, table.columns.join(" | "));
-            text += &format!("| --- |{}\n", " --- |".repeat(table.columns.len()));
-            for (law, cells) in table.lines {
-                text += &format!("| `{law}` | {} |\n", cells.join(" | "));
-            }
-            text += "\n";
-        }
-        text
+        let tables = self.tables();
+        tables.iter().map(|table| table.markdown() + "\n").collect()
     }
+}
+
+/// A table with a line a law.
+fn table(title: &str, columns: &[String], lines: impl Iterator<Item = Vec<String>>) -> TextTable {
+    let header: Vec<_> = std::iter::once("law")
+        .chain(columns.iter().map(String::as_str))
+        .collect();
+    TextTable::new(title, &header, lines)
+}
+
+fn line_of(law: &str, cells: impl IntoIterator<Item = String>) -> Vec<String> {
+    std::iter::once(format!("`{law}`")).chain(cells).collect()
 }
 
 /// Returns a distance in centimetres, with as many digits as tell laws apart.
@@ -232,16 +217,11 @@ impl Display for GridReport {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
         for table in self.tables() {
             // On its side: there are more conditions than a terminal has room for.
-            let mut shown = Table::new();
-            shown.load_style(presets::UTF8_FULL_CONDENSED);
-            shown.set_header(
-                std::iter::once(String::new()).chain(table.lines.iter().map(|(law, _)| law.clone())),
-            );
-            for (index, column) in table.columns.iter().enumerate() {
-                let cells = table.lines.iter().map(|(_, cells)| cells[index].clone());
-                shown.add_row(std::iter::once(column.clone()).chain(cells));
-            }
-            writeln!(formatter, "{}\n{shown}\n", table.title)?;
+            let turned = |row: usize| table.lines.iter().map(move |cells| cells[row].replace('`', ""));
+            let header: Vec<_> = std::iter::once(String::new()).chain(turned(0)).collect();
+            let lines = table.header.iter().enumerate().skip(1);
+            let lines = lines.map(|(row, name)| std::iter::once(name.clone()).chain(turned(row)).collect());
+            writeln!(formatter, "{}\n", TextTable::new(&table.title, &header, lines))?;
         }
         let lost = self
             .cells

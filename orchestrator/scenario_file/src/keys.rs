@@ -7,6 +7,8 @@ use std::sync::LazyLock;
 use scenario::{Key, Scenario};
 use serde_json::Value;
 
+use super::setting::path_of;
+
 /// Stands for a position in an array.
 const ANY_POSITION: &str = "N";
 /// Stands for the name of a service, topic or edge.
@@ -78,6 +80,48 @@ pub fn key_table(section: &str) -> String {
         }
     }
     table
+}
+
+/// Units of keys as their descriptions state them, in front of an explanation or at the end.
+const UNITS: [&str; 25] = [
+    "s",
+    "m",
+    "kg",
+    "N",
+    "rad",
+    "1/s",
+    "m/s",
+    "m/s²",
+    "rad/s",
+    "N m",
+    "kg m²",
+    "1/kg",
+    "N s/m",
+    "N s²/m²",
+    "1/s²",
+    "s³",
+    "1/(N² s)",
+    "Hz",
+    "bits",
+    "baud",
+    "bytes",
+    "(m/s²)²/Hz",
+    "(m/s³)²/Hz",
+    "(m/s)²/Hz",
+    "(rad/s)²/Hz",
+];
+
+/// Returns the unit of a key, or of a number inside its value; none of what has none.
+#[must_use]
+pub fn unit_of_key(name: &str) -> Option<&'static str> {
+    let key = path_of(name)?;
+    let keys = all();
+    let description = &keys.iter().find(|info| is_of(&key, &info.key))?.description;
+    let after_commas = description.split(", ").skip(1);
+    let parts: Vec<&str> = after_commas
+        .map(|part| part.split([';', ':']).next().unwrap_or(part))
+        .collect();
+    UNITS.into_iter().find(|unit| parts.contains(unit))
 }
 
 /// Returns the keys that may change in flight.
@@ -287,6 +331,24 @@ mod tests {
             advice(&key("path.mode")),
             "`path.mode` is \"following\" or \"trajectory_tracking\": Following, in which the path waits for the vehicle, or the paper's comparison"
         );
+    }
+
+    #[test]
+    fn units_are_those_of_the_descriptions() {
+        for (key, unit) in [
+            ("vehicle.mass", Some("kg")),
+            ("vehicle.change.3.mass", Some("kg")),
+            ("vehicle.drag.0", Some("N s/m")),
+            ("vehicle.actuators.thrust_lag", Some("s")),
+            ("schedule.latency.\"rc/frame -> plant\"", Some("s")),
+            ("rc_output.rate_slope.2", Some("rad/s")),
+            ("vehicle.wind.gusts.deviation", None),
+            ("vehicle.actuators.thrust_factor", None),
+            ("controller.law", None),
+            ("arm_x", None),
+        ] {
+            assert_eq!(unit_of_key(key), unit, "{key}");
+        }
     }
 
     #[test]

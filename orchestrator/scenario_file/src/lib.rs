@@ -26,7 +26,7 @@ use shared_types::ServiceId;
 use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
-pub use keys::{key_table, keys_for_completion};
+pub use keys::{key_table, keys_for_completion, unit_of_key};
 use sources::Sources;
 
 /// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the

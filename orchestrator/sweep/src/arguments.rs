@@ -63,6 +63,9 @@ pub struct Run {
     /// Number of threads [default: the cores that this process may use].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub jobs: Option<u16>,
+    /// Write the tables as LaTeX as well, into sweep.tex; not of a shard.
+    #[arg(long, conflicts_with = "shard")]
+    pub latex: bool,
     /// Folder of the results [default: runs/sweep-NAME].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -76,6 +79,9 @@ pub struct Merge {
     /// Take shards of several builds of gerono together.
     #[arg(long)]
     pub mixed_builds: bool,
+    /// Write the tables as LaTeX as well, into sweep.tex.
+    #[arg(long)]
+    pub latex: bool,
 }
 
 /// Arguments of `gerono sweep fly`.

@@ -9,7 +9,7 @@ use evaluation::reproduce::gallery::escaped;
 use statistics::quantile::{median, quantile, sorted};
 
 use crate::definition::Map;
-use crate::report::{Shown, digits};
+use crate::report::{Shown, digits, with_unit};
 
 /// Most levels of an axis, and the number of its ranges where there are more.
 const MOST_LEVELS: usize = 12;
@@ -236,7 +236,7 @@ fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
         "middle",
         None,
         "#000",
-        &map.x,
+        &with_unit(&map.x),
     );
     text(
         svg,
@@ -244,7 +244,7 @@ fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
         "middle",
         Some(-90.0),
         "#000",
-        &map.y,
+        &with_unit(&map.y),
     );
 }
 
@@ -373,8 +373,8 @@ mod tests {
         assert_eq!(fills(&one), ["#f7fbff", "#6baed6", "url(#missing)", "#08306b"]);
         assert_eq!(fills(&other), ["#08306b"; 4]);
         for label in [
-            "vehicle.mass",
-            "vehicle.drag.0",
+            ">vehicle.mass, kg<",
+            ">vehicle.drag.0, N s/m<",
             "RMS distance, cm: paper",
             "no value",
             ">1.5<",

@@ -5,6 +5,7 @@ use std::path::Path;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::{note, print, write, write_json};
+use evaluation::text_table::latex_file;
 use parquet::errors::ParquetError;
 
 use crate::arguments::Merge;
@@ -21,12 +22,15 @@ use crate::table::TableWriter;
 /// # Errors
 /// [`Failure`] if shards lack, differ or are damaged, or nothing can be written.
 pub(crate) fn merge(arguments: &Merge) -> Result<Exit, Failure> {
-    merge_and_tell(&arguments.results, arguments.mixed_builds)
+    merge_and_tell(&arguments.results, arguments.mixed_builds, arguments.latex)
 }
 
 /// Merges the shards of a folder and prints the report.
-pub(crate) fn merge_and_tell(folder: &Path, mixed_builds: bool) -> Result<Exit, Failure> {
+pub(crate) fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
     let (report, refused) = merge_folder(folder, mixed_builds)?;
+    if latex {
+        write(&folder.join("sweep.tex"), &latex_file(&report.tables()))?;
+    }
     print(format!("{report}results: {}\n", folder.display()));
     if refused > 0 {
         note(format_args!(

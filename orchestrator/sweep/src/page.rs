@@ -9,7 +9,7 @@ use crate::definition::{Map, part_of_file_name};
 use crate::expression::Expression;
 use crate::heat_map::{self, Grid, Scale};
 use crate::prepared::Prepared;
-use crate::report::{EntryResults, Report, Results};
+use crate::report::{EntryResults, Report, Results, with_unit};
 
 /// Most points of a drawing: of more every n-th is shown.
 const POINTS: usize = 3000;
@@ -64,22 +64,8 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
             escaped(&results.shown[0].title)
         );
     }
-    for (title, head, lines) in report.tables() {
-        let cells = |tag: &str, texts: &[String]| -> String {
-            texts
-                .iter()
-                .map(|text| format!("<{tag}>{}</{tag}>", escaped(text)))
-                .collect()
-        };
-        html += &format!(
-            "<h2>{}</h2>\n<div class=\"wide\"><table>\n<tr>{}</tr>\n",
-            escaped(&title),
-            cells("th", &head)
-        );
-        for line in lines {
-            html += &format!("<tr>{}</tr>\n", cells("td", &line));
-        }
-        html += "</table></div>\n";
+    for table in report.tables() {
+        html += &table.html();
     }
     html += "<h2>Over what was varied</h2>\n";
     for drawing in scatters(prepared, results) {
@@ -194,7 +180,7 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
         let layout = DrawingLayout::auto_from_plots(&plots)
             .with_log_y()
             .with_legend_position(LegendPosition::OutsideRightTop)
-            .with_x_label(name.to_owned())
+            .with_x_label(with_unit(name))
             .with_y_label(results.shown[0].title.clone());
         figure(plots, layout)
     });
@@ -295,8 +281,8 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
     }
     let mut layout = DrawingLayout::auto_from_plots(&plots)
         .with_legend_position(LegendPosition::OutsideRightTop)
-        .with_x_label(map.x.clone())
-        .with_y_label(map.y.clone());
+        .with_x_label(with_unit(&map.x))
+        .with_y_label(with_unit(&map.y));
     if map.log && spans(xs.iter().copied()) && spans(ys.iter().copied()) {
         layout = layout.with_log_x().with_log_y();
     }

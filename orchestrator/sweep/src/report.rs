@@ -1,7 +1,9 @@
 //! What can be said of a sweep: pass rates with intervals, quantiles, and paired differences.
 
-use std::fmt::{Display, Formatter, Write as _};
+use std::fmt::{Display, Formatter};
 
+use evaluation::text_table::TextTable;
+use scenario_file::unit_of_key;
 use serde::Serialize;
 use statistics::interval::{clopper_pearson, lower_bound, wilson};
 use statistics::paired::{Paired, sign_test};
@@ -26,9 +28,6 @@ const BRIEF_REASON: usize = 60;
 
 /// Most lines of a brief table.
 const BRIEF_LINES: usize = 20;
-
-/// A table: title, head and lines.
-pub type Table = (String, Vec<String>, Vec<Vec<String>>);
 
 /// A result whose quantiles and differences are shown.
 #[derive(Clone, Debug)]
@@ -407,40 +406,28 @@ impl Report {
     /// Returns the tables as Markdown.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut text = String::new();
-        for (title, head, lines) in self.tables() {
-            let _ = writeln!(
-                text,
-                "{title}:\n\n| {} |\n|{}",
-                head.join(" | "),
-                " --- |".repeat(head.len())
-            );
-            for line in lines {
-                let _ = writeln!(text, "| {} |", line.join(" | "));
-            }
-            text.push('\n');
-        }
-        text
+        let tables = self.tables();
+        tables.iter().map(|table| table.markdown() + "\n").collect()
     }
 
     /// Returns all tables.
     #[must_use]
-    pub fn tables(&self) -> Vec<Table> {
+    pub fn tables(&self) -> Vec<TextTable> {
         self.tables_of(&self.shown, &self.failures)
     }
 
     /// Returns the tables that a person reads at once: of several laws the result by which they are ranked, the first
     /// failures, and no table that is too long.
     #[must_use]
-    pub fn brief_tables(&self) -> Vec<Table> {
+    pub fn brief_tables(&self) -> Vec<TextTable> {
         let shown = if self.laws.len() > 1 { 1 } else { self.shown.len() };
         let failures = self.failures.iter().take(BRIEF_FAILURES).map(Failed::shortened);
         let mut tables = self.tables_of(&self.shown[..shown], &failures.collect::<Vec<_>>());
-        tables.retain(|(_, _, lines)| lines.len() <= BRIEF_LINES.max(2 * self.laws.len()));
+        tables.retain(|table| table.lines.len() <= BRIEF_LINES.max(2 * self.laws.len()));
         tables
     }
 
-    fn tables_of(&self, shown: &[Shown], failures: &[Failed]) -> Vec<Table> {
+    fn tables_of(&self, shown: &[Shown], failures: &[Failed]) -> Vec<TextTable> {
         let mut tables = vec![self.rates(), self.quantile_table(shown)];
         if !self.differences.is_empty() {
             tables.push(self.difference_table(shown));
@@ -454,19 +441,15 @@ impl Report {
         tables
     }
 
-    fn quantile_table(&self, shown: &[Shown]) -> Table {
+    fn quantile_table(&self, shown: &[Shown]) -> TextTable {
         let of_result = |shown| self.laws.iter().filter_map(move |law| quantile_line(law, shown));
         let head = [
             "result", "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
         ];
-        (
-            "Results".to_owned(),
-            owned(&head),
-            shown.iter().flat_map(of_result).collect(),
-        )
+        TextTable::new("Results", &head, shown.iter().flat_map(of_result))
     }
 
-    fn rates(&self) -> Table {
+    fn rates(&self) -> TextTable {
         let percent = |value: Option<f64>| {
             value.map_or_else(|| "–".to_owned(), |value| format!("{:.2} %", 100.0 * value))
         };
@@ -500,14 +483,11 @@ impl Report {
             "at least",
             "refused",
         ];
-        (
-            format!("Criteria, with intervals of {:.0} %", 100.0 * self.confidence),
-            owned(&head),
-            lines.collect(),
-        )
+        let title = format!("Criteria, with intervals of {:.0} %", 100.0 * self.confidence);
+        TextTable::new(&title, &head, lines)
     }
 
-    fn difference_table(&self, shown: &[Shown]) -> Table {
+    fn difference_table(&self, shown: &[Shown]) -> TextTable {
         let lines = self.differences.iter().filter_map(|difference| {
             let shown = shown.iter().find(|shown| shown.name == difference.name)?;
             let factor = shown.factor;
@@ -541,20 +521,17 @@ impl Report {
             "only it / only the reference failed",
             "McNemar, p",
         ];
-        (
-            format!("Differences from `{reference}`, sample by sample"),
-            owned(&head),
-            lines.collect(),
-        )
+        let title = format!("Differences from `{reference}`, sample by sample");
+        TextTable::new(&title, &head, lines)
     }
 
-    fn winner_table(&self) -> Table {
+    fn winner_table(&self) -> TextTable {
         let rank = &self.shown[0];
-        let mut head = owned(&["varied value", "from", "to", "best"]);
+        let mut head = ["varied value", "from", "to", "best"].map(str::to_owned).to_vec();
         head.extend(self.laws.iter().map(|law| law.name.clone()));
         let lines = self.winners.iter().map(|winner| {
             let mut line = vec![
-                winner.varied.clone(),
+                with_unit(&winner.varied),
                 digits(winner.range[0]),
                 digits(winner.range[1]),
                 winner.law.clone(),
@@ -565,14 +542,11 @@ impl Report {
             }));
             line
         });
-        (
-            format!("Who is best where: median of {}", rank.title),
-            head,
-            lines.collect(),
-        )
+        let title = format!("Who is best where: median of {}", rank.title);
+        TextTable::new(&title, &head, lines)
     }
 
-    fn failure_table(&self, failures: &[Failed]) -> Table {
+    fn failure_table(&self, failures: &[Failed]) -> TextTable {
         let lines = failures.iter().map(|failure| {
             vec![
                 failure.sample.to_string(),
@@ -586,16 +560,16 @@ impl Report {
             count => format!(", and {count} more in the table"),
         };
         let title = format!("Flights that did not meet a criterion{further}");
-        (
-            title,
-            owned(&["sample", "law", "seed", "reason"]),
-            lines.collect(),
-        )
+        TextTable::new(&title, &["sample", "law", "seed", "reason"], lines)
     }
 }
 
-fn owned(texts: &[&str]) -> Vec<String> {
-    texts.iter().map(|&text| text.to_owned()).collect()
+/// The name of a varied value with its unit, if it is a key that has one.
+pub(crate) fn with_unit(name: &str) -> String {
+    match unit_of_key(name) {
+        Some(unit) => format!("{name}, {unit}"),
+        None => name.to_owned(),
+    }
 }
 
 /// A number with as many digits as a person reads.
@@ -776,13 +750,8 @@ fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
 
 impl Display for Report {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        for (title, head, lines) in self.brief_tables() {
-            let mut table = comfy_table::Table::new();
-            table
-                .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
-                .set_header(head);
-            table.add_rows(lines);
-            writeln!(formatter, "{title}\n{table}\n")?;
+        for table in self.brief_tables() {
+            writeln!(formatter, "{table}\n")?;
         }
         Ok(())
     }

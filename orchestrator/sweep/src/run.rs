@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
         ));
     }
     if arguments.shard.is_none() {
-        return merge::merge_and_tell(&folder, false);
+        return merge::merge_and_tell(&folder, false, arguments.latex);
     }
     Ok(Exit::Success)
 }

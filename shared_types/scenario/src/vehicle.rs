@@ -137,7 +137,7 @@ impl Default for Actuators {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Turbulence {
-    /// Standard deviation of each component, m/s²; of gusts m/s.
+    /// Standard deviation of each component: m/s² of turbulence, m/s of gusts.
     pub deviation: f64,
     /// Correlation time, s.
     pub correlation_time: f64,

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use comfy_table::{Table, presets};
+use crate::text_table::TextTable;
 
 use super::ablation;
 use super::column::Column;
@@ -61,40 +61,6 @@ impl Display for ReproductionReport {
     }
 }
 
-/// A table, before anyone has decided what it looks like.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TextTable {
-    /// Names of the columns; a part after a line feed explains.
-    pub header: Vec<String>,
-    /// Cells, line by line.
-    pub lines: Vec<Vec<String>>,
-}
-
-impl TextTable {
-    /// As Markdown, for documents.
-    #[must_use]
-    pub fn markdown(&self) -> String {
-        let line = |cells: &[String]| {
-            let cells: Vec<_> = cells.iter().map(|cell| cell.replace('\n', ": ")).collect();
-            format!("| {} |\n", cells.join(" | "))
-        };
-        let rule = format!("|{}\n", " --- |".repeat(self.header.len()));
-        let lines: String = self.lines.iter().map(|cells| line(cells)).collect();
-        line(&self.header) + &rule + &lines
-    }
-}
-
-/// As people read it on a terminal.
-impl Display for TextTable {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let mut table = Table::new();
-        table.load_style(presets::UTF8_FULL_CONDENSED);
-        table.set_header(&self.header);
-        table.add_rows(&self.lines);
-        write!(formatter, "{table}")
-    }
-}
-
 /// The numbers of the figures with their verdicts.
 #[must_use]
 pub fn figures(figures: &[FigureReport]) -> TextTable {
@@ -103,10 +69,7 @@ pub fn figures(figures: &[FigureReport]) -> TextTable {
     let rows = figures
         .iter()
         .flat_map(|figure| figure.rows.iter().map(|row| row_cells(figure, row)));
-    TextTable {
-        header,
-        lines: rows.collect(),
-    }
+    TextTable::new("", &header, rows)
 }
 
 fn row_cells(figure: &FigureReport, row: &RowReport) -> Vec<String> {
@@ -167,10 +130,8 @@ impl Display for Observability {
 /// The table of what the mass estimate can know.
 #[must_use]
 pub fn observability(observability: &Observability) -> TextTable {
-    TextTable {
-        header: observability_header().map(str::to_owned).to_vec(),
-        lines: observability_lines(observability).map(Vec::from).collect(),
-    }
+    let lines = observability_lines(observability).map(Vec::from);
+    TextTable::new("", &observability_header(), lines)
 }
 
 /// Head of the table of what the mass estimate can know.
@@ -224,27 +185,12 @@ pub fn ablation(lines: &[ablation::AblationRow]) -> TextTable {
             number(line.rates),
         ]
     };
-    TextTable {
-        header: header.map(str::to_owned).to_vec(),
-        lines: lines.iter().map(cells).collect(),
-    }
+    TextTable::new("", &header, lines.iter().map(cells))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_table_in_markdown_has_a_rule_below_its_head() {
-        let table = TextTable {
-            header: vec!["here\nmedian".to_owned(), "bar".to_owned()],
-            lines: vec![vec!["1".to_owned(), "≤ 2".to_owned()]],
-        };
-        assert_eq!(
-            table.markdown(),
-            "| here: median | bar |\n| --- | --- |\n| 1 | ≤ 2 |\n"
-        );
-    }
 
     #[test]
     fn numbers_have_the_digits_that_mean_something() {
