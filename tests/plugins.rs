@@ -534,3 +534,22 @@ fn the_examples_in_c_fly_the_path() {
         succeed(&mut place.gerono(&["replay", "flight", "--quiet"]));
     }
 }
+
+/// The mathematics of a built-in law in C command the same, to the bit, with the functions of `setup->math`.
+#[test]
+fn a_law_in_c_commands_as_the_built_in_one() {
+    let place = Place::new();
+    let text = std::fs::read_to_string(format!("{ROOT}/tests/plugins/geometric_pid.toml")).unwrap();
+    let own = text.replace("law = \"geometric_pid\"\n", "") + "[plugins]\ncontroller = \"liblaw.so\"\n";
+    let flags = ["-ffp-contract=off"];
+    compile("tests/plugins/geometric_pid.c", &place.path("liblaw.so"), &flags);
+    for (name, text) in [("built_in", text), ("own", own)] {
+        let scenario = format!("{name}.toml");
+        std::fs::write(place.path(&scenario), text).unwrap();
+        let arguments = ["run", &scenario, "--host", "inprocess", "--quiet", "--out", name];
+        succeed(&mut place.gerono(&arguments));
+    }
+    let expected = commands(&place, "built_in");
+    assert_eq!(expected.lines().count(), 10_002);
+    assert!(commands(&place, "own") == expected);
+}

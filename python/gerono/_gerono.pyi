@@ -1,5 +1,6 @@
 """Types of what Rust gives to the package."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ class Simulation:
     def restore(self, snapshot: Snapshot) -> None: ...
 
 def definitions() -> list[tuple[str, str]]: ...
+def elementary_functions() -> tuple[dict[str, Callable[[float], float]], dict[str, Callable[[float, float], float]]]: ...
 def run_sweep(
     text: str, scenario_path: Path, scenario_text: str, folder: Path, jobs: int | None
 ) -> None: ...

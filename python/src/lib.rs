@@ -9,6 +9,7 @@
 )]
 
 mod controller;
+mod elementary;
 mod errors;
 mod flight;
 mod interruptible;
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 /// Parts of the package `gerono`.
 #[pymodule]
 mod _gerono {
+    #[pymodule_export]
+    use crate::elementary::elementary_functions;
     #[pymodule_export]
     use crate::errors::ScenarioError;
     #[pymodule_export]

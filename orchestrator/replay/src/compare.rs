@@ -125,11 +125,16 @@ impl Comparison {
     }
 }
 
+/// The first member of which a byte differs: values may be equal all the same, as 0 and −0 are.
 fn first_difference(topic: Topic, recorded: &[u8], replayed: &[u8]) -> (String, Value, Value) {
+    let place = recorded
+        .iter()
+        .zip(replayed)
+        .position(|(one, other)| one != other);
+    let members = topic.members().into_iter();
+    let before = members.take_while(|member| place.is_some_and(|place| member.offset <= place));
+    let field = before.last().map_or("", |member| member.name);
     let [recorded, replayed] = [recorded, replayed].map(|bytes| decode_sample(topic, bytes));
-    let differs = |name: &str| recorded.get(name) != replayed.get(name);
-    let members = topic.members().into_iter().map(|member| member.name);
-    let field = members.into_iter().find(|name| differs(name)).unwrap_or_default();
     let value = |sample: &Value| sample.get(field).cloned().unwrap_or_default();
     (field.to_owned(), value(&recorded), value(&replayed))
 }

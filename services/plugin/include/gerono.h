@@ -50,12 +50,21 @@ typedef struct {
     double value;
 } gerono_parameter;
 
+/* Functions with the same results on every machine; those of a C library may differ in the last bit. */
+typedef struct {
+    double (*acos)(double), (*asin)(double), (*atan)(double), (*cbrt)(double), (*cos)(double), (*cosh)(double),
+        (*exp)(double), (*expm1)(double), (*log)(double), (*log10)(double), (*log1p)(double), (*sin)(double),
+        (*sinh)(double), (*tan)(double), (*tanh)(double);
+    double (*atan2)(double, double), (*hypot)(double, double), (*pow)(double, double);
+} gerono_math;
+
 /* What a service may know when it is made. */
 typedef struct {
     const char *scenario;               /* the scenario as JSON */
     const gerono_parameter *parameters; /* sorted by name */
     size_t parameter_count;
     uint8_t *asked; /* marks of gerono_parameter_or; a parameter that no library asks for is refused */
+    const gerono_math *math;
 } gerono_setup;
 
 /* A service. */

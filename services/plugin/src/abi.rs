@@ -3,6 +3,8 @@
 use std::cell::Cell;
 use std::ffi::{c_char, c_int, c_void};
 
+use crate::math::Math;
+
 /// Version of the interface.
 pub const VERSION: u32 = 1;
 
@@ -75,6 +77,8 @@ pub struct Setup {
     /// Marks that the library makes: 1 for each parameter that it has asked for, and last for having asked at all. A
     /// library that was built before they were there makes none.
     pub asked: *const Cell<u8>,
+    /// Functions with the same results on every machine; a library that was built before they were there takes none.
+    pub math: *const Math,
 }
 
 /// `gerono_plugin`: a service.

@@ -114,6 +114,10 @@ impl Call {
     }
 }
 
+/// Threads that may call `exit` at once: the C library takes a callback away before it calls it, so that the second
+/// thread of two would end the process with its own code.
+const MOST_EXITS: usize = 256;
+
 /// Makes `exit` and `quick_exit` an error while a thread is in a library, and in threads that libraries have started: the
 /// exit code 0 would claim a flight that has not ended. `_exit` and the system call `exit_group` run no code of the
 /// process, so nothing can be said there.
@@ -122,8 +126,10 @@ pub(crate) fn guard_exit() {
     #[expect(unsafe_code, reason = "functions of the C library")]
     // SAFETY: the callback is a plain function, and never unwinds. Without room for it the guard is missing.
     GUARD.call_once(|| unsafe {
-        let _ = atexit(at_exit);
-        let _ = at_quick_exit(at_exit);
+        for _ in 0..MOST_EXITS {
+            let _ = atexit(at_exit);
+            let _ = at_quick_exit(at_exit);
+        }
     });
 }
 

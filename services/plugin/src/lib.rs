@@ -9,6 +9,7 @@
 //! * [`mod@export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
 //! * `float_mode`: the floating-point mode, which no library may change;
 //! * [`loader`]: loads a library, checks it, and makes a service of it;
+//! * [`mod@math`]: elementary functions with the same bytes on every machine;
 //! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
 
 pub mod abi;
@@ -23,6 +24,7 @@ pub mod header;
 pub mod library_file;
 #[cfg(feature = "load")]
 pub mod loader;
+pub mod math;
 #[cfg(feature = "load")]
 mod setup_texts;
 

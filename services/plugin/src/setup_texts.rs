@@ -6,6 +6,7 @@ use std::ffi::CString;
 use scenario::Scenario;
 
 use crate::abi;
+use crate::math::MATH;
 
 /// Texts of a [`abi::Setup`].
 pub(crate) struct SetupTexts {
@@ -48,6 +49,7 @@ impl SetupTexts {
             parameters: parameters.as_ptr(),
             parameter_count: parameters.len(),
             asked: self.asked.as_ptr(),
+            math: &raw const MATH,
         })
     }
 

@@ -68,6 +68,7 @@ fn size_after(panics_in: f64) -> usize {
         parameters: &raw const parameter,
         parameter_count: 1,
         asked: asked.as_ptr(),
+        math: &raw const plugin::math::MATH,
     };
     let mut state = ControlTelemetry::new_zeroed();
     let place: *mut c_void = (&raw mut state).cast();

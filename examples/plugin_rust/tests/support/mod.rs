@@ -37,6 +37,7 @@ pub fn linked_in() -> Box<dyn ErasedService> {
         parameters: std::ptr::null(),
         parameter_count: 0,
         asked: asked.as_ptr(),
+        math: &raw const plugin::math::MATH,
     };
     Box::new(plugin_rust::Pid::create(&Setup::new(&setup)).expect("a controller"))
 }

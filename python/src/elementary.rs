@@ -1,0 +1,26 @@
+//! Elementary functions with the same bytes on every machine.
+
+use plugin::math::{BINARY, UNARY};
+use pyo3::prelude::*;
+use pyo3::types::{PyCFunction, PyDict};
+
+/// Returns the functions of one and of two arguments, by their names.
+#[pyfunction]
+pub fn elementary_functions(python: Python<'_>) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
+    let (one, two) = (PyDict::new(python), PyDict::new(python));
+    for &(name, function) in UNARY {
+        let of = PyCFunction::new_closure(python, None, None, move |arguments, _| -> PyResult<f64> {
+            let (x,): (f64,) = arguments.extract()?;
+            Ok(function(x))
+        })?;
+        one.set_item(name, of)?;
+    }
+    for &(name, function) in BINARY {
+        let of = PyCFunction::new_closure(python, None, None, move |arguments, _| -> PyResult<f64> {
+            let (x, y): (f64, f64) = arguments.extract()?;
+            Ok(function(x, y))
+        })?;
+        two.set_item(name, of)?;
+    }
+    Ok((one, two))
+}
