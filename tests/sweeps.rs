@@ -133,7 +133,20 @@ fn every_row_can_be_repeated_with_its_log() {
             words.contains("its row is that of the results, to the last bit"),
             "{words}"
         );
-        succeed(&mut place.gerono(&["info", &out]));
+        // Its log is that of the same flight by `gerono run`, events included.
+        let command = words.lines().find(|line| line.contains("gerono run ")).unwrap();
+        let arguments = command.split("gerono run ").nth(1).unwrap();
+        let same = format!("same-{sample}");
+        let run = format!(
+            "{} run {arguments} --quiet --out {same}",
+            env!("CARGO_BIN_EXE_gerono")
+        );
+        succeed(
+            std::process::Command::new("sh")
+                .args(["-c", &run])
+                .current_dir(place.path("")),
+        );
+        succeed(&mut place.gerono(&["diff", &out, &same]));
     }
     let none = place
         .gerono(&["sweep", "fly", "results", "--sample", "12"])
@@ -210,6 +223,26 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ("[judge]\ngood = \"rms < 1\"\n", "there is no value `rms`"),
         ("[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n", "k9"),
         ("rank = \"rms\"\n", "`rank`: a row has no `rms`"),
+        (
+            "set = [\"vehicle.mass=0.25\"]\n[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n",
+            "`set` of the sweep states `vehicle.mass`",
+        ),
+        (
+            "[vary]\n\"vehicle.inertia.2\" = { uniform = [1e-3, 2e-3] }\n[[compare]]\nname = \"w\"\nset = [\"vehicle.inertia=[6e-4, 6e-4, 1e-3]\"]\n",
+            "`set` of w states `vehicle.inertia`",
+        ),
+        (
+            "[[compare]]\nname = \"x\"\nset = [\"seed=9\"]\n",
+            "every sample draws its own",
+        ),
+        (
+            "[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22], levels = 9 }\n",
+            "are those of a grid",
+        ),
+        (
+            "[vary]\nflight = { choice = [1, 2] }\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n",
+            "varies nothing",
+        ),
         (
             "[[map]]\nx = \"m\"\ny = \"rmse\"\n",
             "`map.0.x`: a row has no `m`",
@@ -361,14 +394,65 @@ fn laws_are_ranked_by_what_the_sweep_says_and_numbers_drawn_as_a_heat_map() {
 #[test]
 fn shards_of_another_sweep_do_not_mix() {
     let place = Place::new();
+    let refused = |arguments: &[&str], reason: &str| {
+        let output = place.gerono(arguments).output().unwrap();
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            output.status.code() == Some(2) && words.contains(reason),
+            "{arguments:?}: {words}"
+        );
+    };
     let first = sweep(&place, "");
     succeed(&mut place.gerono(&["sweep", "run", &first, "--shard", "0/2", "--out", "results"]));
     let other = sweep(&place, "far = \"max > 1.3\"\n");
-    succeed(&mut place.gerono(&["sweep", "run", &other, "--shard", "1/2", "--out", "results"]));
-    let refused = place.gerono(&["sweep", "merge", "results"]).output().unwrap();
-    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    refused(
+        &["sweep", "run", &other, "--shard", "1/2", "--out", "results"],
+        "of another sweep",
+    );
+    refused(
+        &["sweep", "run", &other, "--shard", "1/3", "--out", "results"],
+        "one of 2 shards",
+    );
+    refused(&["sweep", "run", &other, "--out", "results"], "one of 2 shards");
+    // Brought together by hand.
+    succeed(&mut place.gerono(&["sweep", "run", &other, "--shard", "1/2", "--out", "others"]));
+    let name = "shard-00001-of-00002.rows";
+    std::fs::copy(place.path("others").join(name), place.path("results").join(name)).unwrap();
+    refused(&["sweep", "merge", "results"], "of another sweep");
+    // A folder of something else is not made a sweep's.
+    std::fs::create_dir(place.path("mine")).unwrap();
+    std::fs::write(place.path("mine").join("notes.txt"), "mine").unwrap();
+    refused(&["sweep", "run", &other, "--out", "mine"], "holds no sweep");
+}
+
+#[test]
+fn the_shipped_sweeps_can_be_flown() {
+    let place = Place::new();
+    let mut count = 0;
+    for file in std::fs::read_dir(format!("{ROOT}/scenarios/sweeps")).unwrap() {
+        let path = file.unwrap().path();
+        succeed(&mut place.gerono(&["sweep", "plan", path.to_str().unwrap()]));
+        count += 1;
+    }
+    assert!(count >= 5, "{count}");
+}
+
+#[test]
+fn a_law_that_no_plug_in_lets_fly_is_an_error() {
+    let place = Place::new();
+    compile("examples/plugin_c/pid.c", &place.path("libpid.so"), &[]);
+    let scenario = std::fs::read_to_string(format!("{ROOT}/examples/plugin_c/eight.toml")).unwrap();
+    std::fs::write(place.path("eight.toml"), scenario).unwrap();
+    let sweep = "scenario = \"eight.toml\"\nsamples = 3\nset = [\"duration=0.1\"]\n[vary]\n\
+                 \"plugins.parameters.kpp\" = { uniform = [0.18, 0.22] }\n";
+    std::fs::write(place.path("sweep.toml"), sweep).unwrap();
+    let output = place
+        .gerono(&["sweep", "run", "sweep.toml", "--out", "results"])
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        refused.status.code() == Some(2) && words.contains("of another sweep"),
+        output.status.code() == Some(2) && words.contains("not one sample was flown"),
         "{words}"
     );
 }

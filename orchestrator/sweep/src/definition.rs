@@ -288,6 +288,17 @@ impl Definition {
             }
             _ => {}
         }
+        let states_levels = |value: &Value| value.get("levels").is_some();
+        for (name, value) in &self.vary {
+            let parts = value.as_array();
+            let is_stated =
+                states_levels(value) || parts.is_some_and(|parts| parts.iter().any(states_levels));
+            if is_stated && self.method != Method::Grid {
+                return Err(format!(
+                    "`levels` of `vary.{name}` are those of a grid; leave them out, or state `method = \"grid\"`"
+                ));
+            }
+        }
         for (name, _) in self.varied()? {
             if !is_name(&name) && !name.contains('.') && name != "duration" {
                 return Err(format!(
@@ -332,6 +343,28 @@ impl Definition {
             }];
         }
         self.compare.clone()
+    }
+}
+
+impl Entry {
+    /// Returns the value that this entry states of a key, or of an element of an array, in place of the varied one.
+    pub(crate) fn stated(&self, column: &str) -> Option<Value> {
+        let of = |key: &str| {
+            let mut settings = self
+                .set
+                .iter()
+                .rev()
+                .filter_map(|setting| setting.split_once('='));
+            let (_, value) = settings.find(|(name, _)| name.trim() == key)?;
+            let parsed = toml::from_str::<Table>(&format!("value = {value}"));
+            let parsed = parsed.ok().and_then(|mut table| table.remove("value"));
+            Some(parsed.unwrap_or_else(|| Value::String(value.to_owned())))
+        };
+        let of_element = || {
+            let (array, place) = column.rsplit_once('.')?;
+            of(array)?.get(place.parse::<usize>().ok()?).cloned()
+        };
+        of(column).or_else(of_element)
     }
 }
 

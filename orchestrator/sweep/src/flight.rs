@@ -1,5 +1,6 @@
 //! One flight of a sweep: flown in this process, judged, and told as a row.
 
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -11,10 +12,12 @@ use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Programs, Scenario};
 use sha2::{Digest, Sha256};
-use shared_types::samples::VehicleTruth;
+use shared_types::samples::{RunEvent, VehicleTruth};
 use shared_types::service::{ErasedService, nanoseconds};
 use shared_types::{Schedule, ServiceId, Topic};
+use supervisor::recording_sink::planned_events;
 use supervisor::{FlightFailure, Outcome as HostOutcome, in_process};
+use zerocopy::IntoBytes;
 
 use crate::definition::{Entry, hexadecimal};
 use crate::plan::{Plan, Sample};
@@ -38,6 +41,8 @@ pub struct Judge {
     tick: u64,
     energy: Energy,
     log: Option<RunLogWriter>,
+    /// Events that the scenario schedules, for the log.
+    events: VecDeque<RunEvent>,
     /// Says whether a controller of the caller's has failed.
     has_failed: Option<Box<dyn Fn() -> bool>>,
 }
@@ -61,6 +66,7 @@ impl Judge {
             tick: 0,
             energy: Energy::default(),
             log: None,
+            events: VecDeque::new(),
             has_failed: None,
         }
     }
@@ -79,7 +85,8 @@ impl Judge {
     }
 
     /// Records the flight as well.
-    fn recorded(mut self, scenario: &Scenario, path: &Path) -> Result<Self, LogError> {
+    fn recorded(mut self, scenario: &Scenario, schedule: &Schedule, path: &Path) -> Result<Self, LogError> {
+        self.events = planned_events(scenario, schedule).into();
         let manifest = Manifest::new(scenario);
         self.log = Some(RunLogWriter::create_result(
             path,
@@ -118,6 +125,10 @@ impl TickSink for Judge {
         }
         self.tick = tick + 1;
         if let Some(log) = &mut self.log {
+            // Events are the last topic of a tick.
+            while let Some(event) = self.events.pop_front_if(|event| event.header.tick <= tick) {
+                log.write(Topic::RunEvent, event.as_bytes())?;
+            }
             log.end_tick(tick)?;
         }
         let has_failed = self.has_failed.as_ref().is_some_and(|has_failed| has_failed());
@@ -231,7 +242,9 @@ fn fly_as(
     };
     let mut judge = Judge::new(&scenario, &schedule);
     if let Some(log) = log {
-        judge = judge.recorded(&scenario, log).map_err(Failure::not_written)?;
+        judge = judge
+            .recorded(&scenario, &schedule, log)
+            .map_err(Failure::not_written)?;
     }
     let ending = match own {
         None => in_process::fly(&scenario, &mut judge, interrupt),

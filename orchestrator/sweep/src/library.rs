@@ -11,7 +11,7 @@ use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
 use crate::prepared::Prepared;
 use crate::run::fly_shard;
-use crate::shard::{Shard, ShardWriter, check_complete};
+use crate::shard::{Shard, ShardWriter, check_complete, check_folder};
 
 fn prepared(
     text: String,
@@ -29,6 +29,7 @@ fn prepared(
 
 /// Returns whether the sweep is complete in a folder already.
 fn is_complete(prepared: &Prepared, folder: &Path) -> Result<bool, Failure> {
+    check_folder(folder, &prepared.header(Shard::WHOLE))?;
     let is_there = Shard::WHOLE.path(folder).exists();
     if is_there {
         check_complete(folder, &prepared.header(Shard::WHOLE))?;

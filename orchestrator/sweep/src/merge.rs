@@ -37,7 +37,13 @@ pub(crate) fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> 
             "{refused} flights were refused: their samples cannot be flown; see `reason` in the table"
         ));
     }
-    Ok(Exit::Success)
+    match report.laws.iter().find(|law| law.flown() == 0) {
+        Some(law) => Err(Failure::bad_input(format!(
+            "not one sample was flown with `{}`: all {} were refused, see `reason` in the table",
+            law.name, law.refused
+        ))),
+        None => Ok(Exit::Success),
+    }
 }
 
 /// Merges the shards of a folder; returns the report and the number of flights that were refused.

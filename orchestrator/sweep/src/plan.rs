@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use command_line::failure::Failure;
-use scenario::{Curve, Scenario};
+use scenario::{Curve, Key, Scenario};
 use scenario_file::ScenarioError;
 use statistics::design::{Design, sample_seed};
 use toml::Value;
@@ -90,6 +90,7 @@ impl Plan {
         let requirements: Result<Vec<_>, _> = definition.require.iter().map(requirement).collect();
         let requirements = requirements.map_err(|error| Failure::bad_input(format!("`require`: {error}")))?;
         check_uses(definition, &parts, &varied, &requirements).map_err(Failure::bad_input)?;
+        check_settings(definition, &varied).map_err(Failure::bad_input)?;
         let (design, samples) = design(definition, &parts)?;
         let mut plan = Self {
             phases: 1,
@@ -312,6 +313,48 @@ fn files_of(scenario: &Scenario) -> impl Iterator<Item = (String, &String)> {
     plugins.chain(of_path.map(|sha256| ("the file of the path".to_owned(), sha256)))
 }
 
+/// Name of what counts the flights of a cell of a grid, which differ in their seeds alone: nothing has to use it.
+const REPETITION: &str = "flight";
+
+/// Who states the settings for all laws.
+const THE_SWEEP: &str = "the sweep";
+
+/// Refuses settings of the sweep or of a law that state what is varied: the table would say what did not fly. What a law states
+/// of the same key in its own way is in the law's rows.
+fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), String> {
+    let entries = definition.compare.iter();
+    let of_entries = entries.flat_map(|entry| entry.set.iter().map(|setting| (entry.name.as_str(), setting)));
+    let of_sweep = definition.set.iter().map(|setting| (THE_SWEEP, setting));
+    for (whose, setting) in of_sweep.chain(of_entries) {
+        let Some(key) = scenario_file::key_of_setting(setting) else {
+            continue;
+        };
+        if key.segments() == ["seed"] {
+            return Err(format!(
+                "`set` of {whose} states `seed`, but every sample draws its own; `seed` of the sweep chooses others"
+            ));
+        }
+        let overlaps = |varied: &&Varied| {
+            let of_varied = scenario_file::key_of_setting(&format!("{}=", varied.name));
+            let is_within = |of_varied: &Key| {
+                of_varied
+                    .segments()
+                    .iter()
+                    .zip(key.segments())
+                    .all(|(one, other)| one == other)
+            };
+            let is_told = whose != THE_SWEEP && of_varied.as_ref() == Some(&key);
+            varied.is_key() && of_varied.as_ref().is_some_and(is_within) && !is_told
+        };
+        if let Some(Varied { name, .. }) = varied.iter().find(overlaps) {
+            return Err(format!(
+                "`set` of {whose} states `{key}`, and `vary` states `{name}`: leave one of them out"
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a name of the user's own that nothing uses: every flight would be the same.
 fn check_uses(
     definition: &Definition,
@@ -335,7 +378,9 @@ fn check_uses(
         })
     };
     let is_unused = |varied: &&Varied| {
+        let counts_flights = varied.name == REPETITION && definition.method == Method::Grid;
         !varied.is_key()
+            && !counts_flights
             && !varied.parts.iter().any(|part| used.contains(part))
             && !is_in_criteria(&varied.name)
     };

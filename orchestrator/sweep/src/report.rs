@@ -298,6 +298,13 @@ pub struct LawReport {
     pub quantiles: Vec<QuantileReport>,
 }
 
+impl LawReport {
+    /// Returns the number of flights that were flown.
+    pub(crate) fn flown(&self) -> u64 {
+        self.completed + self.lost + self.failed
+    }
+}
+
 /// How many flights meet a criterion.
 #[derive(Clone, Debug, Serialize)]
 pub struct CriterionReport {

@@ -308,6 +308,8 @@ impl Layout {
                 .iter()
                 .zip(&self.columns[3..])
                 .map(|(value, column)| {
+                    let stated = entry.stated(&column.name);
+                    let value = stated.as_ref().unwrap_or(value);
                     if column.kind == Kind::Number {
                         #[expect(clippy::cast_precision_loss, reason = "choices of whole numbers are small")]
                         let whole = value.as_integer().map(|number| number as f64);

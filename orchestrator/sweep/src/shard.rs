@@ -175,6 +175,12 @@ pub enum ShardError {
         /// The reason.
         error: io::Error,
     },
+    /// The folder holds something else.
+    #[error("{} is not empty and holds no sweep; name another folder", path.display())]
+    NoSweep {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Another process has it.
     #[error("{} is being flown by another process; wait for it, or fly another shard", path.display())]
     Locked {
@@ -355,6 +361,47 @@ fn check_header(path: &Path, line: &[u8], expected: &Header) -> Result<(), Shard
             reason,
         }),
     }
+}
+
+/// Refuses a folder that holds something else than this sweep, or its shards in another number.
+///
+/// # Errors
+/// [`ShardError`] with the difference.
+pub(crate) fn check_folder(folder: &Path, expected: &Header) -> Result<(), ShardError> {
+    let shards = shards_in(folder)?;
+    let failed = |error| ShardError::File {
+        path: folder.to_owned(),
+        error,
+    };
+    if shards.is_empty() && std::fs::read_dir(folder).map_err(failed)?.next().is_some() {
+        return Err(ShardError::NoSweep {
+            path: folder.to_owned(),
+        });
+    }
+    for (shard, _) in shards.into_iter().filter(|(shard, _)| *shard != expected.shard) {
+        let path = shard.path(folder);
+        if shard.count != expected.shard.count {
+            let reason = format!(
+                "it is one of {} shards, and not of {}",
+                shard.count, expected.shard.count
+            );
+            return Err(ShardError::Foreign { path, reason });
+        }
+        // One that another process has only begun has no header yet.
+        let Ok(reader) = ShardReader::open(&path) else {
+            continue;
+        };
+        let expected = Header {
+            shard,
+            // `merge` is asked whether builds may be taken together.
+            program: reader.header.program.clone(),
+            ..expected.clone()
+        };
+        if let Some(reason) = expected.difference(&reader.header) {
+            return Err(ShardError::Foreign { path, reason });
+        }
+    }
+    Ok(())
 }
 
 /// Checks a complete shard against what would be flown: its header and its rows.
