@@ -282,7 +282,8 @@ fn a_log_has_the_samples_that_the_scenario_wants_and_the_summary_those_of_the_fl
     };
     assert_eq!(counted(&whole)[..3], [2001, 2001, 2001]);
     assert_eq!(counted(&part)[..3], [0, 2001, 2001]);
-    let info: serde_json::Value = serde_json::from_str(&answer(&place, &["info", "part", "--json"])).unwrap();
+    let info = succeed(&mut place.gerono(&["info", "part", "--json"]));
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
     assert_eq!(info["samples"], counted(&part).iter().sum::<u64>());
     for topic in info["topics"].as_array().unwrap() {
         assert_eq!(

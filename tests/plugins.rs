@@ -47,6 +47,14 @@ fn fly(place: &Place, out: &str, more: &[&str]) -> Command {
     command
 }
 
+/// The option of restarts, which there are of processes only.
+fn restarts(host: &str, count: &'static str) -> Vec<&'static str> {
+    match host {
+        "inprocess" => Vec::new(),
+        _ => vec!["--restarts", count],
+    }
+}
+
 fn log(place: &Place, out: &str) -> Vec<u8> {
     std::fs::read(place.log(out)).unwrap()
 }
@@ -360,8 +368,7 @@ fn a_library_whose_state_is_not_what_it_says_is_found_out() {
     for (misconduct, claim, said) in cases {
         let place = example(misconduct, claim, &[]);
         for host in ["lockstep", "inprocess"] {
-            let restarts = ["--restarts", "controller=1"];
-            let flown = output(fly(&place, host, &["--host", host]).args(restarts));
+            let flown = output(fly(&place, host, &["--host", host]).args(restarts(host, "controller=1")));
             let told = complaint(&flown).replace("- ", "-");
             assert_eq!(flown.status.code(), Some(3), "{claim}, {host}: {told}");
             assert!(told.contains(said), "{claim}, {host}: {told}");
@@ -457,7 +464,7 @@ fn a_library_that_cannot_fly_is_refused_before_the_flight() {
             let refused = output(&mut fly(
                 &place,
                 host,
-                &["--host", host, "--restarts", "controller=0"],
+                &[&["--host", host][..], &restarts(host, "controller=0")].concat(),
             ));
             let told = complaint(&refused);
             let is_death = host == "lockstep" && said.contains("`exit`");

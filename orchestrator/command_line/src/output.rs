@@ -19,12 +19,7 @@ use crate::terminal::printable_lines;
 pub fn log_path(path: &Path) -> PathBuf {
     let log = log_meant_by(path);
     if let Ok(reader) = LogReader::open(&log) {
-        if let Some(omissions) = reader.manifest().scenario.omissions() {
-            note(format_args!(
-                "{}: as its scenario says in `[record]`, it has {omissions}; results are of what it has",
-                log.display()
-            ));
-        }
+        note_omissions(&log, reader.manifest().scenario.omissions());
         for recovery in reader.recoveries() {
             note(format_args!(
                 "{}: {} was recovered: {recovery}",
@@ -34,6 +29,16 @@ pub fn log_path(path: &Path) -> PathBuf {
         }
     }
     log
+}
+
+/// Says which topics a log has in part only, as its scenario asks.
+pub fn note_omissions(log: &Path, omissions: Option<String>) {
+    if let Some(omissions) = omissions {
+        note(format_args!(
+            "{}: as its scenario says in `[record]`, it has {omissions}; results are of what it has",
+            log.display()
+        ));
+    }
 }
 
 /// Writes a file of results as JSON, whole or not at all ([`result_file`]).

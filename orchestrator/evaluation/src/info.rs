@@ -164,7 +164,7 @@ impl Info {
                         .count(sample.header, recorded[at]);
                 }
                 Ok(None) => break Ok(()),
-                Err(error @ LogReadError::Io { .. }) => return Err(error),
+                Err(error @ (LogReadError::Io { .. } | LogReadError::Foreign { .. })) => return Err(error),
                 Err(error) => break Err(error),
             }
         };

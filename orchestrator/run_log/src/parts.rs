@@ -227,7 +227,7 @@ pub fn ending(path: &Path) -> Result<Ending, LogReadError> {
             Err(LogReadError::MissingPart { missing, .. }) => {
                 return Ok(number_of(&missing).map_or(Ending::Broken, Ending::GoesOn));
             }
-            Err(error @ LogReadError::Io { .. }) => return Err(error),
+            Err(error @ (LogReadError::Io { .. } | LogReadError::Foreign { .. })) => return Err(error),
             Err(_) => return Ok(Ending::Broken),
         }
     }

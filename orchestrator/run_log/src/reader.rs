@@ -151,6 +151,31 @@ pub struct LoggedSample<'a> {
     pub bytes: &'a [u8],
 }
 
+/// Numbers of the samples of a topic so far. In real time late ones come behind younger ones, but none comes twice.
+#[derive(Clone, Copy, Debug, Default)]
+struct Numbers {
+    count: u64,
+    /// The least and the largest.
+    range: Option<[u64; 2]>,
+    last: Option<u64>,
+}
+
+impl Numbers {
+    /// Takes a number; `false` if it is that of the sample before.
+    fn take(&mut self, number: u64) -> bool {
+        self.count += 1;
+        let [least, largest] = self.range.unwrap_or([number; 2]);
+        self.range = Some([least.min(number), largest.max(number)]);
+        self.last.replace(number) != Some(number)
+    }
+
+    /// Returns whether there are as many numbers in their range as samples.
+    fn may_be_distinct(&self) -> bool {
+        self.range
+            .is_none_or(|[least, largest]| self.count - 1 <= largest - least)
+    }
+}
+
 /// Reads a run log from begin to end; memory does not grow with the log.
 ///
 /// A log that was split is read as one, from the file that is opened on.
@@ -185,6 +210,8 @@ pub struct LogReader {
     sample: Vec<u64>,
     samples: u64,
     last_tick: Option<u64>,
+    /// Numbers of the samples of each topic.
+    numbers: [Numbers; Topic::ALL.len()],
     /// `true` if only the summary is left.
     is_in_summary: bool,
     has_ended: bool,
@@ -244,6 +271,7 @@ impl LogReader {
             sample: Vec::new(),
             samples: 0,
             last_tick: None,
+            numbers: [Numbers::default(); Topic::ALL.len()],
             is_in_summary: false,
             has_ended: false,
         })
@@ -293,7 +321,10 @@ impl LogReader {
         if self.has_ended {
             return Ok(None);
         }
-        let found = self.advance();
+        let found = match self.advance() {
+            Ok(None) if self.numbers.iter().any(|numbers| !numbers.may_be_distinct()) => Err(self.merged()),
+            found => found,
+        };
         self.has_ended = !matches!(found, Ok(Some(_)));
         Ok(found?.map(|(topic, header)| LoggedSample {
             topic,
@@ -505,9 +536,19 @@ impl LogReader {
                 "a message of `{topic}` and its sample have different times"
             )));
         }
+        if !self.numbers[topic.index()].take(sample_header.seq) {
+            return Err(self.merged());
+        }
         self.samples += 1;
         self.last_tick = Some(sample_header.tick);
         Ok((topic, sample_header))
+    }
+
+    fn merged(&self) -> LogReadError {
+        LogReadError::Foreign {
+            path: self.path.clone(),
+            reason: "it holds samples twice, as a log does that another program has merged with one",
+        }
     }
 
     fn explain(&self, error: McapError) -> LogReadError {

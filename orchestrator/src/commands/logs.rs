@@ -8,6 +8,7 @@ use scenario::Scenario;
 use super::{Failure, log_path, not_written, note, print};
 use crate::cli::{Digest, Export, Info, Plot, Recover};
 use command_line::exit::Exit;
+use command_line::output::note_omissions;
 use command_line::terminal::Terminal;
 use evaluation::{info, plot};
 use result_file::ResultFile;
@@ -106,6 +107,7 @@ pub fn info(arguments: &Info) -> Result<Exit, Failure> {
     let log = log_meant_by(&arguments.log);
     let info = info::Info::read(&log).map_err(Failure::trouble)?;
     let exit = Exit::of_logs(info.is_complete());
+    note_omissions(&log, info.scenario.omissions());
     if arguments.json {
         let text = serde_json::to_string_pretty(&info).map_err(Failure::trouble)?;
         print(text + "\n");

@@ -21,6 +21,22 @@ use supervisor::recording_sink::RecordingSink;
 use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
 use supervisor::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
 
+/// Returns the first option that concerns processes of services.
+fn of_processes(deployment: &DeploymentArguments) -> Option<&'static str> {
+    let options = [
+        ("--crash", !deployment.crash.is_empty()),
+        ("--restarts", !deployment.restarts.is_empty()),
+        ("--restart-pause", !deployment.restart_pause.is_empty()),
+        ("--fifo", deployment.fifo),
+        ("--core", deployment.core.is_some()),
+        ("--no-pin", deployment.no_pin),
+        ("--no-yield", deployment.no_yield),
+    ];
+    options
+        .into_iter()
+        .find_map(|(option, is_given)| is_given.then_some(option))
+}
+
 /// `gerono run`.
 ///
 /// # Errors
@@ -37,10 +53,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         scenario = real_time::with_policies(scenario);
     }
     let schedule = schedule_of(&scenario)?;
-    if arguments.host == Host::Inprocess && !arguments.deployment.crash.is_empty() {
-        let reason =
-            "--crash kills the process of a service, and with --host inprocess there is but one process";
-        return Err(Failure::bad_input(reason));
+    if arguments.host == Host::Inprocess
+        && let Some(option) = of_processes(&arguments.deployment)
+    {
+        return Err(Failure::bad_input(format!(
+            "{option} concerns the processes of services, and with --host inprocess there is but one process"
+        )));
     }
     let is_external_service = |service: ServiceId| scenario.program_of(service).is_some();
     if let Some(crash) = arguments

@@ -35,8 +35,11 @@ fn shown(truth: &Truth) -> String {
         table.add_row([part.name.to_owned()].into_iter().chain(times).chain(distances));
     }
     let vector = |[x, y, z]: [f64; 3]| format!("[{x:.3}, {y:.3}, {z:.3}]");
+    let ends = truth.parts.iter().map(|part| part.span[1]).fold(0.0, f64::max);
+    let begins = truth.parts.iter().map(|part| part.span[0]).fold(ends, f64::min);
+    let window = (ends - begins).min(10.0);
     format!(
-        "{table}\ndisturbance in the last 10 s, m/s²: true {}, estimated {}\n",
+        "{table}\ndisturbance in the last {window} s, m/s²: true {}, estimated {}\n",
         vector(truth.disturbance),
         vector(truth.disturbance_estimate)
     )

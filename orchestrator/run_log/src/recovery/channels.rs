@@ -1,6 +1,6 @@
 //! Which samples the messages of a log are.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use mcap::records::{MessageHeader, Record, op};
 use scenario::Scenario;
@@ -124,6 +124,8 @@ pub(super) struct Channels<'a> {
     declared: BTreeMap<u16, usize>,
     /// Types that the log has in another layout.
     pub(super) other_layouts: Vec<&'static str>,
+    /// Numbers of the samples of each kind.
+    numbers: Vec<BTreeSet<u64>>,
 }
 
 impl<'a> Channels<'a> {
@@ -133,10 +135,11 @@ impl<'a> Channels<'a> {
             schemas: BTreeMap::new(),
             declared: BTreeMap::new(),
             other_layouts: Vec::new(),
+            numbers: vec![BTreeSet::new(); kinds.len()],
         }
     }
 
-    /// Hands over the messages of a chunk; tells how many are no sample of a kind that is known.
+    /// Hands over the messages of a chunk; tells how many are no sample of a kind that is known, or one that was there before.
     pub(super) fn read<E>(
         &mut self,
         chunk: &Chunk,
@@ -151,14 +154,19 @@ impl<'a> Channels<'a> {
                 Ok(Record::Channel(channel)) => self.declare(&channel),
                 Ok(Record::Message { header, data }) if opcode == op::MESSAGE => {
                     match self.message(header, &data) {
-                        Some(message) => take(&message)?,
-                        None => strange += 1,
+                        Some(message) if self.is_new(&message) => take(&message)?,
+                        _ => strange += 1,
                     }
                 }
                 _ => strange += 1,
             }
         }
         Ok(strange)
+    }
+
+    /// Returns whether a sample is no flight's, or was not there before, and takes note of it.
+    fn is_new(&mut self, message: &Message<'_>) -> bool {
+        self.kinds[message.kind].topic.is_none() || self.numbers[message.kind].insert(message.sequence)
     }
 
     fn declare(&mut self, channel: &mcap::records::Channel) {

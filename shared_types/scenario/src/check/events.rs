@@ -74,10 +74,17 @@ impl Findings {
     /// Requires a time within a flight of `duration` s.
     pub(super) fn in_flight(&mut self, key: &Key, what: &str, time: f64, duration: f64) {
         if time > duration {
+            let of_array = match key.segments() {
+                [array @ .., place, _] if place.parse::<usize>().is_ok() => Some(array.join(".")),
+                _ => None,
+            };
+            let all = of_array.map_or_else(String::new, |array| {
+                format!("; `--set {array}=[]` leaves all of them out")
+            });
             self.add(
                 key.clone(),
                 format!("{what} at {time:?} s comes after the end of the flight at {duration:?} s"),
-                "let it happen earlier, leave it out or raise `duration`",
+                format!("let it happen earlier, leave it out or raise `duration`{all}"),
             );
         }
     }
