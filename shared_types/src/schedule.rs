@@ -24,6 +24,13 @@ pub use outage_schedule::{Outage, OutageKind, OutageSchedule};
 use crate::sample::Header;
 use crate::wiring::{InputSpec, OutputSpec, ServiceId, Topic};
 
+/// Returns how many ticks before its delivery a sample acts in a service. The vehicle's step of a tick covers the time since
+/// the tick before, so that a frame acts from the tick before its delivery on.
+#[must_use]
+pub fn acts_before_delivery(service: ServiceId) -> u64 {
+    u64::from(service == ServiceId::Plant)
+}
+
 /// The ticks `phase + n·period`, n ≥ 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
@@ -363,6 +370,13 @@ impl Schedule {
     #[inline]
     pub fn latency(&self, service: ServiceId, input: usize) -> u64 {
         self.latencies[service.index()][input]
+    }
+
+    /// Returns the time from a sample's publication until it acts in an input, ticks: its latency, but for the vehicle.
+    #[must_use]
+    pub fn acts_after(&self, service: ServiceId, input: usize) -> u64 {
+        self.latency(service, input)
+            .saturating_sub(acts_before_delivery(service))
     }
 
     /// Returns the services in an order in which none waits for a later one within a tick.

@@ -162,7 +162,10 @@ impl HilSimulator {
     }
 
     fn step(&mut self, tick: u64, begins_ns: u64) {
-        let frame = self.onboard.acting(begins_ns);
+        // The step covers the time since the tick before: what acts for the larger part of it acts in all of it.
+        let frame = self
+            .onboard
+            .acting(begins_ns.saturating_sub(self.clock.tick_ns / 2));
         let sees = self.cameras.see_at(tick);
         let (truth, pose) = self.vehicle.step(tick, self.clock.tick_ns, frame.as_ref(), sees);
         self.onboard.feel(&truth);

@@ -1,5 +1,6 @@
 //! The wiring table as a picture.
 
+use shared_types::schedule::acts_before_delivery;
 use shared_types::{ServiceId, Topic};
 
 /// The wiring table as a Mermaid diagram.
@@ -15,7 +16,7 @@ pub fn mermaid() -> String {
             continue;
         };
         for (consumer, input) in topic.consumers() {
-            let latency = consumer.inputs()[input].default_latency_ticks;
+            let latency = consumer.inputs()[input].default_latency_ticks - acts_before_delivery(consumer);
             let note = if latency == 0 {
                 String::new()
             } else {

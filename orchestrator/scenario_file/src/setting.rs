@@ -128,6 +128,12 @@ pub(super) fn path_of(text: &str) -> Option<Key> {
     Some(path.into_iter().map(Spanned::into_inner).collect())
 }
 
+/// Returns the key that a setting `KEY=VALUE` assigns, if it names one.
+#[must_use]
+pub fn key_of_setting(setting: &str) -> Option<Key> {
+    path_of(setting.split_once('=')?.0.trim())
+}
+
 /// The names and positions of a dotted key, as TOML reads it.
 fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> {
     let refused = |span: Range<usize>, reason: &str| {

@@ -18,7 +18,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .collect()
 }
 
-/// Warns of a path below the ground, and of one that begins far from the vehicle.
+/// Warns of a vehicle or a path below the ground, and of a path that begins far from the vehicle.
 fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
     let [.., z] = scenario.vehicle.initial.position;
     let at = Key::root().then("path").then("curve");
@@ -39,6 +39,15 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
             "z points down: what is above the ground has a smaller z",
         )
     });
+    let begins_below = (scenario.flight.is_none() && z > WITHIN).then(|| {
+        let at = ["vehicle", "initial", "position"].into_iter().collect();
+        let reason = format!("the vehicle starts at z = {z:.2} m, below the ground, which is at z = 0");
+        Problem::new(
+            at,
+            reason,
+            "z points down: what is above the ground has a smaller z",
+        )
+    });
     let start = top_of_rise(scenario);
     let away = points.first().map_or(0.0, |first| {
         let way: [f64; 3] = std::array::from_fn(|axis| f64::from(first[axis]) - start[axis]);
@@ -51,7 +60,7 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
         let fix = "let the vehicle start nearer by `vehicle.initial.position`, or move the curve";
         Problem::new(at, reason, fix)
     });
-    below.into_iter().chain(far)
+    begins_below.into_iter().chain(below).chain(far)
 }
 
 /// Returns where the take-off of a simulated vehicle leads it first, in {I}, m.

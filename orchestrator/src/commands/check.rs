@@ -164,7 +164,7 @@ fn edges(schedule: &Schedule) -> Table {
         for (service, input) in schedule.readers(topic) {
             table.add_row([
                 format!("{topic} -> {service}"),
-                seconds(schedule.time_ns(schedule.latency(service, input))).to_string(),
+                seconds(schedule.time_ns(schedule.acts_after(service, input))).to_string(),
                 schedule.buffer_size(topic).to_string(),
             ]);
         }

@@ -13,7 +13,9 @@ use serde::{Deserialize, Serialize};
 use ticks::TickReader;
 
 use super::{Key, Problem, Scenario};
-use shared_types::schedule::{MAX_PORTS, Rate, Schedule, ScheduleError, default_latencies};
+use shared_types::schedule::{
+    MAX_PORTS, Rate, Schedule, ScheduleError, acts_before_delivery, default_latencies,
+};
 use shared_types::wiring::{ServiceId, Topic};
 
 const SERVICES: usize = ServiceId::ALL.len();
@@ -166,9 +168,7 @@ impl Timing {
             let key = key_of("latency", name);
             match names::EdgeName::find(name) {
                 Some(edge) => {
-                    // The vehicle's step of a tick covers the time since the tick before, so a frame acts from the tick before
-                    // its delivery on.
-                    let acts_before = u64::from(edge.service == ServiceId::Plant);
+                    let acts_before = acts_before_delivery(edge.service);
                     let ticks = reader.read(&key, time, 0..=LONGEST_DELAY - acts_before);
                     latencies[edge.service.index()][edge.input] = ticks + acts_before;
                 }
