@@ -88,7 +88,8 @@ fn cell(
         }
     }
     let end = injection_times::on_tick(plain, moment + times.lasts + times.after);
-    scenario.duration = scenario.duration.min(end);
+    // Beyond the planned end where needed: a way back that is cut off is no loss, and one that is not seen no survival.
+    scenario.duration = end;
     Ok(MatrixCell {
         case,
         moment,
@@ -135,10 +136,10 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_ends_some_time_after_its_fault_or_with_the_flight() {
+    fn a_cell_ends_some_time_after_its_fault_also_beyond_the_end_of_the_flight() {
         let cells = cells(&scenario(0.001, 17.0), &[], &times()).unwrap();
         let ends: Vec<_> = cells.iter().map(|cell| cell.scenario.duration).collect();
-        assert_eq!(ends, [5.1, 17.0]);
+        assert_eq!(ends, [5.1, 18.1]);
         assert_eq!(
             (cells[0].watched.from, cells[0].watched.until),
             (2000, Some(2100))
