@@ -89,6 +89,10 @@ impl Flight {
     /// Write the log `run.mcap` into a folder: the bytes of `gerono run`.
     fn save(&mut self, py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf> {
         std::fs::create_dir_all(&folder)?;
+        if std::fs::read_dir(&folder)?.next().is_some() {
+            let reason = format!("{} is not empty; name another folder", folder.display());
+            return Err(pyo3::exceptions::PyFileExistsError::new_err(reason));
+        }
         let path = folder.join("run.mcap");
         let manifest = Manifest::new(&self.scenario);
         let written = self.with_all(py, |samples| {
