@@ -25,6 +25,10 @@ pub struct Grid {
     /// [default: all].
     #[arg(long = "law", value_name = "LAW", value_parser = str::parse::<ControlLaw>)]
     pub laws: Vec<ControlLaw>,
+    /// Fly each law with five bandwidths of its position loop, for its front of error against delay: the other margins are left
+    /// out.
+    #[arg(long)]
+    pub along_bandwidth: bool,
     /// Condition to fly [default: all].
     #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<Condition>)]
     pub conditions: Vec<Condition>,
@@ -47,6 +51,7 @@ impl Grid {
     pub const EXAMPLES: &str = "Examples:\n  \
         gerono grid\n  \
         gerono grid --quick --law paper-18 --law indi --condition calm,gusts\n  \
+        gerono grid --along-bandwidth --law indi --law composite-40 --condition calm,gusts\n  \
         gerono grid --law indi --law 'soft:controller.k1=2.0;controller.k2=2.0' --no-margins";
 
     /// Returns the number of seeds.

@@ -1,7 +1,11 @@
 //! The control laws of a grid: settings of a scenario, by name.
 
+use command_line::failure::Failure;
 use command_line::values::ValueError;
+use scenario::LawKind;
 use serde::Serialize;
+
+use crate::flights::Base;
 
 /// A control law.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -77,15 +81,80 @@ impl ControlLaw {
     }
 }
 
+/// Parts of a scenario that a law does not choose.
+const CONDITIONS: [&str; 5] = ["seed", "duration", "vehicle", "cameras", "path"];
+
+/// Factors on the bandwidth of a law's position loop: the front of a law is measured along them.
+const BANDWIDTHS: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
+
+impl ControlLaw {
+    /// Returns the law with a slower and a faster position loop, as `NAME×FACTOR`: the damping stays as it is.
+    ///
+    /// # Errors
+    /// [`Failure`] if the base does not know a setting of the law.
+    pub fn along_bandwidth(&self, base: &Base) -> Result<Vec<Self>, Failure> {
+        let controller = base.scenario(&self.settings, 1)?.controller;
+        let baseline = controller.baseline.unwrap_or_default();
+        let with = |factor: f64| {
+            let gains = match controller.law {
+                LawKind::Adaptive => vec![("k1", controller.k1 * factor), ("k2", controller.k2 * factor)],
+                LawKind::Px4 => vec![("baseline.cascade_scale", baseline.cascade_scale * factor)],
+                LawKind::Nmpc => vec![(
+                    "baseline.nmpc_rate_weight",
+                    baseline.nmpc_rate_weight / (factor * factor),
+                )],
+                _ => vec![
+                    ("baseline.position_gain", baseline.position_gain * factor * factor),
+                    ("baseline.velocity_gain", baseline.velocity_gain * factor),
+                ],
+            };
+            let gains = gains
+                .into_iter()
+                .map(|(key, gain)| format!("controller.{key}={gain:?}"));
+            Self {
+                name: format!("{}×{factor}", self.name),
+                settings: self.settings.iter().cloned().chain(gains).collect(),
+            }
+        };
+        Ok(BANDWIDTHS.map(with).into())
+    }
+
+    /// Returns the law of which this is one of [`Self::along_bandwidth`], or its own name.
+    #[must_use]
+    pub fn family(name: &str) -> &str {
+        name.split_once('×').map_or(name, |(family, _)| family)
+    }
+}
+
 impl std::str::FromStr for ControlLaw {
     type Err = ValueError;
 
     /// Reads the name of a law, or `NAME:KEY=VALUE;KEY=VALUE…` for one of the user's own.
     fn from_str(text: &str) -> Result<Self, ValueError> {
         if let Some((name, settings)) = text.split_once(':') {
+            let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
+            let mut keys: Vec<_> = settings
+                .iter()
+                .filter_map(|setting| setting.split_once('='))
+                .map(|(key, _)| key.trim())
+                .collect();
+            let is_of_condition = |key: &&&str| {
+                CONDITIONS
+                    .iter()
+                    .any(|section| key.split('.').next() == Some(section))
+            };
+            if let Some(key) = keys.iter().find(is_of_condition) {
+                return Err(ValueError::unfit(format!(
+                    "`{key}` is no part of a law: it is the same for all laws of a grid"
+                )));
+            }
+            keys.sort_unstable();
+            if let Some(twice) = keys.windows(2).find(|pair| pair[0] == pair[1]) {
+                return Err(ValueError::unfit(format!("`{}` is stated twice", twice[0])));
+            }
             return Ok(Self {
                 name: name.to_owned(),
-                settings: settings.split(';').map(str::to_owned).collect(),
+                settings,
             });
         }
         let mut all = Self::all();
@@ -119,6 +188,50 @@ mod tests {
             .unwrap();
         assert_eq!((own.name.as_str(), own.settings.len()), ("mine", 2));
         assert_eq!(own.settings[1], "controller.k1=3.0");
-        assert!("unknown".parse::<ControlLaw>().is_err());
+        for wrong in [
+            "unknown",
+            "a:seed=9",
+            "a:vehicle.mass=0.17",
+            "a:controller.k1=4.0;controller.k1=4.5",
+        ] {
+            assert!(wrong.parse::<ControlLaw>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn along_the_bandwidth_the_damping_stays() {
+        let base = Base::load(None).unwrap();
+        let indi: ControlLaw = "indi".parse().unwrap();
+        let along = indi.along_bandwidth(&base).unwrap();
+        let names: Vec<_> = along.iter().map(|law| law.name.as_str()).collect();
+        assert_eq!(names, ["indi×0.6", "indi×0.8", "indi×1", "indi×1.25", "indi×1.6"]);
+        assert!(names.iter().all(|name| ControlLaw::family(name) == "indi"));
+        let damping = |law: &ControlLaw| {
+            let gains = base
+                .scenario(&law.settings, 1)
+                .unwrap()
+                .controller
+                .baseline
+                .unwrap();
+            gains.velocity_gain / gains.position_gain.sqrt()
+        };
+        assert!(
+            along
+                .iter()
+                .all(|law| (damping(law) - damping(&along[2])).abs() < 1e-12)
+        );
+        // Of each kind of law something changes with each factor.
+        for law in ControlLaw::all() {
+            let along = law.along_bandwidth(&base).unwrap();
+            let controllers: Vec<_> = along
+                .iter()
+                .map(|law| base.scenario(&law.settings, 1).unwrap().controller)
+                .collect();
+            assert!(
+                controllers.windows(2).all(|pair| pair[0] != pair[1]),
+                "{}",
+                law.name
+            );
+        }
     }
 }

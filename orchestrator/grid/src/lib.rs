@@ -40,9 +40,13 @@ pub const FIRST_SEED: u64 = 201;
 /// # Errors
 /// [`Failure`] if nothing can be flown or written.
 pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
-    let laws = arguments.laws()?;
+    let mut laws = arguments.laws()?;
     let conditions = arguments.conditions();
     let base = Base::load(arguments.scenario.as_deref())?;
+    if arguments.along_bandwidth {
+        let along: Result<Vec<_>, _> = laws.iter().map(|law| law.along_bandwidth(&base)).collect();
+        laws = along?.concat();
+    }
     let seeds: Vec<u64> = (arguments.first_seed..).take(arguments.seeds()).collect();
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let jobs = flights::jobs(&base, &laws, &conditions, &seeds)?;
@@ -54,8 +58,15 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let margins = if arguments.no_margins {
         Vec::new()
     } else {
-        let bar = progress::flights(laws.len() * conditions::MARGINS.len());
-        let margins = margins::search(&base, &laws, &seeds, &interrupt, || bar.inc(1))?;
+        // The front is of the first, the delay.
+        let count = if arguments.along_bandwidth {
+            1
+        } else {
+            conditions::MARGINS.len()
+        };
+        let quantities = &conditions::MARGINS[..count];
+        let bar = progress::flights(laws.len() * count);
+        let margins = margins::search(&base, &laws, quantities, &seeds, &interrupt, || bar.inc(1))?;
         bar.finish_and_clear();
         margins
     };

@@ -10,7 +10,7 @@ use evaluation::reproduce::flight::measure;
 use evaluation::reproduce::parallel;
 use serde::Serialize;
 
-use crate::conditions::{MARGINS, Quantity};
+use crate::conditions::Quantity;
 use crate::flights::{Base, LostFlight};
 use crate::laws::ControlLaw;
 
@@ -40,20 +40,21 @@ pub struct Margin {
     pub failure: Option<LostFlight>,
 }
 
-/// Searches all margins of all laws. Calls `found` after each.
+/// Searches the margins of all laws in these quantities. Calls `found` after each.
 ///
 /// # Errors
 /// [`Failure`] if the base does not know a setting.
 pub fn search(
     base: &Base,
     laws: &[ControlLaw],
+    quantities: &[Quantity],
     seeds: &[u64],
     interrupt: &Interrupt,
     found: impl Fn() + Sync,
 ) -> Result<Vec<Margin>, Failure> {
     let pairs: Vec<_> = laws
         .iter()
-        .flat_map(|law| MARGINS.map(|quantity| (law, quantity)))
+        .flat_map(|law| quantities.iter().map(move |quantity| (law, quantity)))
         .collect();
     let seeds = &seeds[..seeds.len().min(SEEDS)];
     let margins = parallel::map(&pairs, parallel::cores(), |(law, quantity)| {
@@ -167,7 +168,7 @@ mod tests {
     #[test]
     fn the_settings_of_every_quantity_fit_the_base() {
         let base = Base::load(None).unwrap();
-        for quantity in MARGINS {
+        for quantity in crate::conditions::MARGINS {
             for step in [0, 1, quantity.steps] {
                 let settings = (quantity.settings)(f64::from(step) * quantity.step);
                 base.scenario(&settings, 1).unwrap();

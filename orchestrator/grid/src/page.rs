@@ -4,13 +4,19 @@ use std::sync::Arc;
 
 use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
-use kuva::prelude::{Figure, Layout, Plot, ScatterPlot, TickFormat};
+use kuva::prelude::{Figure, Layout, LinePlot, Plot, ScatterPlot, TickFormat};
 
 use crate::front::MARGIN;
+use crate::laws::ControlLaw;
 use crate::report::{GridReport, centimetres};
 
 /// Condition of the drawing of performance against margin.
 const PERFORMANCE: &str = "gusts";
+
+/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+const COLORS: [&str; 7] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
+];
 
 const STYLE: &str = "
 :root { color-scheme: light dark; --line: #8884; }
@@ -98,6 +104,13 @@ fn color(ratio: f64) -> String {
     format!("hsl({:.0} 70% 75%)", 130.0 * (1.0 - share))
 }
 
+/// The laws of which others are variants along the bandwidth, each once.
+fn families(names: &[String]) -> Vec<&str> {
+    let mut families: Vec<_> = names.iter().map(|name| ControlLaw::family(name)).collect();
+    families.dedup();
+    families
+}
+
 /// Draws every law as a point: its margin against its distance. None if one of the two was not measured.
 #[must_use]
 pub fn pareto(report: &GridReport) -> Option<String> {
@@ -110,13 +123,29 @@ pub fn pareto(report: &GridReport) -> Option<String> {
     if points.is_empty() {
         return None;
     }
+    // Along the bandwidth of a law, a line.
+    let mut plots = Vec::new();
+    for (place, family) in families(&names).into_iter().enumerate() {
+        let own = names
+            .iter()
+            .zip(&points)
+            .filter(|(name, _)| ControlLaw::family(name) == family);
+        let own: Vec<_> = own.map(|(_, point)| *point).collect();
+        if own.len() > 1 {
+            plots.push(Plot::from(
+                LinePlot::new()
+                    .with_data(own)
+                    .with_color(COLORS[place % COLORS.len()]),
+            ));
+        }
+    }
     let plot = ScatterPlot::new()
         .with_data(points)
         .with_color("#0072b2")
         .with_size(6.0)
         .with_labels(names)
         .with_repel_labels();
-    let plots = vec![Plot::from(plot)];
+    plots.push(Plot::from(plot));
     let layout = Layout::auto_from_plots(&plots)
         .with_log_x()
         .with_x_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))

@@ -96,16 +96,16 @@ impl GridReport {
         let seeds = self.seeds.len();
         let mut tables = vec![
             self.by_condition(
-                format!("RMS distance from the path in steady state, cm: median of {seeds} seeds, and flights lost"),
+                &format!("RMS distance from the path in steady state, cm: median of {seeds} seeds, and flights lost"),
                 |cell| with_losses(centimetres(cell.rms), cell),
             ),
-            self.by_condition("The same of the worst seed, cm".to_owned(), |cell| {
+            self.by_condition("The same of the worst seed, cm", |cell| {
                 with_losses(centimetres(cell.worst_rms), cell)
             }),
-            self.by_condition("Largest distance in the transient before it, cm: median".to_owned(), |cell| {
+            self.by_condition("Largest distance in the transient before it, cm: median", |cell| {
                 centimetres(cell.peak)
             }),
-            self.by_condition("Body rates in steady state, rms, rad/s: median".to_owned(), |cell| {
+            self.by_condition("Body rates in steady state, rms, rad/s: median", |cell| {
                 cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}"))
             }),
         ];
@@ -116,7 +116,7 @@ impl GridReport {
         tables
     }
 
-    fn by_condition(&self, title: String, text: impl Fn(&Cell) -> String) -> TextTable {
+    fn by_condition(&self, title: &str, text: impl Fn(&Cell) -> String) -> TextTable {
         let columns: Vec<_> = self
             .conditions
             .iter()
@@ -129,12 +129,17 @@ impl GridReport {
             });
             line_of(&law.name, cells)
         };
-        table(&title, &columns, self.laws.iter().map(line))
+        table(title, &columns, self.laws.iter().map(line))
     }
 
     fn margin_table(&self) -> TextTable {
+        let is_searched = |name: &str| self.margins.iter().any(|margin| margin.quantity == name);
+        let searched: Vec<_> = MARGINS
+            .iter()
+            .filter(|quantity| is_searched(quantity.name))
+            .collect();
         let line = |law: &ControlLaw| {
-            let cells = MARGINS
+            let cells = searched
                 .iter()
                 .map(|quantity| match self.margin(&law.name, quantity.name) {
                     Some(Margin {
@@ -150,7 +155,10 @@ impl GridReport {
             "Margins: the largest value with which all seeds stay within {} cm of the path, RMS",
             100.0 * SURVIVED
         );
-        let columns = MARGINS.map(|quantity| format!("{}, {}", quantity.name, quantity.unit));
+        let columns = searched
+            .iter()
+            .map(|quantity| format!("{}, {}", quantity.name, quantity.unit));
+        let columns: Vec<_> = columns.collect();
         table(&title, &columns, self.laws.iter().map(line))
     }
 
