@@ -2,132 +2,307 @@
 
 from __future__ import annotations
 
+import copyreg
+import ctypes
+import dis
 import hashlib
+import importlib.machinery
+import importlib.metadata
+import os
 import sys
+import threading
 import types
-from collections.abc import Iterable, Mapping
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from gerono.controller import PLACES
 
 
 def identity_of(controller: Any) -> str:
     """Return the name of a controller's class, and a hash over all that decides what it commands.
 
-    That is the code of its classes, the functions, classes and numbers that the code names, as far as they are not of
-    an installed library, the libraries' versions, and the numbers and texts of the object itself.
+    That is the code of its classes; the functions, classes, objects and numbers that the code names, also in modules
+    that are not installed libraries; the libraries' versions; and the content of the object itself. It is the same in
+    every process. What has no content that could be read is a TypeError.
     """
     kind = type(controller)
-    walk = _Walk()
-    walk.value(kind)
-    walk.mapping(vars(controller), skip=("adaptation", "telemetry"))
-    return f"{kind.__module__}.{kind.__qualname__} {walk.hash.hexdigest()[:32]}"
+    walk = _Walk(has_globals=True)
+    parts = walk.numbers(controller), walk.of(kind), walk.used_of_modules()
+    return f"{kind.__module__}.{kind.__qualname__} {_joined(*parts).hex()[:32]}"
 
 
-def numbers_of(controller: Any) -> str:
-    """Return a hash over the class, the numbers and the texts of a controller's object."""
-    walk = _Walk()
-    walk.text(type(controller).__module__, type(controller).__qualname__)
-    walk.mapping(vars(controller), skip=("adaptation", "telemetry"))
-    return walk.hash.hexdigest()
+def is_same(controller: Any, first: Any) -> bool:
+    """Return whether two objects of one maker are the same controller.
+
+    What all objects of a class share, such as variables of modules, is not compared: flights may have changed it.
+    """
+    if type(controller) is not type(first):
+        return identity_of(controller) == identity_of(first)
+    numbers = (_Walk(has_globals=False).numbers(each) for each in (controller, first))
+    return next(numbers) == next(numbers)
+
+
+# What is known by its type and its text.
+_PLAIN = (bool, int, float, complex, str, bytes, bytearray, type(None), type(...), type(NotImplemented), range)
+
+# Functions and members of compiled modules.
+_COMPILED = (
+    types.BuiltinFunctionType,
+    types.ClassMethodDescriptorType,
+    types.GetSetDescriptorType,
+    types.MemberDescriptorType,
+    types.MethodDescriptorType,
+    types.MethodWrapperType,
+    types.WrapperDescriptorType,
+)
+
+# What decides nothing: of a cached property, for example.
+_LOCKS = (type(threading.Lock()), type(threading.RLock()))
+
+
+def _joined(*parts: object) -> bytes:
+    """Return a hash over texts and hashes."""
+    joined = hashlib.sha256()
+    for part in parts:
+        encoded = part if isinstance(part, bytes) else str(part).encode(errors="surrogatepass")
+        joined.update(len(encoded).to_bytes(8, "little") + encoded)
+    return joined.digest()
 
 
 class _Walk:
-    def __init__(self) -> None:
-        self.hash = hashlib.sha256()
-        self._seen: set[int] = set()
-        self._kept: list[Any] = []  # so that no number of an object is given to another one
+    """A walk through all that decides; the hash of an object depends on its content and on no address."""
 
-    def text(self, *texts: object) -> None:
-        for text in texts:
-            encoded = str(text).encode(errors="replace")
-            self.hash.update(len(encoded).to_bytes(8, "little") + encoded)
+    def __init__(self, has_globals: bool) -> None:
+        self._has_globals = has_globals
+        # Hashes by the number of the object, which is kept so that no other one gets its number.
+        self._known: MutableMapping[int, tuple[Any, bytes]] = {}
+        self._open: list[int] = []
+        self._path: list[str] = []
+        self._modules: dict[str, types.ModuleType] = {}
+        self._names: set[str] = set()
 
-    def mapping(self, values: Mapping[str, Any], skip: Iterable[str] = ()) -> None:
+    def numbers(self, controller: Any) -> bytes:
+        """Return a hash over the content of a controller's object."""
+        self._path = [type(controller).__qualname__]
+        self._open.append(id(controller))
+        return self._named(vars(controller), skip=PLACES)
+
+    def used_of_modules(self) -> bytes:
+        """Return a hash over what the code names of modules that are not libraries."""
+        done: set[tuple[str, str]] = set()
+        parts: list[object] = []
+        # What is found may name more.
+        while found := sorted({(module, name) for module in self._modules for name in self._names} - done):
+            done.update(found)
+            for module, name in found:
+                if hasattr(self._modules[module], name):
+                    self._path = [module, name]
+                    parts += [module, name, self.of(getattr(self._modules[module], name))]
+        return _joined(*parts)
+
+    def of(self, value: Any) -> bytes:
+        if type(value) in _PLAIN:
+            return _joined(type(value).__name__, repr(value))
+        number = id(value)
+        if number in self._known:
+            return self._known[number][1]
+        if number in self._open:
+            return _joined("circle", len(self._open) - self._open.index(number))
+        self._open.append(number)
+        digest = self._content(value)
+        self._open.pop()
+        self._known[number] = value, digest
+        return digest
+
+    def _all_of(self, values: Iterable[Any]) -> bytes:
+        return _joined(*map(self.of, values))
+
+    def _named(self, values: Mapping[str, Any], skip: Iterable[str] = ()) -> bytes:
+        parts: list[object] = []
         for name in sorted(values):
             if name not in skip:
-                self.text(name)
-                self.value(values[name])
+                self._path.append(name)
+                parts += [name, self.of(values[name])]
+                self._path.pop()
+        return _joined(*parts)
 
-    def value(self, value: Any) -> None:
-        if isinstance(value, bool | int | float | complex | str | bytes | type(None)):
-            self.text(type(value).__name__, repr(value))
-        elif isinstance(value, np.ndarray | np.generic):
-            self.text(value.dtype.str, np.shape(value))
-            self.hash.update(np.ascontiguousarray(value).tobytes())
-        elif isinstance(value, tuple | list):
-            self.text(type(value).__name__, len(value))
-            for item in value:
-                self.value(item)
-        elif isinstance(value, dict):
-            self.text("dict", len(value))
-            self.mapping({repr(key): item for key, item in value.items()})
-        elif id(value) not in self._seen:
-            self._seen.add(id(value))
-            self._kept.append(value)
-            self.object(value)
+    def _unordered(self, values: Iterable[Any]) -> bytes:
+        """Return a hash that does not depend on the order: nothing is known of one value when the next is read."""
+        known, parts = self._known, []
+        for value in values:
+            self._known = ChainMap({}, known)
+            parts.append(self.of(value))
+        self._known = known
+        return _joined(*sorted(parts))
 
-    def object(self, value: Any) -> None:
-        if isinstance(value, staticmethod | classmethod | types.MethodType):
-            self.value(value.__func__)
-        elif isinstance(value, property):
-            self.value([value.fget, value.fset])
-        elif isinstance(value, types.FunctionType):
-            self.function(value)
-        elif isinstance(value, types.CodeType):
-            self.code(value)
-        elif isinstance(value, types.ModuleType):
-            self.text(value.__name__, getattr(value, "__version__", ""))
-        elif isinstance(value, type):
-            self.kind(value)
-        else:
-            # The rest is known by its type only, such as a solver of a library.
-            self.text(type(value).__module__, type(value).__qualname__)
+    def _content(self, value: Any) -> bytes:
+        kind = type(value)
+        if kind in (tuple, list):
+            return _joined(kind.__name__, self._all_of(value))
+        if kind in (set, frozenset):
+            return _joined(kind.__name__, self._unordered(value))
+        if kind in (dict, types.MappingProxyType):
+            is_namespace = all(type(key) is str for key in value)
+            return _joined("dict", self._named(value) if is_namespace else self._unordered(value.items()))
+        if kind is np.ndarray or isinstance(value, np.generic):
+            # The memory of objects has addresses, and that of structures has gaps.
+            has_memory = not value.dtype.hasobject and value.dtype.names is None
+            content = np.ascontiguousarray(value).tobytes() if has_memory else self.of(value.tolist())
+            return _joined(kind.__name__, repr(value.dtype), np.shape(value), content)
+        if isinstance(value, types.ModuleType):
+            return self._module(value)
+        if isinstance(value, type):
+            return self._kind(value)
+        if isinstance(value, types.FunctionType):
+            return self._function(value)
+        if isinstance(value, types.CodeType):
+            return self._code(value)
+        if isinstance(value, types.MethodType | staticmethod | classmethod):
+            return _joined(kind.__name__, self._all_of([value.__func__, getattr(value, "__self__", None)]))
+        if isinstance(value, property):
+            return self._all_of([value.fget, value.fset, value.fdel])
+        if isinstance(value, _COMPILED):
+            return self._compiled(value)
+        if kind in _LOCKS:
+            return _joined("lock")
+        return self._object(value)
 
-    def kind(self, kind: type) -> None:
+    def _object(self, value: Any) -> bytes:
+        kind = type(value)
+        wrapped = getattr(value, "__wrapped__", None)
+        if isinstance(wrapped, types.FunctionType) and _is_installed(kind.__module__):
+            # A function that a library keeps, compiles or dispatches.
+            return _joined(kind.__module__, kind.__qualname__, self.of(wrapped))
+        reduce = copyreg.dispatch_table.get(kind)
+        try:
+            if isinstance(value, ctypes.CDLL) or (isinstance(value, np.ufunc) and "(vectorized)" in value.__name__):
+                raise TypeError("its code is not Python's")
+            reduced = reduce(value) if reduce else value.__reduce_ex__(2)
+        except Exception as error:
+            raise TypeError(
+                f"{'.'.join(self._path)} is a {kind.__module__}.{kind.__qualname__}, whose content cannot be read ({error}), "
+                "so that nobody could tell of which controller the rows of a sweep are: keep numbers, arrays and objects of "
+                "your own classes, or give its class a `__reduce__`"
+            ) from error
+        parts = (reduced,) if isinstance(reduced, str) else reduced
+        lists = [list(part) if isinstance(part, Iterator) else part for part in parts]
+        # `__getstate__` may leave out what decides.
+        return _joined(self.of(kind), self.of(getattr(value, "__dict__", None)), self._all_of(lists))
+
+    def _kind(self, kind: type) -> bytes:
+        parts: list[object] = []
         for base in kind.__mro__:
-            self.text(base.__module__, base.__qualname__)
-            if not _is_installed(base.__module__):
+            parts += [base.__module__, base.__qualname__]
+            if _is_installed(base.__module__):
+                parts.append(_version(base.__module__))
+            else:
                 members = {name: value for name, value in vars(base).items() if not _is_of_interpreter(name, value)}
-                self.mapping(members)
+                parts.append(self._named(members))
+        return _joined(*parts)
 
-    def function(self, function: types.FunctionType) -> None:
-        self.text(function.__module__, function.__qualname__)
-        if _is_installed(function.__module__):
-            return
-        self.value(function.__code__)
-        self.value([function.__defaults__, list((function.__kwdefaults__ or {}).items())])
-        for cell in function.__closure__ or ():
+    def _function(self, function: types.FunctionType) -> bytes:
+        # `__module__` may be that of another function, which this one wraps.
+        module = str(function.__globals__.get("__name__"))
+        self._path.append(function.__name__)
+        parts: list[object] = [module, function.__qualname__]
+        parts.append(self._all_of([function.__defaults__, function.__kwdefaults__, vars(function)]))
+        for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ()):
             try:
-                self.value(cell.cell_contents)
+                parts.append(self._named({name: cell.cell_contents}))
             except ValueError:
-                self.text("empty")
-        for name in sorted(_names(function.__code__)):
-            if name in function.__globals__:
-                self.text(name)
-                self.value(function.__globals__[name])
+                parts.append("empty")
+        if _is_installed(module):
+            parts.append(_version(module))
+        else:
+            parts.append(self.of(function.__code__))
+            if self._has_globals:
+                parts.append(self._named(_globals(function.__code__, function.__globals__)))
+                parts.append(self._all_of(_imported(function.__code__, function.__globals__)))
+        self._path.pop()
+        return _joined(*parts)
 
-    def code(self, code: types.CodeType) -> None:
-        self.text(code.co_name, code.co_names, code.co_varnames)
-        self.hash.update(code.co_code)
-        for constant in code.co_consts:
-            self.value(constant)
+    def _code(self, code: types.CodeType) -> bytes:
+        self._names.update(code.co_names)
+        texts = code.co_name, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
+        return _joined(*texts, code.co_code, getattr(code, "co_exceptiontable", b""), self._all_of(code.co_consts))
+
+    def _module(self, module: types.ModuleType) -> bytes:
+        if _is_installed(module.__name__):
+            return _joined(module.__name__, _version(module.__name__))
+        self._modules[module.__name__] = module
+        file = getattr(module, "__file__", None) or ""
+        # What is compiled has no code that could be walked.
+        is_compiled = file.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES))
+        return _joined(module.__name__, Path(file).read_bytes() if is_compiled else "")
+
+    def _compiled(self, value: Any) -> bytes:
+        owner = getattr(value, "__self__", None)
+        module = str(getattr(value, "__module__", None) or getattr(getattr(value, "__objclass__", None), "__module__", ""))
+        own = None if _is_installed(module) else sys.modules.get(module)
+        # A method of an object, such as `generator.normal`; the owner of a function is its module.
+        bound = None if isinstance(owner, types.ModuleType) or type(owner).__name__ == "PyCapsule" else owner
+        return _joined(module, value.__qualname__, _version(module), self._all_of([own, bound]))
 
 
-def _names(code: types.CodeType) -> set[str]:
-    inner = (_names(constant) for constant in code.co_consts if isinstance(constant, types.CodeType))
-    return set(code.co_names).union(*inner)
+def _instructions(code: types.CodeType) -> Iterator[list[dis.Instruction]]:
+    """Return the instructions of code, and those of each function in it."""
+    yield list(dis.get_instructions(code))
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _instructions(constant)
+
+
+def _globals(code: types.CodeType, names: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the variables of a module that code reads."""
+    steps = (step for steps in _instructions(code) for step in steps)
+    read = {step.argval for step in steps if "GLOBAL" in step.opname or step.opname == "LOAD_NAME"}
+    return {name: names[name] for name in read & names.keys()}
+
+
+def _imported(code: types.CodeType, names: Mapping[str, Any]) -> Iterator[types.ModuleType]:
+    """Return the modules that code imports when it runs; they are imported for this already."""
+    for steps in _instructions(code):
+        for level, items, step in zip(steps, steps[1:], steps[2:]):
+            if step.opname == "IMPORT_NAME":
+                try:
+                    yield __import__(step.argval, names, None, items.argval, level.argval)
+                except ImportError:
+                    continue  # as the code would find
+
+
+_LIBRARY = os.path.dirname(os.__file__) + os.sep
 
 
 def _is_installed(module: str) -> bool:
     """Return whether a module is of the interpreter, or of an installed package, whose version stands for its code."""
     root = module.partition(".")[0]
-    if root in ("builtins", "gerono") or root in sys.stdlib_module_names:
+    if root in ("builtins", "gerono"):
         return True
-    file = getattr(sys.modules.get(root), "__file__", None) or ""
-    return "site-packages" in file or "dist-packages" in file
+    files = (getattr(sys.modules.get(name), "__file__", None) for name in (module, root))
+    file = next(filter(None, files), None)
+    if file is None:
+        return root in sys.stdlib_module_names
+    return file.startswith(_LIBRARY) or "site-packages" in file or "dist-packages" in file
+
+
+@lru_cache(maxsize=None)
+def _version(module: str) -> str:
+    """Return the version of a library."""
+    root = module.partition(".")[0]
+    stated = getattr(sys.modules.get(root), "__version__", None)
+    if stated is not None or not root or root in sys.stdlib_module_names:
+        return str(stated or "")
+    try:
+        return importlib.metadata.version(root)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
 
 
 def _is_of_interpreter(name: str, value: Any) -> bool:
     """Return whether a member is a note of the interpreter, some of which come and go, and no method such as `__init__`."""
-    return name.startswith("__") and not isinstance(value, types.FunctionType)
+    return name == "_abc_impl" or (name.startswith("__") and not callable(value) and not isinstance(value, classmethod))

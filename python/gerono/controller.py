@@ -13,8 +13,8 @@ from gerono._samples import DTYPES
 
 _INPUTS = ("vehicle/state", "path/reference")
 _OUTPUTS = ("control/command", "control/adaptation", "control/errors", "control/telemetry")
-# What the flight puts into a controller and what is no part of its state.
-_PLACES = ("adaptation", "telemetry")
+# What flights put into a controller and what is no part of its state.
+PLACES = ("_flown", "adaptation", "telemetry")
 
 
 class Now:
@@ -77,7 +77,7 @@ class Controller:
                 place += 1
 
     def _state(self) -> dict[str, Any]:
-        return {name: value for name, value in sorted(vars(self).items()) if name not in _PLACES and _is_state(value)}
+        return {name: value for name, value in sorted(vars(self).items()) if name not in PLACES and _is_state(value)}
 
 
 def _is_state(value: Any) -> bool:
@@ -102,7 +102,7 @@ def _declare_state(controller: Controller) -> None:
     if type(controller).save is not Controller.save:
         return
     for name, value in vars(controller).items():
-        if name in _PLACES or _is_constant(value):
+        if name in PLACES or _is_constant(value):
             continue
         is_numeric_array = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
         if not (is_numeric_array or (_is_state(value) and not isinstance(value, np.ndarray))):
@@ -130,7 +130,7 @@ def _copy_of(controller: Controller) -> Controller:
     """Return a controller with the same constants, and a state of its own."""
     second = copy.copy(controller)
     for name, value in vars(controller).items():
-        if name not in _PLACES and not _is_constant(value):
+        if name not in PLACES and not _is_constant(value):
             try:
                 setattr(second, name, copy.deepcopy(value))
             except Exception as error:

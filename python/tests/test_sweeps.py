@@ -1,7 +1,6 @@
 """Sweeps have the rows of the command."""
 
 import subprocess
-import types
 
 import controller
 import pytest
@@ -136,23 +135,6 @@ def test_a_folder_belongs_to_one_class_and_one_sweep(hover, tmp_path):
         gerono.sweep(hover, controller=controller.Hover, folder=tmp_path, **HOVER | {"samples": 7})
 
 
-def test_identities_are_of_code_and_numbers():
-    from gerono._identity import identity_of
-
-    def made(source, **numbers):
-        names = {"Hover": controller.Hover, "__name__": "written"}
-        exec(source, names)  # noqa: S102
-        law = names["Law"]()
-        vars(law).update(numbers)
-        return identity_of(law)
-
-    source = "gain = 2.0\ndef help(x): return gain * x\nclass Law(Hover):\n    k = 1.0\n    def step(self, *all): help(self.k)\n"
-    same = made(source)
-    assert made(source) == same
-    others = [source.replace("2.0", "2.5"), source.replace("gain * x", "gain + x"), source.replace("1.0", "1.5")]
-    assert len({same, made(source, k=3.0), *map(made, others)}) == 5
-
-
 def test_a_flight_that_was_broken_off_leaves_no_row(hover, tmp_path):
     fails = [True]
 
@@ -168,16 +150,18 @@ def test_a_flight_that_was_broken_off_leaves_no_row(hover, tmp_path):
     (rows,) = tmp_path.glob("*.rows.partial")
     assert len(rows.read_text().splitlines()) == 1
 
+    # A file is no part of the class, whose rows are to be resumed. It has a letter for each flight that has begun.
+    begun, folder = tmp_path / "begun", tmp_path / "interrupted"
+
     class Interrupted(controller.Hover):
         def step(self, now, *samples):
             super().step(now, *samples)
-            stop.steps -= 1
-            if stop.steps == 0:
+            if now.tick == 0:
+                with begun.open("a") as file:
+                    file.write(".")
+            if now.time > 1.0 and begun.stat().st_size == 3:
                 raise KeyboardInterrupt
 
-    # Its numbers are no part of the class, whose rows are to be resumed.
-    stop = types.SimpleNamespace(steps=1000)
-    folder = tmp_path / "interrupted"
     with pytest.raises(KeyboardInterrupt):
         gerono.sweep(hover, controller=Interrupted, folder=folder, **HOVER)
     (rows,) = folder.glob("*.rows.partial")

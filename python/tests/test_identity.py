@@ -1,0 +1,149 @@
+"""The identity of a controller: another one where any content differs, and the same one in every process."""
+
+import enum
+import functools
+import os
+import subprocess
+import sys
+import threading
+import types
+
+import controller
+import numpy as np
+import pytest
+
+from gerono._identity import identity_of, is_same
+
+
+class Gains:
+    def __init__(self, gain):
+        self.gain = gain
+
+    def __call__(self, error):
+        return self.gain * error
+
+    def __getstate__(self):
+        return {}
+
+
+class Slots:
+    __slots__ = ("gain", "unset")
+
+    def __init__(self, gain):
+        self.gain = gain
+
+
+class Choice(enum.Enum):
+    FIRST = 1.0
+    SECOND = 2.0
+
+
+def circle(gain):
+    first, second = Slots(gain), Slots(0.0)
+    first.unset, second.unset = second, {first, second, "text"}
+    return first
+
+
+def wraps_a_library(gain):
+    @functools.wraps(np.linalg.norm)
+    def norm(error):
+        return gain * error
+
+    return norm
+
+
+CONTENTS = {
+    "object": Gains,
+    "slots": Slots,
+    "member": Choice,
+    "method": lambda gain: Gains(gain).__call__,
+    "builtin method": lambda gain: np.random.default_rng(int(gain)).normal,
+    "closure": wraps_a_library,
+    "partial": lambda gain: functools.partial(pow, gain),
+    "keywords": lambda gain: functools.partial(pow, mod=gain),
+    "polynomial": lambda gain: np.poly1d([1.0, gain]),
+    "set": lambda gain: {"a", "b", ("c", gain)},
+    "frozenset": lambda gain: frozenset({"a", frozenset({"b", gain})}),
+    "dict": lambda gain: {("a", 1): gain, Choice.FIRST: 2},
+    "namespace": lambda gain: types.SimpleNamespace(gain=gain),
+    "objects in an array": lambda gain: np.array([Gains(gain), None], object),
+    "structure": lambda gain: np.array([(1, gain)], np.dtype([("a", "u1"), ("b", "f8")], align=True)),
+    "mask": lambda gain: np.ma.masked_array([1.0, 2.0], [gain > 1.0, False]),
+    "circle": circle,
+    "class": lambda gain: type("Made", (), {"gain": gain}),
+}
+
+
+def law(where, value):
+    if where == "object":
+        made = controller.Hover()
+        made.value = value
+        return made
+    return type("Law", (controller.Hover,), {"value": value})()
+
+
+@pytest.mark.parametrize("where", ["object", "class"])
+@pytest.mark.parametrize("name", CONTENTS)
+def test_any_content_counts(name, where):
+    first, same, other = (law(where, CONTENTS[name](gain)) for gain in (1.0, 1.0, 2.0))
+    assert identity_of(first) == identity_of(same) != identity_of(other)
+    assert is_same(first, same)
+    assert not is_same(first, other)
+
+
+def test_identities_are_of_code_and_numbers():
+    def made(source, **numbers):
+        names = {"Hover": controller.Hover, "__name__": "written"}
+        exec(source, names)  # noqa: S102
+        law = names["Law"]()
+        vars(law).update(numbers)
+        return identity_of(law)
+
+    source = "gain = 2.0\ndef help(x): return gain * x\nclass Law(Hover):\n    k = 1.0\n    def step(self, *all): help(self.k)\n"
+    same = made(source)
+    assert made(source) == same
+    others = [source.replace("2.0", "2.5"), source.replace("gain * x", "gain + x"), source.replace("1.0", "1.5")]
+    assert len({same, made(source, k=3.0), *map(made, others)}) == 5
+
+
+USES = """
+import controller
+import laws.gains
+from gerono._identity import identity_of
+
+class Law(controller.Hover):
+    modes = {"one", "two", "three", frozenset({"four", "five"})}
+    def step(self, *all):
+        from laws import late
+        return laws.gains.half(laws.gains.KP) + late.KI
+
+if __name__ == "__main__":
+    print(identity_of(Law()))
+"""
+
+
+def test_what_the_code_uses_of_other_modules_counts_in_every_process(tmp_path):
+    def identity(seed="1", **changed):
+        texts = {"gains": "KP = 4.0\nPART = 0.5\ndef half(x): return PART * x\n", "late": "KI = 1.0\nUNUSED = 1.0\n"}
+        (tmp_path / "laws").mkdir(exist_ok=True)
+        for name, text in (texts | changed).items():
+            (tmp_path / "laws" / f"{name}.py").write_text(text)
+        (tmp_path / "flies.py").write_text(USES)
+        path = os.pathsep.join(filter(None, sys.path))
+        environment = os.environ | {"PYTHONPATH": path, "PYTHONHASHSEED": seed, "PYTHONDONTWRITEBYTECODE": "1"}
+        run = subprocess.run([sys.executable, tmp_path / "flies.py"], env=environment, capture_output=True, text=True, check=True)
+        return run.stdout
+
+    whole = identity()
+    assert identity(seed="2") == whole
+    assert identity(late="KI = 1.0\nUNUSED = 2.0\n") == whole
+    gains = "KP = 4.0\nPART = 0.5\ndef half(x): return PART * x\n"
+    others = [gains.replace("4.0", "5.0"), gains.replace("0.5", "0.6"), gains.replace("PART * x", "x")]
+    assert len({whole, identity(late="KI = 2.0\n"), *(identity(gains=other) for other in others)}) == 5
+
+
+def test_what_has_no_content_is_refused():
+    assert identity_of(law("object", [threading.Lock(), np.sin, np.dtype("f8"), max, np.linalg.norm]))
+    for value in (np.frompyfunc(lambda error: error, 1, 1), (number for number in ()), memoryview(b"")):
+        with pytest.raises(TypeError, match=r"Law\.value is a .*, whose content cannot be read"):
+            identity_of(law("class", [value]))
