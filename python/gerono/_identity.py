@@ -36,15 +36,12 @@ def identity_of(controller: Any) -> str:
     return f"{kind.__module__}.{kind.__qualname__} {_joined(*parts).hex()[:32]}"
 
 
-def is_same(controller: Any, first: Any) -> bool:
-    """Return whether two objects of one maker are the same controller.
+def numbers_of(controller: Any) -> str:
+    """Return a hash over the content of a controller's object.
 
-    What all objects of a class share, such as variables of modules, is not compared: flights may have changed it.
+    What all objects of a class share, such as variables of modules, is no part of it: flights may change it.
     """
-    if type(controller) is not type(first):
-        return identity_of(controller) == identity_of(first)
-    numbers = (_Walk(has_globals=False).numbers(each) for each in (controller, first))
-    return next(numbers) == next(numbers)
+    return _Walk(has_globals=False).numbers(controller).hex()
 
 
 # What is known by its type and its text.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -44,7 +45,10 @@ def _members(kind: str, length: int, name: str) -> list[tuple[str, np.dtype[Any]
     return [(name, np.dtype((_KINDS[kind], (length,))) if length else np.dtype(_KINDS[kind]))]
 
 
-DTYPES = {topic: dtype_of(definition) for topic, definition in _gerono.definitions()}
+_DEFINITIONS = dict(_gerono.definitions())
+DTYPES = {topic: dtype_of(definition) for topic, definition in _DEFINITIONS.items()}
+#: Modes of `control/command`, and their names.
+MODES = {int(mode): name for name, mode in re.findall(r"^uint32 MODE_(\w+)=(\d+)$", _DEFINITIONS["control/command"], re.MULTILINE)}
 
 
 def samples_of(topic: str, words: np.ndarray) -> np.ndarray:
@@ -66,6 +70,6 @@ def columns(samples: np.ndarray, telemetry: list[str] | None = None) -> dict[str
         elif values.ndim == 1:
             found[name] = values
         else:
-            elements = values.reshape(len(values), -1)
+            elements = values.reshape(len(values), math.prod(values.shape[1:]))
             found |= {f"{name}.{index}": elements[:, index] for index in range(elements.shape[1])}
     return found

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from gerono._samples import DTYPES
+from gerono._samples import DTYPES, MODES
 
 _INPUTS = ("vehicle/state", "path/reference")
 _OUTPUTS = ("control/command", "control/adaptation", "control/errors", "control/telemetry")
+# Whole numbers up to this one are floating-point numbers too.
+_LARGEST_WHOLE = 2**53
 # What flights put into a controller and what is no part of its state.
 PLACES = ("_flown", "adaptation", "telemetry")
 
@@ -39,10 +41,12 @@ class Controller:
     it can be repeated to the bit, and faults and `Simulation.restore` work. They must all be there before the first
     step, and keep their shape. Texts, tuples, functions and modules are taken as constants. A class that keeps its
     state in anything else overrides `save` and `restore`. Now and then a flight gives the saved state to a copy of the
-    object, which takes some of the same steps and must command the same: so state that is forgotten is an error.
+    object, which takes some of the same steps and must command the same: so state that is forgotten is an error. After
+    a flight the object has the state with which it ended; the next one begins with that of the first again, except for
+    what was set in between.
 
-    `self.telemetry` has room for 32 numbers, recorded under the names that `controller.telemetry` of the scenario
-    gives them; `self.adaptation` is the sample of `control/adaptation`.
+    `self.telemetry` has room for the numbers, at most 32, that `controller.telemetry` of the scenario names, and is
+    recorded under these names; `self.adaptation` is the sample of `control/adaptation`.
     """
 
     telemetry: np.ndarray
@@ -61,9 +65,20 @@ class Controller:
     def save(self) -> list[float]:
         """Return the state as numbers."""
         numbers: list[float] = []
-        for value in self._state().values():
-            numbers.extend(np.ravel(value).tolist() if isinstance(value, np.ndarray) else (float(value),))
+        for name, value in self._state().items():
+            items = np.ravel(value).tolist() if isinstance(value, np.ndarray) else [value]
+            if isinstance(value, int) or getattr(value, "dtype", np.dtype(float)).kind in "iu":
+                self._refuse_inexact(name, items)
+            numbers.extend(map(float, items))
         return numbers
+
+    def _refuse_inexact(self, name: str, items: list[Any]) -> None:
+        for item in items:
+            if abs(int(item)) > _LARGEST_WHOLE:
+                raise ValueError(
+                    f"{type(self).__name__}.{name} has the whole number {item}, but a saved state is exact up to 2**53 only: keep "
+                    "it as two smaller numbers, as a text if it is constant, or override `save` and `restore`"
+                )
 
     def restore(self, numbers: list[float]) -> None:
         """Take the state back from `save`."""
@@ -82,6 +97,13 @@ class Controller:
 
 def _is_state(value: Any) -> bool:
     return isinstance(value, (bool, int, float, np.ndarray, np.number, np.bool_))
+
+
+def _is_saved(value: Any) -> bool:
+    """Return whether a number or an array goes through a saved state without a loss."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.dtype.kind in "fiub" and value.dtype.itemsize <= 8
+    return _is_state(value)
 
 
 def _is_constant(value: Any) -> bool:
@@ -104,13 +126,43 @@ def _declare_state(controller: Controller) -> None:
     for name, value in vars(controller).items():
         if name in PLACES or _is_constant(value):
             continue
-        is_numeric_array = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
-        if not (is_numeric_array or (_is_state(value) and not isinstance(value, np.ndarray))):
+        if not _is_saved(value):
+            what = type(value).__name__ + (f" of {value.dtype}" if isinstance(value, np.ndarray) else "")
             message = (
-                f"{type(controller).__name__}.{name} is a {type(value).__name__}, which a flight cannot save: "
-                "use numbers and numpy arrays, or override `save` and `restore`"
+                f"{type(controller).__name__}.{name} is a {what}, which a flight cannot save: use numbers and numpy arrays of at "
+                "most 64 bits, or override `save` and `restore`"
             )
             raise TypeError(message)
+
+
+def _begin(controller: Controller) -> list[float]:
+    """Give an object that has flown the state of its first flight's beginning, except for what was set since; return it."""
+    now = controller.save()
+    if "_flown" not in vars(controller):
+        return now
+    first, last = vars(controller)["_flown"]
+    if len(now) != len(last):
+        raise RuntimeError(
+            f"the state of {type(controller).__name__} has changed its size since its last flight: make a new object"
+        )
+    # To the bit, because a number that is not one equals nothing.
+    bits, last_bits = (np.array(numbers, np.float64).view(np.uint64) for numbers in (now, last))
+    state: list[float] = np.where(bits == last_bits, first, now).tolist()
+    controller.restore(state)
+    return state
+
+
+class _Telemetry(np.ndarray):
+    """Room for the numbers that the scenario names."""
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        try:
+            super().__setitem__(key, value)
+        except (IndexError, ValueError) as error:
+            raise type(error)(
+                f"`telemetry` has room for {self.size} numbers, as many as `controller.telemetry` of the scenario names: name all "
+                f"that are written ({error})"
+            ) from error
 
 
 def _words(topic: str) -> np.ndarray:
@@ -144,7 +196,11 @@ def _copy_of(controller: Controller) -> Controller:
 class Bridge:
     """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
 
-    def __init__(self, controller: Controller, mode: int = 0, has_trials: bool = True) -> None:
+    def __init__(
+        self, controller: Controller, mode: int = 0, telemetry_size: int | None = None, has_trials: bool = True
+    ) -> None:
+        if isinstance(controller, type):
+            raise TypeError(f"a controller is an object: pass {controller.__name__}(), not the class")
         if not isinstance(controller, Controller):
             raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
         self.now_words = np.zeros(3, np.uint64)
@@ -152,15 +208,17 @@ class Bridge:
         self.output_words = [_words(topic) for topic in _OUTPUTS]
         self._state, self._reference = map(_sample, _INPUTS, self.input_words)
         self._command, adaptation, self._errors, telemetry = map(_sample, _OUTPUTS, self.output_words)
-        controller.adaptation, controller.telemetry = adaptation, telemetry["values"]
+        self._modes = self.output_words[0].view(DTYPES[_OUTPUTS[0]])["mode"]
+        controller.adaptation, controller.telemetry = adaptation, telemetry["values"][:telemetry_size].view(_Telemetry)
         _declare_state(controller)
+        self._first = _begin(controller) if has_trials else []
         self._controller = controller
         self._step: Callable[..., None] = controller.step
         self._mode = mode
         self._now = Now()
         self._times = self.now_words.view(np.float64)
         self.state_size = len(controller.save())
-        self._second = Bridge(_copy_of(controller), mode, has_trials=False) if has_trials else None
+        self._second = Bridge(_copy_of(controller), mode, telemetry_size, has_trials=False) if has_trials else None
         self._steps = 0
 
     def step(self, arrived: int) -> None:
@@ -193,6 +251,11 @@ class Bridge:
             self._command,
             self._errors,
         )
+        if self._modes.item() not in MODES:
+            raise ValueError(
+                f"{type(self._controller).__name__} commands mode {self._modes.item()}, which does not exist; there are "
+                + ", ".join(f"{mode} ({name.lower()})" for mode, name in MODES.items())
+            )
 
     def _take(self, first: Bridge) -> None:
         """Take what another bridge gets for the step that comes."""
@@ -220,6 +283,10 @@ class Bridge:
                 "numbers: declare all of it before the first step"
             )
         return numbers
+
+    def end(self) -> None:
+        """Let the object know with which state its flight has begun and ended."""
+        vars(self._controller)["_flown"] = self._first, self._controller.save()
 
     def pack(self) -> list[float]:
         """Return the controller's state."""

@@ -88,11 +88,14 @@ class Scenario:
         """
         sets = settings_of(set)
         values = self.values(sets, seed)
-        own = None
-        if controller is not None:
-            own = (bridge_of(controller, values), name_of(controller))
-        flown = self._scenario._fly(sets, seed, None if topics is None else list(topics), own)
-        return Flight(flown, values)
+        recorded = None if topics is None else list(topics)
+        if controller is None:
+            return Flight(self._scenario._fly(sets, seed, recorded, None), values)
+        bridge = bridge_of(controller, values)
+        try:
+            return Flight(self._scenario._fly(sets, seed, recorded, (bridge, name_of(controller))), values)
+        finally:
+            bridge.end()
 
     def _check_own(self, sets: list[str], varied: list[str]) -> None:
         self._scenario._check_own(sets, varied)
@@ -112,7 +115,8 @@ def name_of(controller: Controller) -> str:
 
 def bridge_of(controller: Controller, values: Mapping[str, Any]) -> Bridge:
     """Return the bridge of a controller in a scenario."""
-    return Bridge(controller, 1 if values["controller"].get("rates") else 0)
+    about = values["controller"]
+    return Bridge(controller, 1 if about.get("rates") else 0, len(about.get("telemetry") or ()))
 
 
 class Simulation:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gerono import _gerono
-from gerono._identity import identity_of, is_same
+from gerono._identity import identity_of, numbers_of
 from gerono.controller import Bridge, Controller
 from gerono.flight import namespace
 from gerono.scenario import Scenario, Settings, bridge_of, name_of, settings_of, toml_of
@@ -186,14 +186,19 @@ def sweep(
             values[law] = scenario.values(sets)
         first = {law: make() for law, make in makes.items()}
         own = {law: identity_of(made) for law, made in first.items()}
+        numbers = {law: numbers_of(made) for law, made in first.items()}
         text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs, own)
 
         def make_own(law: str) -> tuple[Bridge, str] | None:
             if law not in makes:
                 return None
             made = makes[law]()
-            if not is_same(made, first[law]):
-                raise RuntimeError(f"the controller of {law!r} is not the same at every call: all its flights are one law's")
+            is_of_first_class = type(made) is type(first[law])
+            if (numbers_of(made) != numbers[law]) if is_of_first_class else (identity_of(made) != own[law]):
+                raise RuntimeError(
+                    f"the controller of {law!r} is not the same at every call, and all its flights are one law's: make a new "
+                    "object with the same content each time"
+                )
             return bridge_of(made, values[law]), name_of(made)
 
         _gerono.sweep_with(text, scenario.path, scenario.text, Path(folder), make_own)

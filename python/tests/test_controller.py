@@ -189,6 +189,74 @@ def test_state_that_cannot_be_saved_is_refused(hover):
         hover.fly(controller=Remembers())
     with pytest.raises(TypeError, match=r"gerono\.Controller"):
         hover.fly(controller=object())
+    with pytest.raises(TypeError, match=r"pass Hover\(\), not the class"):
+        hover.fly(controller=controller.Hover)
+
+
+@pytest.mark.parametrize(
+    "value", [2**53 + 1, -(2**60), np.int64(2**60), np.array([0, -(2**53) - 1]), np.array([2**64 - 1], np.uint64)]
+)
+def test_whole_numbers_that_a_state_would_round_are_refused(hover, value):
+    class Counts(controller.Hover):
+        seed = value
+
+    with pytest.raises(ValueError, match=r"Counts\.seed has the whole number -?\d{16,}, .* exact up to 2\*\*53"):
+        hover.fly(controller=Counts(), set={"duration": 0.1})
+    Counts.seed = 2**53
+    assert hover.fly(controller=Counts(), set={"duration": 0.1}).summary.outcome == "completed"
+
+
+@pytest.mark.parametrize("value", [np.longdouble(0.1), np.zeros(2, np.longdouble), np.complex128(1j), np.timedelta64(3, "s")])
+def test_numbers_that_a_state_would_cut_are_refused(hover, value):
+    class Wide(controller.Hover):
+        wide = value
+
+    with pytest.raises(TypeError, match=r"Wide\.wide is a .*, which a flight cannot save"):
+        hover.fly(controller=Wide())
+
+
+class SavesItself(Counting):
+    """The same, with a state of its own."""
+
+    def save(self):
+        return [*self.integral, self.steps]
+
+    def restore(self, numbers):
+        self.integral[:], self.steps = numbers[:3], numbers[3]
+
+
+@pytest.mark.parametrize("kind", [Counting, SavesItself])
+def test_an_object_begins_each_flight_as_its_first(hover, kind):
+    short = {"duration": 1.0}
+    fresh, other = kind(), kind()
+    other.integral = np.array((0.0, 0.0, 0.5))
+    digests = [hover.fly(controller=law, set=short).digest for law in (fresh, other)]
+    law = kind()
+    for _ in range(3):
+        assert hover.fly(controller=law, set=short).digest == digests[0]
+        # It keeps the state with which a flight has ended.
+        assert law.steps == 201
+        assert np.any(law.integral)
+    # What is set between two flights counts, for all that come.
+    law.integral[:] = (0.0, 0.0, 0.5)
+    for _ in range(2):
+        assert hover.fly(controller=law, set=short).digest == digests[1] != digests[0]
+
+
+def test_an_object_begins_as_its_first_flight_after_one_that_was_broken_off(hover):
+    class Fails(Counting):
+        fails_at = 0.5
+
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            if now.time >= self.fails_at:
+                raise ZeroDivisionError
+
+    law = Fails()
+    with pytest.raises(ZeroDivisionError):
+        hover.fly(controller=law)
+    law.fails_at = 100.0
+    assert hover.fly(controller=law).digest == hover.fly(controller=Counting()).digest
 
 
 def test_an_error_of_a_step_is_raised_by_the_flight(hover):
@@ -234,3 +302,24 @@ def test_telemetry_has_the_names_of_the_scenario(hover):
     table = flight.to_pandas("control/telemetry")
     assert np.allclose(table["clock"], table["time"])
     assert np.array_equal(table["ticks"], table["tick"])
+
+
+@pytest.mark.parametrize("names", [[], ["one", "two", "three"]])
+def test_telemetry_without_a_name_is_refused(hover, names):
+    class Tells(controller.Hover):
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            self.telemetry[: len(names)] = 1.0
+            self.telemetry[3] = 2.0
+
+    with pytest.raises(IndexError, match=rf"room for {len(names)} numbers, as many as `controller\.telemetry`"):
+        hover.fly(controller=Tells(), set={"controller.telemetry": names})
+
+
+def test_modes_that_do_not_exist_are_refused(hover):
+    class Commands(controller.Hover):
+        def step(self, now, state, reference, command, errors):
+            command["mode"] = 7
+
+    with pytest.raises(ValueError, match=r"Commands commands mode 7, .* 0 \(torque\), 1 \(rates\), 2 \(failsafe\)"):
+        hover.fly(controller=Commands())

@@ -91,6 +91,15 @@ def test_tables_have_a_column_for_each_element_named_as_in_exports(fig1):
     assert "world_from_body.2" in flight.to_pandas("vehicle/truth").columns
 
 
+def test_a_topic_without_samples_is_an_empty_table(fig1):
+    flight = fig1.fly(set=SHORT, topics=[])
+    for topic in ("control/telemetry", "control/errors", "vehicle/truth"):
+        columns = list(flight.to_pandas(topic).columns)
+        assert columns == flight.to_polars(topic).columns
+        assert len(flight.to_pandas(topic)) == len(flight.to_xarray(topic)["time"]) == 0
+    assert "world_from_body.8" in columns
+
+
 def test_topics_that_were_not_recorded_are_not_there(fig1, tmp_path):
     flight = fig1.fly(set=SHORT, topics=["control/errors"])
     assert flight.topics == ["control/errors"]
