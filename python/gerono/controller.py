@@ -112,6 +112,14 @@ def _is_constant(value: Any) -> bool:
     return value is None or isinstance(value, str) or inspect.ismodule(value) or callable(value)
 
 
+def refuse_other(controller: Any) -> None:
+    """Refuse what is no object of a controller's class."""
+    if isinstance(controller, type):
+        raise TypeError(f"a controller is an object: pass {controller.__name__}(), not the class")
+    if not isinstance(controller, Controller):
+        raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
+
+
 def _declare_state(controller: Controller) -> None:
     """Give the object its own of what the class declares, and refuse what could not be saved."""
     for kind in type(controller).__mro__:
@@ -199,10 +207,7 @@ class Bridge:
     def __init__(
         self, controller: Controller, mode: int = 0, telemetry_size: int | None = None, has_trials: bool = True
     ) -> None:
-        if isinstance(controller, type):
-            raise TypeError(f"a controller is an object: pass {controller.__name__}(), not the class")
-        if not isinstance(controller, Controller):
-            raise TypeError(f"a controller is a gerono.Controller, not a {type(controller).__name__}")
+        refuse_other(controller)
         self.now_words = np.zeros(3, np.uint64)
         self.input_words = [_words(topic) for topic in _INPUTS]
         self.output_words = [_words(topic) for topic in _OUTPUTS]

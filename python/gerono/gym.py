@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from gerono.scenario import Observation, Scenario, Settings, Simulation, settings_of
+from gerono.scenario import Observation, Scenario, Settings, Simulation, refuse_seed, settings_of
 
 # What the largest action means where the scenario's actuators do not say it: multiples of the weight, N m, rad/s.
 _THRUST_IN_WEIGHTS, _TORQUE, _RATE = 3.0, 0.1, 10.0
@@ -63,6 +63,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
             raise TypeError(f"an environment is made of a gerono.Scenario, not of a {type(scenario).__name__}")
         self._scenario, self._observe, self._reward = scenario, observe, reward
         self._set = settings_of(set)
+        refuse_seed(self._set, "`reset(seed=…)` seeds the flights of an environment")
         values = scenario.values(self._set)
         self._has_rates = bool(values["controller"].get("rates"))
         self.largest = _largest(values, self._has_rates)

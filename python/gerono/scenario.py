@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import copyreg
 import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -18,18 +19,29 @@ from gerono.flight import Flight
 Settings = Mapping[str, Any] | Iterable[str] | None
 
 
+def _text(text: str) -> str:
+    """Return a text as TOML, which knows no halves of surrogate pairs, and no bare control characters."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"{text!r} has half of a surrogate pair, which is no character: leave it out") from error
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def toml_of(value: Any) -> str:
     """Return a value as TOML: numbers, texts, lists and tables."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
-    if isinstance(value, bool | str):
+    if isinstance(value, bool):
         return json.dumps(value)
+    if isinstance(value, str):
+        return _text(value)
     if isinstance(value, float) and not np.isfinite(value):
         return {np.inf: "inf", -np.inf: "-inf"}.get(value, "nan")
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_of(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{_text(str(key))} = {toml_of(item)}" for key, item in value.items()) + " }"
     if isinstance(value, Iterable):
         return "[" + ", ".join(map(toml_of, value)) + "]"
     raise TypeError(f"a scenario has no values of type {type(value).__name__}")
@@ -39,7 +51,26 @@ def settings_of(settings: Settings) -> list[str]:
     """Return settings as `--set` has them: from a mapping, or as they are."""
     if isinstance(settings, Mapping):
         return [f"{key}={toml_of(value)}" for key, value in settings.items()]
-    return list(settings or ())
+    if settings is None:
+        return []
+    texts = list(settings) if isinstance(settings, Iterable) and not isinstance(settings, str) else [settings]
+    if isinstance(settings, str) or not all(isinstance(text, str) for text in texts):
+        raise TypeError(f"settings are a mapping, such as {{'duration': 1.0}}, or a list of texts, and not {settings!r}")
+    return texts
+
+
+def refuse_seed(sets: Iterable[str], reason: str) -> None:
+    """Refuse a setting of the seed, which would have no effect."""
+    if any(setting.partition("=")[0].strip().strip("'\"") == "seed" for setting in sets):
+        raise ValueError(f"`seed` in the settings has no effect: {reason}")
+
+
+def _stated(settings: Settings, seed: int | None) -> list[str]:
+    """Return settings beside a seed."""
+    sets = settings_of(settings)
+    if seed is not None:
+        refuse_seed(sets, "the argument `seed` is another one; leave one of both out")
+    return sets
 
 
 class Observation(NamedTuple):
@@ -70,7 +101,7 @@ class Scenario:
 
     def values(self, set: Settings = None, seed: int | None = None) -> dict[str, Any]:  # noqa: A002
         """Return all values of the scenario, SI units and rad, as docs/scenarios.md names them."""
-        values: dict[str, Any] = json.loads(self._scenario._json(settings_of(set), seed))
+        values: dict[str, Any] = json.loads(self._scenario._json(_stated(set, seed), seed))
         return values
 
     def fly(
@@ -86,7 +117,7 @@ class Scenario:
         gains `set` may not change then.
         `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
         """
-        sets = settings_of(set)
+        sets = _stated(set, seed)
         values = self.values(sets, seed)
         recorded = None if topics is None else list(topics)
         if controller is None:
@@ -101,8 +132,14 @@ class Scenario:
         self._scenario._check_own(sets, varied)
 
     def start(self, seed: int | None = None, set: Settings = None) -> Simulation:  # noqa: A002
-        """Begin a flight that is flown step by step, with commands from outside."""
-        return Simulation(self._scenario._start(settings_of(set), seed))
+        """Begin a flight that is flown step by step, with commands from outside in place of Gerono's law."""
+        sets = _stated(set, seed)
+        self._check_own(sets, [])
+        has_rates = bool(self.values(sets, seed)["controller"].get("rates"))
+        return Simulation(self._scenario._start(sets, seed), has_rates)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.path, self.text)
 
     def __repr__(self) -> str:
         return f"gerono.Scenario({str(self.path)!r})"
@@ -126,8 +163,9 @@ class Simulation:
     in the flight would.
     """
 
-    def __init__(self, simulation: _gerono.Simulation) -> None:
+    def __init__(self, simulation: _gerono.Simulation, has_rates: bool) -> None:
         self._simulation = simulation
+        self._has_rates = has_rates
 
     @property
     def time(self) -> float:
@@ -151,15 +189,26 @@ class Simulation:
     def step(
         self,
         thrust: float,
-        torque_body: Iterable[float] = (0.0, 0.0, 0.0),
-        rates_body: Iterable[float] = (0.0, 0.0, 0.0),
+        torque_body: Iterable[float] | None = None,
+        rates_body: Iterable[float] | None = None,
     ) -> Observation:
         """Command a thrust, N, and a torque, N m, or body rates, rad/s, for one period of the controller.
 
-        Returns what the controller sees at its next step. The scenario says which of torque and rates the vehicle
-        follows.
+        Returns what the controller sees at its next step. A vehicle follows body rates where the scenario has
+        `[controller.rates]`, and torques elsewhere; what is left out is zero.
         """
-        self._simulation._step(float(thrust), [*map(float, torque_body)], [*map(float, rates_body)])
+        if (torque_body if self._has_rates else rates_body) is not None:
+            given, followed = ("torque_body", "rates_body") if self._has_rates else ("rates_body", "torque_body")
+            has = "has" if self._has_rates else "has no"
+            raise ValueError(
+                f"`{given}` has no effect, because the scenario {has} `[controller.rates]`: command `{followed}`"
+            )
+        if self.done:
+            self._simulation.save()  # which says so if a step has failed
+            raise RuntimeError("the flight is at its end: `restore` a snapshot, or `start` another flight")
+        zero = (0.0, 0.0, 0.0)
+        torque, rates = ([*map(float, zero if turn is None else turn)] for turn in (torque_body, rates_body))
+        self._simulation._step(float(thrust), torque, rates)
         return self.observe()
 
     def __getitem__(self, topic: str) -> np.void | None:
@@ -175,8 +224,25 @@ class Simulation:
         """Go on from a saved state of this flight, any number of times; that of another one is a ValueError."""
         self._simulation.restore(snapshot)
 
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "a Simulation is neither pickled nor copied: `start` another one of the same scenario and seed, and `restore` a "
+            "snapshot of this one, or repeat its steps in another process"
+        )
+
     def __enter__(self) -> Simulation:
         return self
 
     def __exit__(self, *_: object) -> None:
         pass
+
+
+def _refuse_snapshot(snapshot: _gerono.Snapshot) -> NoReturn:
+    raise TypeError(
+        "a Snapshot is neither pickled nor copied: it does not change, and any simulation of its flight in this process may "
+        "`restore` it"
+    )
+
+
+# It is compiled, so that it has no method of Python's.
+copyreg.pickle(_gerono.Snapshot, _refuse_snapshot)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gerono import _gerono
 from gerono._identity import identity_of, numbers_of
-from gerono.controller import Bridge, Controller
+from gerono.controller import Bridge, Controller, refuse_other
 from gerono.flight import namespace
-from gerono.scenario import Scenario, Settings, bridge_of, name_of, settings_of, toml_of
+from gerono.scenario import Scenario, Settings, bridge_of, name_of, refuse_seed, settings_of, toml_of
 
 if TYPE_CHECKING:
     import os
@@ -45,15 +45,17 @@ def choice(*values: Any) -> Vary:
 
 
 class Rate(NamedTuple):
-    """Share of flights that met a criterion, with its Wilson interval, which only random samples have."""
+    """Share of flights that met a criterion, with its Wilson interval, which only random samples have; None if none was flown."""
 
-    value: float
+    value: float | None
     low: float | None
     high: float | None
     met: int
     flown: int
 
     def __str__(self) -> str:
+        if self.value is None:
+            return "none flown"
         interval = "" if self.low is None else f" [{self.low:.4g}, {self.high:.4g}]"
         return f"{self.value:.4g}{interval}"
 
@@ -97,7 +99,9 @@ class Sweep:
         return Rate(found.rate, low, high, found.met, found.flown)
 
     def __repr__(self) -> str:
-        return f"<Sweep {self.folder}: {self.summary.samples} samples, {self.rate()} survived>"
+        rate = self.rate()
+        survived = str(rate) if rate.value is None else f"{rate} survived"
+        return f"<Sweep {self.folder}: {self.summary.samples} samples, {survived}>"
 
 
 # Name of what flies where nothing is compared.
@@ -166,6 +170,12 @@ def sweep(
     with other `seed`s uses more.
     """
     makes = _makes(controller, compare)
+    for stated in (set, *(entry for entry in (compare or {}).values() if not callable(entry))):
+        refuse_seed(settings_of(stated), "the argument `seed` gives each flight of a sweep its own")
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"a sweep flies on one core at least, not on {jobs}: leave `jobs` out for all of them")
+    if makes and jobs not in (None, 1):
+        raise ValueError(f"flights of a controller in Python follow one another on one core, not on {jobs}: leave `jobs` out")
     keep = None
     if folder is None:
         keep = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
@@ -185,6 +195,8 @@ def sweep(
             scenario._check_own(sets, varied)
             values[law] = scenario.values(sets)
         first = {law: make() for law, make in makes.items()}
+        for made in first.values():
+            refuse_other(made)
         own = {law: identity_of(made) for law, made in first.items()}
         numbers = {law: numbers_of(made) for law, made in first.items()}
         text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs, own)
@@ -209,6 +221,14 @@ def sweep(
 
 def _makes(controller: Make | None, compare: Mapping[str, Settings | Make] | None) -> dict[str, Make]:
     """Return the makers of controllers by the names of their laws."""
+    for entry in (controller, *(compare or {}).values()):
+        if isinstance(entry, Controller):
+            raise TypeError(
+                "a controller is made for each flight: pass the class or a function that makes one, not a "
+                f"{type(entry).__name__} that is made already"
+            )
+    if controller is not None and not callable(controller):
+        raise TypeError(f"`controller` is a class or a function that makes a controller, not {controller!r}")
     if controller is None:
         return {name: entry for name, entry in (compare or {}).items() if callable(entry)}
     if any(callable(entry) for entry in (compare or {}).values()):

@@ -50,3 +50,13 @@ def test_an_episode_ends_with_the_flight_or_the_loss(fig1):
             break
     assert terminated
     assert info["lost"]
+
+
+def test_settings_without_an_effect_are_refused(fig1):
+    with pytest.raises(gerono.ScenarioError, match="has no effect"):
+        gerono.gym.Env(fig1, set={"controller.k1": 5.0})
+    with pytest.raises(ValueError, match=r"`reset\(seed=…\)` seeds"):
+        gerono.gym.Env(fig1, set={"seed": 5})
+    environment = gerono.gym.Env(fig1)
+    with pytest.raises(ValueError, match="`seed` in the settings has no effect"):
+        environment.reset(options={"set": {"seed": 5}})

@@ -1,8 +1,14 @@
 """Flights that are flown step by step."""
 
+import copy
+import pickle
+
 import controller
 import numpy as np
 import pytest
+from conftest import REPOSITORY
+
+import gerono
 
 
 def fly(simulation, law, until=np.inf):
@@ -68,3 +74,59 @@ def test_a_flight_that_has_failed_goes_on_from_a_snapshot_only(hover):
         simulation.step(2.0)
         assert simulation.time == pytest.approx(0.505)
         simulation.restore(snapshot)
+
+
+@pytest.mark.parametrize("setting", [{"controller.k1": 5.0}, {"controller.law": "indi"}, ["controller.k1=5"]])
+def test_settings_of_the_law_have_no_effect_on_commands_from_outside(setting):
+    laboratory = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml")
+    with pytest.raises(gerono.ScenarioError, match="has no effect"):
+        laboratory.start(set=setting)
+    laboratory.start(set={"controller.rates.yaw_kp": 1.0})
+
+
+def test_a_turn_that_the_vehicle_does_not_follow_is_refused(hover):
+    rates = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml").start()
+    with pytest.raises(ValueError, match=r"`torque_body` has no effect, .* has `\[controller\.rates\]`: command `rates_body`"):
+        rates.step(1.9, torque_body=(1.0, 2.0, 3.0))
+    rates.step(1.9, rates_body=(1.0, 2.0, 3.0))
+    torques = hover.start()
+    with pytest.raises(ValueError, match=r"`rates_body` has no effect, .* has no `\[controller\.rates\]`"):
+        torques.step(1.9, rates_body=(1.0, 2.0, 3.0))
+    assert torques.time == 0.0
+    torques.step(1.9, (0.0, 0.0, 1e-3))
+    assert torques["control/command"]["torque_body"].tolist() == [0.0, 0.0, 1e-3]
+
+
+def test_no_step_comes_after_the_end(hover):
+    simulation = hover.start(set={"duration": 0.5})
+    before_last = None
+    while not simulation.done:
+        before_last = simulation.save()
+        simulation.step(1.9)
+    at_end = simulation.save()
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="at its end: `restore` a snapshot, or `start`"):
+            simulation.step(1.9)
+    simulation.restore(before_last)
+    simulation.step(1.9)
+    assert simulation.done
+    simulation.restore(at_end)
+    assert simulation.done
+
+
+@pytest.mark.parametrize("make", [pickle.dumps, copy.copy, copy.deepcopy])
+def test_what_cannot_be_pickled_says_what_to_do(hover, make):
+    simulation = hover.start()
+    with pytest.raises(TypeError, match="`start` another one .* and `restore` a snapshot"):
+        make(simulation)
+    with pytest.raises(TypeError, match="may `restore` it"):
+        make(simulation.save())
+
+
+def test_a_seed_is_given_once(fig1):
+    for use in (fig1.fly, fig1.start, fig1.values):
+        with pytest.raises(ValueError, match="`seed` in the settings has no effect: the argument `seed`"):
+            use(seed=3, set={"seed": 5})
+        with pytest.raises(ValueError, match="leave one of both out"):
+            use(seed=3, set=["seed = 5"])
+    assert fig1.values(set={"seed": 5})["seed"] == fig1.values(seed=5)["seed"] == 5

@@ -1,5 +1,6 @@
 """Sweeps have the rows of the command."""
 
+import json
 import subprocess
 
 import controller
@@ -118,6 +119,50 @@ def test_what_is_named_flies_or_is_refused(hover):
         gerono.sweep(hover, controller=controller.Hover, **HOVER | {"vary": {"controller.k1": gerono.uniform(1.0, 2.0)}})
     with pytest.raises(ValueError, match="flies every law"):
         gerono.sweep(hover, controller=controller.Hover, compare={"stiff": Stiff}, **HOVER)
+
+
+def test_arguments_without_an_effect_are_refused(hover, fig1):
+    for jobs in (0, -1):
+        with pytest.raises(ValueError, match=f"one core at least, not on {jobs}"):
+            gerono.sweep(fig1, VARY, samples=2, set=SHORT, jobs=jobs)
+    for classes in ({"controller": controller.Hover}, {"compare": {"mine": controller.Hover}}):
+        with pytest.raises(ValueError, match="follow one another on one core, not on 7"):
+            gerono.sweep(hover, jobs=7, **classes, **HOVER)
+    assert gerono.sweep(hover, jobs=1, controller=controller.Hover, **HOVER | {"samples": 1}).rate().flown == 1
+    for seeded in ({"set": SHORT | {"seed": 5}}, {"compare": {"one": {}, "two": {"seed": 5}}}):
+        with pytest.raises(ValueError, match="`seed` in the settings has no effect: the argument `seed` gives"):
+            gerono.sweep(fig1, VARY, samples=2, **{"set": SHORT} | seeded)
+
+
+def test_a_controller_is_made_for_each_flight(hover):
+    made = controller.Hover()
+    for classes in ({"controller": made}, {"compare": {"mine": made}}):
+        with pytest.raises(TypeError, match="pass the class or a function that makes one, not a Hover"):
+            gerono.sweep(hover, **classes, **HOVER)
+    with pytest.raises(TypeError, match="a class or a function that makes a controller, not 'Hover'"):
+        gerono.sweep(hover, controller="Hover", **HOVER)
+    with pytest.raises(TypeError, match=r"a gerono\.Controller, not a NoneType"):
+        gerono.sweep(hover, controller=lambda: None, **HOVER)
+
+    class Gained(controller.Hover):
+        gain = 1.0
+
+    def others():
+        made = Gained()
+        made.gain = next(gains)
+        return made
+
+    gains = iter(range(10))
+    with pytest.raises(RuntimeError, match="not the same at every call"):
+        gerono.sweep(hover, controller=others, **HOVER)
+
+
+def test_a_rate_of_nothing_says_so(tmp_path):
+    survived = {"name": "survived", "rate": None, "wilson": None, "met": 0, "flown": 0}
+    summary = {"samples": 3, "laws": [{"name": "as stated", "criteria": [survived]}]}
+    (tmp_path / "sweep.json").write_text(json.dumps(summary))
+    assert str(gerono.Sweep(tmp_path).rate()) == "none flown"
+    assert repr(gerono.Sweep(tmp_path)) == f"<Sweep {tmp_path}: 3 samples, none flown>"
 
 
 def test_a_folder_belongs_to_one_class_and_one_sweep(hover, tmp_path):
