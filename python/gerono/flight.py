@@ -7,7 +7,7 @@ import os
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -88,6 +88,15 @@ class Flight(Tables):
         """Write `run.mcap`, the bytes of `gerono run`, and `summary.json` into a folder; return the log's path."""
         return self._flown.save(Path(folder))
 
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a Flight is not pickled: save it with `Flight.save`, and open it with `gerono.Log`")
+
+    def __copy__(self) -> Flight:
+        return self  # nothing changes it
+
+    def __deepcopy__(self, memo: object) -> Flight:
+        return self
+
     def __repr__(self) -> str:
         steady = self.summary.steady
         distance = f"{100 * steady.rmse:.4g} cm from the path in steady state" if steady else "no steady state"
@@ -104,9 +113,16 @@ class Log(Tables):
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._log = _gerono.Log(Path(path))
         self.scenario = namespace(self._log._scenario())
-        self.damage = self._log.recovery
         self._telemetry = getattr(self.scenario.controller, "telemetry", None)
         self._read: dict[str, np.ndarray] = {}
+        self._damage: str | None = None
+
+    @property
+    def damage(self) -> str | None:
+        """What is missing of a log that is damaged or cut off, or None of a whole one; it is read for this."""
+        if not self._read:
+            self["run/events"]
+        return self._damage
 
     @property
     def path(self) -> Path:
@@ -122,9 +138,12 @@ class Log(Tables):
     def __getitem__(self, topic: str) -> np.ndarray:
         if topic not in self._read:
             words, damage = self._log._words(topic)
-            self.damage = damage or self.damage
+            self._damage = damage or self._log.recovery
             self._read[topic] = samples_of(topic, words)
         return self._read[topic]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.path,)
 
     def __repr__(self) -> str:
         return f"<Log {self.path}{': ' + self.damage if self.damage else ''}>"

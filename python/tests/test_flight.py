@@ -1,6 +1,10 @@
 """Flights have the bytes of the command, and their samples are arrays."""
 
+import copy
 import json
+import multiprocessing
+import operator
+import pickle
 import subprocess
 import threading
 
@@ -118,6 +122,39 @@ def test_a_wrong_scenario_says_where_and_what_to_do(fig1, tmp_path):
         gerono.Scenario(tmp_path / "text.toml", text="duration = 'long'")
 
 
+@pytest.mark.parametrize("wrong", ["duration=1.0", b"duration=1.0", 1.0, [("duration", 1.0)]])
+def test_settings_are_a_mapping(fig1, wrong):
+    for use in (fig1.fly, fig1.start, fig1.values):
+        with pytest.raises(TypeError, match=r"settings are a mapping, such as \{'duration': 1\.0\}"):
+            use(set=wrong)
+
+
+def test_any_text_is_set(fig1):
+    text = "🚁 \U0001d4d7 é \"quoted\" \\ \x00\x01\b\t\n\x1f\x7f\x80\u2028"
+    assert fig1.values(set={"description": text})["description"] == text
+    with pytest.raises(ValueError, match="half of a surrogate pair"):
+        fig1.values(set={"description": "\ud83d"})
+
+
+def test_scenarios_are_pickled_and_copied(fig1, tmp_path):
+    changed = gerono.Scenario(fig1.path, fig1.text.replace("k1 = 4.0", "k1 = 4.5"))
+    for make in (lambda scenario: pickle.loads(pickle.dumps(scenario)), copy.copy, copy.deepcopy):
+        made = make(changed)
+        assert (made.path, made.text) == (changed.path, changed.text)
+        assert made.values()["controller"]["k1"] == 4.5
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.map(operator.methodcaller("values"), [changed]) == [changed.values()]
+
+
+def test_flights_are_saved_and_logs_are_pickled(fig1, tmp_path):
+    flight = fig1.fly(set=SHORT)
+    with pytest.raises(TypeError, match=r"save it with `Flight\.save`, and open it with `gerono\.Log`"):
+        pickle.dumps(flight)
+    assert copy.copy(flight) is copy.deepcopy(flight) is flight
+    log = pickle.loads(pickle.dumps(gerono.Log(flight.save(tmp_path))))
+    assert np.array_equal(log["control/errors"], flight["control/errors"])
+
+
 def test_flights_release_the_lock(fig1):
     """Another thread counts while a flight is flown: it could not if the flight held the lock."""
     counted, flown = [0], threading.Event()
@@ -159,7 +196,17 @@ def test_a_log_in_several_files_is_one(fig1, command, tmp_path):
 def test_of_a_log_that_is_cut_off_the_rest_is_read(fig1, tmp_path):
     whole = fig1.fly(set=SHORT)
     path = whole.save(tmp_path)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    content = path.read_bytes()
+    half = len(content) // 2
+    # Overwritten in the middle, cut off.
+    for damaged in (content[:half] + bytes(100) + content[half + 100 :], content[:half]):
+        path.write_bytes(damaged)
+        log = gerono.Log(path)
+        assert log.damage
+        assert repr(log) == f"<Log {path}: {log.damage}>"
+        for topic in ("control/errors", "vehicle/truth"):
+            assert len(log[topic]) > 0
+            assert log.damage == gerono.Log(path).damage
     log = gerono.Log(path)
     errors = log["control/errors"]
     assert 0 < len(errors) < 2001
