@@ -181,15 +181,18 @@ class _Walk:
                 raise TypeError("its code is not Python's")
             reduced = reduce(value) if reduce else value.__reduce_ex__(2)
         except Exception as error:
-            raise TypeError(
-                f"{'.'.join(self._path)} is a {kind.__module__}.{kind.__qualname__}, whose content cannot be read ({error}), "
-                "so that nobody could tell of which controller the rows of a sweep are: keep numbers, arrays and objects of "
-                "your own classes, or give its class a `__reduce__`"
-            ) from error
+            raise self._refusal(kind, str(error)) from error
         parts = (reduced,) if isinstance(reduced, str) else reduced
         lists = [list(part) if isinstance(part, Iterator) else part for part in parts]
         # `__getstate__` may leave out what decides.
         return _joined(self.of(kind), self.of(getattr(value, "__dict__", None)), self._all_of(lists))
+
+    def _refusal(self, kind: type, reason: str) -> TypeError:
+        return TypeError(
+            f"{'.'.join(self._path)} is a {kind.__module__}.{kind.__qualname__}, whose content cannot be read ({reason}), so that "
+            "rows of a sweep could not be told to be of this controller: keep numbers, arrays and objects of your own "
+            "classes, or give its class a `__reduce__`"
+        )
 
     def _kind(self, kind: type) -> bytes:
         parts: list[object] = []
@@ -240,10 +243,20 @@ class _Walk:
     def _compiled(self, value: Any) -> bytes:
         owner = getattr(value, "__self__", None)
         module = str(getattr(value, "__module__", None) or getattr(getattr(value, "__objclass__", None), "__module__", ""))
+        if not module and type(owner).__name__ == "PyCapsule":
+            return _joined("gerono.math", self._name_in_math(value))
         own = None if _is_installed(module) else sys.modules.get(module)
         # A method of an object, such as `generator.normal`; the owner of a function is its module.
         bound = None if isinstance(owner, types.ModuleType) or type(owner).__name__ == "PyCapsule" else owner
         return _joined(module, value.__qualname__, _version(module), self._all_of([own, bound]))
+
+    def _name_in_math(self, function: Any) -> str:
+        """Return the name of a compiled function that does not know it."""
+        math = sys.modules.get("gerono.math")
+        for name, known in vars(math).items() if math else ():
+            if known is function:
+                return name
+        raise self._refusal(type(function), "it has no name")
 
 
 def _instructions(code: types.CodeType) -> Iterator[list[dis.Instruction]]:

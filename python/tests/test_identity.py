@@ -147,3 +147,9 @@ def test_what_has_no_content_is_refused():
     for value in (np.frompyfunc(lambda error: error, 1, 1), (number for number in ()), memoryview(b"")):
         with pytest.raises(TypeError, match=r"Law\.value is a .*, whose content cannot be read"):
             identity_of(law("class", [value]))
+
+
+def test_functions_of_gerono_count_by_their_names():
+    math = pytest.importorskip("gerono.math")
+    first, same, other = (law("class", function) for function in (math.sin, math.sin, math.cos))
+    assert identity_of(first) == identity_of(same) != identity_of(other)
