@@ -118,6 +118,9 @@ class Scenario:
         `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
         """
         sets = _stated(set, seed)
+        if controller is not None and "controller.telemetry" in (set or {}):
+            # Numbers of its own are those of a program in place of Gerono's controller, as this one is.
+            sets = [*sets, 'programs.controller=["python"]']
         values = self.values(sets, seed)
         recorded = None if topics is None else list(topics)
         if controller is None:

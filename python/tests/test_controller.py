@@ -6,7 +6,7 @@ import sys
 import controller
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, SHORT
 
 import gerono
 
@@ -323,3 +323,17 @@ def test_modes_that_do_not_exist_are_refused(hover):
 
     with pytest.raises(ValueError, match=r"Commands commands mode 7, .* 0 \(torque\), 1 \(rates\), 2 \(failsafe\)"):
         hover.fly(controller=Commands())
+
+
+def test_numbers_of_a_class_are_recorded_under_names_that_a_flight_gives(fig1):
+    class Counting(gerono.Controller):
+        count = 0.0
+
+        def step(self, now, state, reference, command, errors):
+            self.count += 1.0
+            command["thrust"] = 2.0
+            self.telemetry[0] = self.count
+
+    setting = SHORT | {"duration": 0.01, "controller.telemetry": ["count"]}
+    flight = fig1.fly(controller=Counting(), set=setting)
+    assert flight.to_pandas("control/telemetry")["count"].tolist() == [float(step) for step in range(1, 12)]
