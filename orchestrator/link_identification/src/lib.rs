@@ -1,13 +1,13 @@
 //! The calibration of a radio link from a log: what the travel of each stick meant, as the paper found it for its vehicle.
 //!
-//! Each stick is fitted by least squares: thrust or body rate = offset + slope · travel, where the travel is taken when it
+//! Each stick is fitted: thrust or body rate = offset + slope · travel, where the travel is taken when it
 //! acted and lags as the model believes (`history`). Thrust and rates are measured (`measured`) from the captured poses,
 //! which every laboratory has, or taken from the simulated truth.
 //!
-//! A stick that hardly moved tells nothing, and one that a controller moved against pushes from outside tells something
-//! wrong: in hover more thrust goes with gusts downwards, not with acceleration upwards. Both show in how much of what was
-//! measured the stick explains; below [`EXPLAINS`] a fit is not to be used. A flight up and down and around both axes is
-//! good.
+//! A stick that hardly moved tells nothing, which shows in how much of what was measured it explains; below [`EXPLAINS`] a fit
+//! is not to be used. A controller moves the thrust stick against pushes from outside, so that more thrust goes with gusts
+//! downwards and not with acceleration upwards: it is fitted by the thrust that the path asks for (`fit`). A flight up and
+//! down and around both axes is good.
 
 mod fit;
 mod history;
@@ -17,14 +17,14 @@ use std::path::Path;
 
 use scenario::{Model, RcLink, Scenario};
 use serde::Serialize;
-use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
+use shared_types::samples::{MocapPose, PathReference, RcFrame, VehicleTruth};
 use shared_types::{Topic, service::seconds};
 
 pub use fit::Fit;
 
 use history::{Frame, History};
-use measured::{Pose, Truth};
-use metrics::read;
+use measured::{Asked, Pose, Truth};
+use metrics::{CERTAIN, read};
 use run_log::{LogReadError, LogReader};
 
 /// Share of what was measured that a stick must explain for its fit to be used.
@@ -79,7 +79,7 @@ impl Calibration {
     pub fn differs(&self) -> bool {
         self.usable().is_some_and(|fit| {
             let [offset, slope] = self.stated;
-            let beyond = |by: f64, error: f64| by.abs() > error.max(MATTERS * slope.abs());
+            let beyond = |by: f64, error: f64| by.abs() > (CERTAIN * error).max(MATTERS * slope.abs());
             let [of_offset, of_slope] = fit.errors;
             // A rate of 0 at the middle is no key of a scenario.
             let has_offset = self.stick == STICKS[0];
@@ -115,6 +115,7 @@ pub struct Gatherer {
     frames: Vec<Frame>,
     poses: Vec<Pose>,
     truths: Vec<Truth>,
+    asked: Vec<Asked>,
 }
 
 impl Gatherer {
@@ -131,6 +132,7 @@ impl Gatherer {
             frames: Vec::new(),
             poses: Vec::new(),
             truths: Vec::new(),
+            asked: Vec::new(),
         })
     }
 
@@ -141,6 +143,9 @@ impl Gatherer {
                 let frame = read::<RcFrame>(bytes);
                 let acts_at = seconds(frame.header.stamp_ns) + self.model.radio_latency;
                 self.frames.push(Frame::new(&frame, &self.link, acts_at));
+            }
+            (Topic::PathReference, FrameSource::Poses) => {
+                self.asked.push(Asked::new(&read::<PathReference>(bytes)));
             }
             (Topic::MocapPose, FrameSource::Poses) => {
                 let pose = read::<MocapPose>(bytes);
@@ -172,7 +177,7 @@ impl Gatherer {
             FrameSource::Truth if self.truths.is_empty() => {
                 return Err(IdentifyError::NothingMeasured("vehicle/truth", "poses"));
             }
-            FrameSource::Poses => measured::by_poses(&self.poses, self.mass, &history),
+            FrameSource::Poses => measured::by_poses(&self.poses, &self.asked, self.mass, &history),
             FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
         let stated = |stick: usize| match stick {
@@ -185,7 +190,7 @@ impl Gatherer {
             sticks: [0, 1, 2, 3].map(|stick| Calibration {
                 stick: STICKS[stick],
                 stated: stated(stick),
-                fitted: Fit::of(&points[stick]),
+                fitted: Fit::of(&points[stick], measured::DEPENDENT[stick]),
             }),
         })
     }

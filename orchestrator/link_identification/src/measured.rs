@@ -2,16 +2,19 @@
 //!
 //! * By poses, the rates are those of the rotation from one capture to one a tenth of a second later. For the thrust the
 //!   acceleration is wanted, which nobody should take from noisy positions by differences: with a smooth weight φ that
-//!   vanishes at the ends of a window, ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. Then T = m (g − p̈)·R e₃: what
-//!   pushes along the thrust axis besides is taken for thrust.
+//!   vanishes at the ends of a window, ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. With a fixed direction n,
+//!   m ∫φ (g − p̈)·n = ∫φ T n·R e₃: the thrust that acts is weighted by the angle between n and its axis, which turns meanwhile.
+//!   What pushes along the thrust axis besides is taken for thrust, and a controller moves the stick against it. The thrust
+//!   that the path asks for goes with the stick and not with the pushes, and is the instrument of the fit.
 //! * By truth, both are read off.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::GRAVITY;
 use shared_types::rotation::from_row_major;
-use shared_types::samples::{MocapPose, VehicleTruth};
+use shared_types::samples::{MocapPose, PathReference, VehicleTruth};
 use shared_types::service::seconds;
 
+use super::fit::Point;
 use super::history::History;
 
 /// Time over which a rotation is measured, s.
@@ -26,8 +29,35 @@ const FEWEST: usize = 12;
 /// Time between two points by truth, s.
 const TRUTH_STEP: f64 = 0.01;
 
-/// Points (travel, value) of each stick.
-pub(super) type Points = [Vec<[f64; 2]>; 4];
+/// Neighbouring points of each stick whose residuals may depend on each other: gusts along the thrust axis last for seconds,
+/// and rates follow their commands at once.
+pub(super) const DEPENDENT: [usize; 4] = [27, 10, 10, 10];
+
+/// Points of each stick.
+pub(super) type Points = [Vec<Point>; 4];
+
+/// Acceleration of the path, from a time on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asked {
+    time: f64,
+    acceleration: Vector3<f64>,
+}
+
+impl Asked {
+    pub(super) fn new(reference: &PathReference) -> Self {
+        let [d1, d2] = [reference.derivative1_world, reference.derivative2_world].map(Vector3::from);
+        Self {
+            time: seconds(reference.header.stamp_ns),
+            acceleration: d2 * (reference.gamma_dot * reference.gamma_dot) + d1 * reference.gamma_ddot,
+        }
+    }
+
+    /// The newest at a time, of those in the order of time.
+    fn at(all: &[Self], time: f64) -> Option<Vector3<f64>> {
+        let place = all.partition_point(|asked| asked.time <= time);
+        Some(all[place.checked_sub(1)?].acceleration)
+    }
+}
 
 /// A captured pose.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +105,7 @@ pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
         next = truth.time + TRUTH_STEP * (1.0 - 1e-6);
         if let Some(travels) = history.at(truth.time) {
             for stick in 0..4 {
-                points[stick].push([travels[stick], truth.values[stick]]);
+                points[stick].push(Point::new(travels[stick], truth.values[stick]));
             }
         }
     }
@@ -83,7 +113,7 @@ pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
 }
 
 /// Returns what poses in the order of time say of a vehicle of this mass, kg.
-pub(super) fn by_poses(poses: &[Pose], mass: f64, history: &History) -> Points {
+pub(super) fn by_poses(poses: &[Pose], asked: &[Asked], mass: f64, history: &History) -> Points {
     let mut points = Points::default();
     let [mut turn, mut window] = [0, 0];
     for (index, pose) in poses.iter().enumerate() {
@@ -95,12 +125,12 @@ pub(super) fn by_poses(poses: &[Pose], mass: f64, history: &History) -> Points {
             if let Some(travels) = travels.filter(|_| lasted < 1.5 * TURN) {
                 let rates = logarithm(&(begun.rotation.transpose() * pose.rotation)) / lasted;
                 for axis in 0..3 {
-                    points[1 + axis].push([travels[1 + axis], rates[axis]]);
+                    points[1 + axis].push(Point::new(travels[1 + axis], rates[axis]));
                 }
             }
         }
         if pose.time - poses[window].time >= 2.0 * HALF_WINDOW * (1.0 - 1e-6) {
-            points[0].extend(thrust_point(&poses[window..=index], mass, history));
+            points[0].extend(thrust_point(&poses[window..=index], asked, mass, history));
             window = usize::midpoint(window, index);
         }
     }
@@ -108,7 +138,7 @@ pub(super) fn by_poses(poses: &[Pose], mass: f64, history: &History) -> Points {
 }
 
 /// The weighted means of the thrust stick and of the thrust over a window.
-fn thrust_point(window: &[Pose], mass: f64, history: &History) -> Option<[f64; 2]> {
+fn thrust_point(window: &[Pose], asked: &[Asked], mass: f64, history: &History) -> Option<Point> {
     let (first, last) = (window.first()?, window.last()?);
     let half = (last.time - first.time) / 2.0;
     let widest = 4.0 * half / window.len() as f64;
@@ -118,8 +148,12 @@ fn thrust_point(window: &[Pose], mass: f64, history: &History) -> Option<[f64; 2
     }
     history.mean(first.time, last.time)?;
     let middle = first.time + half;
-    let (mut weights, mut travel) = (0.0, 0.0);
-    let (mut acceleration, mut axis) = (Vector3::zeros(), Vector3::zeros());
+    let axes = window
+        .iter()
+        .fold(Vector3::zeros(), |sum, pose| sum + pose.rotation.column(2));
+    let direction: Vector3<f64> = axes.normalize();
+    let (mut weights, mut thrusts, mut travel) = (0.0, 0.0, 0.0);
+    let (mut acceleration, mut wanted) = (0.0, 0.0);
     for (index, pose) in window.iter().enumerate() {
         // What a capture stands for: half the way to its neighbours.
         let before = window[index.saturating_sub(1)].time;
@@ -129,13 +163,19 @@ fn thrust_point(window: &[Pose], mass: f64, history: &History) -> Option<[f64; 2
         let inside = 1.0 - u * u;
         let weight = share * inside * inside * inside;
         let bend = share * (24.0 * u * u * inside - 6.0 * inside * inside) / (half * half);
+        let along = weight * direction.dot(&pose.rotation.column(2));
         weights += weight;
-        travel += weight * history.at(pose.time)?[0];
-        acceleration += bend * (pose.position - first.position);
-        axis += weight * pose.rotation.column(2);
+        thrusts += along;
+        travel += along * history.at(pose.time)?[0];
+        acceleration += bend * direction.dot(&(pose.position - first.position));
+        wanted += weight * direction.dot(&Asked::at(asked, pose.time)?);
     }
-    let specific = Vector3::new(0.0, 0.0, GRAVITY) - acceleration / weights;
-    Some([travel / weights, mass * specific.dot(&(axis / weights))])
+    let weight_along = GRAVITY * direction.z * weights;
+    Some(Point {
+        travel: travel / thrusts,
+        value: mass * (weight_along - acceleration) / thrusts,
+        instrument: (weight_along - wanted) / thrusts,
+    })
 }
 
 /// Axis times angle of a rotation below half a turn, rad.

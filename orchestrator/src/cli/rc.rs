@@ -17,8 +17,9 @@ pub enum RcCommand {
     Probe(RcProbe),
     /// Fit the calibration of the link that a log was flown with: thrust and body rates against the travel of the sticks.
     ///
-    /// Least squares, with 95 % intervals and residuals. A stick that hardly moved, or that moved against gusts only,
-    /// explains little of what was measured; the part of a scenario that is printed then keeps what was stated.
+    /// With 95 % intervals and residuals. Rates are fitted by least squares; the thrust by the thrust that the path asks for,
+    /// because a controller moves its stick against gusts. Of a stick that explains little of what was measured the part of a
+    /// scenario that is printed keeps what was stated.
     Identify(RcIdentify),
 }
 
