@@ -37,7 +37,7 @@ const CLUSTER_NS: u64 = 1_000_000_000;
 /// Longest delay, s.
 const LONGEST: f64 = 0.1;
 
-/// What the flight's own contradictions do not show, as half-widths, m and s: the drift is chosen from a few.
+/// The least that the flight's own contradictions do not show, as half-widths, m and s: the drift is chosen from a few.
 const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
 
 /// Captures over which innovations are correlated.
@@ -107,29 +107,25 @@ pub fn refine(
     }
     // From below, as long as it helps by more than chance: with a larger drift, a smaller mass and an offset along the thrust
     // explain the same flight about as well, and with a large one a wrong mass and a wrong offset may be white as well.
-    let mut best = (f64::INFINITY, estimate.clone(), stated.disturbance_drift);
+    let mut least = f64::INFINITY;
+    let mut tried: Vec<Estimate> = Vec::new();
+    let mut chosen = 0;
     for factor in DRIFT_FACTORS {
         believed.kalman.disturbance_drift = factor * stated.disturbance_drift;
         estimate.descend(recording, &believed)?;
         estimate.descend(recording, &believed)?;
         let found = estimate.correlation(recording, &believed, 0..3)?;
-        if found.sum.abs() >= best.0 - found.by_chance {
+        tried.push(estimate.clone());
+        if found.sum.abs() >= least - found.by_chance {
             break;
         }
-        best = (
-            found.sum.abs(),
-            estimate.clone(),
-            believed.kalman.disturbance_drift,
-        );
+        (least, chosen) = (found.sum.abs(), tried.len() - 1);
     }
-    let (_, mut estimate, drift) = best;
-    believed.kalman.disturbance_drift = drift;
+    believed.kalman.disturbance_drift = DRIFT_FACTORS[chosen] * stated.disturbance_drift;
+    let mut estimate = tried[chosen].clone();
     estimate.descend(recording, &believed)?;
-    let errors: [f64; PARAMETERS] = estimate.errors.into();
-    let errors = std::array::from_fn(|index| {
-        (errors[index] * errors[index] + SYSTEMATIC[index] * SYSTEMATIC[index]).sqrt()
-    });
-    Ok((estimate.parameters.into(), errors))
+    let beside = &tried[chosen.saturating_sub(1)..tried.len().min(chosen + 2)];
+    Ok((estimate.parameters.into(), estimate.half_widths(beside)))
 }
 
 impl Estimate {
@@ -149,6 +145,17 @@ impl Estimate {
                 })
                 .collect(),
         }
+    }
+
+    /// Returns the half-widths of the intervals: what the flight's own contradictions show, and beside that what they do not,
+    /// which is at least half the range of the estimates with the neighbouring drifts.
+    fn half_widths(&self, beside: &[Self]) -> [f64; PARAMETERS] {
+        std::array::from_fn(|index| {
+            let values = || beside.iter().map(|estimate| estimate.parameters[index]);
+            let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+            let systematic = SYSTEMATIC[index].max(0.5 * range);
+            (self.errors[index] * self.errors[index] + systematic * systematic).sqrt()
+        })
     }
 
     /// Takes a step of Gauss–Newton.

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use comfy_table::{Table, presets};
+use metrics::CERTAIN;
 use serde::Serialize;
 
 /// Deviation of the marker offset with which it is identified, m: markers are glued within three of it.
@@ -13,10 +14,6 @@ const OFFSET_UNKNOWN: f64 = 0.01;
 
 /// The same of a delay, s.
 const DELAY_UNKNOWN: f64 = 0.01;
-
-/// Half-widths of its interval by which a number differs: of a hundred flights with six numbers each none should by chance, and a
-/// 95 % interval alone misses thirty of them. This is 99.9 %.
-const CERTAIN: f64 = 1.7;
 
 /// A number of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -169,7 +169,7 @@ fn assert_covered(missed: &[String], intervals: u64) {
 
 #[test]
 fn flights_with_nothing_wrong_are_found_to_be_as_stated() {
-    let mut all_missed = Vec::new();
+    let (mut all_missed, mut changed) = (Vec::new(), Vec::<String>::new());
     for flight in 1..=flights() {
         let mut draw = draws(flight);
         let noise = [3e-4 * (0.5 + 2.0 * draw()), 2e-3 * (0.5 + 2.0 * draw())];
@@ -188,13 +188,13 @@ fn flights_with_nothing_wrong_are_found_to_be_as_stated() {
         let changes: Vec<&str> = changes.iter().map(String::as_str).collect();
         let found = identify(&flown(&changes)).unwrap();
         let told = found.to_string();
-        assert!(
-            !told.contains("differs") && !told.contains("Put into"),
-            "{changes:?}\n{told}"
-        );
+        if told.contains("differs") || told.contains("Put into") {
+            changed.push(format!("{changes:?}\n{told}"));
+        }
         all_missed.extend(missed(&found, [0.0, 0.0, 0.0, 0.005, noise[0], noise[1]]));
     }
     assert_covered(&all_missed, 6 * flights());
+    assert!(changed.is_empty(), "{}", changed.join("\n"));
 }
 
 #[test]
