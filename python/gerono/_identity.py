@@ -244,19 +244,11 @@ class _Walk:
         owner = getattr(value, "__self__", None)
         module = str(getattr(value, "__module__", None) or getattr(getattr(value, "__objclass__", None), "__module__", ""))
         if not module and type(owner).__name__ == "PyCapsule":
-            return _joined("gerono.math", self._name_in_math(value))
+            return _joined("gerono.math", value.__name__)
         own = None if _is_installed(module) else sys.modules.get(module)
         # A method of an object, such as `generator.normal`; the owner of a function is its module.
         bound = None if isinstance(owner, types.ModuleType) or type(owner).__name__ == "PyCapsule" else owner
         return _joined(module, value.__qualname__, _version(module), self._all_of([own, bound]))
-
-    def _name_in_math(self, function: Any) -> str:
-        """Return the name of a compiled function that does not know it."""
-        math = sys.modules.get("gerono.math")
-        for name, known in vars(math).items() if math else ():
-            if known is function:
-                return name
-        raise self._refusal(type(function), "it has no name")
 
 
 def _instructions(code: types.CodeType) -> Iterator[list[dis.Instruction]]:

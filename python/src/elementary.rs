@@ -1,5 +1,7 @@
 //! Elementary functions with the same bytes on every machine.
 
+use std::ffi::CString;
+
 use plugin::math::{BINARY, UNARY};
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict};
@@ -8,18 +10,30 @@ use pyo3::types::{PyCFunction, PyDict};
 #[pyfunction]
 pub fn elementary_functions(python: Python<'_>) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
     let (one, two) = (PyDict::new(python), PyDict::new(python));
+    // Made once, when the module is imported.
+    let of_c = |name: &str| &*Box::leak(CString::new(name).expect("a name").into_boxed_c_str());
     for &(name, function) in UNARY {
-        let of = PyCFunction::new_closure(python, None, None, move |arguments, _| -> PyResult<f64> {
-            let (x,): (f64,) = arguments.extract()?;
-            Ok(function(x))
-        })?;
+        let of = PyCFunction::new_closure(
+            python,
+            Some(of_c(name)),
+            None,
+            move |arguments, _| -> PyResult<f64> {
+                let (x,): (f64,) = arguments.extract()?;
+                Ok(function(x))
+            },
+        )?;
         one.set_item(name, of)?;
     }
     for &(name, function) in BINARY {
-        let of = PyCFunction::new_closure(python, None, None, move |arguments, _| -> PyResult<f64> {
-            let (x, y): (f64, f64) = arguments.extract()?;
-            Ok(function(x, y))
-        })?;
+        let of = PyCFunction::new_closure(
+            python,
+            Some(of_c(name)),
+            None,
+            move |arguments, _| -> PyResult<f64> {
+                let (x, y): (f64, f64) = arguments.extract()?;
+                Ok(function(x, y))
+            },
+        )?;
         two.set_item(name, of)?;
     }
     Ok((one, two))

@@ -27,7 +27,12 @@ pub(crate) const COLUMNS: usize = 800;
 /// Least distance that is drawn, m: the axis is logarithmic and knows no zero.
 pub(crate) const FLOOR: f64 = 1e-4;
 
-/// Colours of the curves, told apart by eyes of all kinds (Okabe and Ito), also from that of the bound.
+/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+pub const COLORS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
+];
+
+/// Those of them for curves, told apart also from that of the bound.
 pub(crate) const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
 pub(crate) const CHANGE_COLOR: &str = "#666666";
 

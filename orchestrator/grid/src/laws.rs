@@ -2,7 +2,8 @@
 
 use command_line::failure::Failure;
 use command_line::values::ValueError;
-use scenario::LawKind;
+use scenario::{Key, LawKind};
+use scenario_file::key_of_setting;
 use serde::Serialize;
 
 use crate::flights::Base;
@@ -133,16 +134,11 @@ impl std::str::FromStr for ControlLaw {
     fn from_str(text: &str) -> Result<Self, ValueError> {
         if let Some((name, settings)) = text.split_once(':') {
             let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
-            let mut keys: Vec<_> = settings
+            let mut keys: Vec<Key> = settings
                 .iter()
-                .filter_map(|setting| setting.split_once('='))
-                .map(|(key, _)| key.trim())
+                .filter_map(|setting| key_of_setting(setting))
                 .collect();
-            let is_of_condition = |key: &&&str| {
-                CONDITIONS
-                    .iter()
-                    .any(|section| key.split('.').next() == Some(section))
-            };
+            let is_of_condition = |key: &&Key| CONDITIONS.contains(&key.segments()[0].as_str());
             if let Some(key) = keys.iter().find(is_of_condition) {
                 return Err(ValueError::unfit(format!(
                     "`{key}` is no part of a law: it is the same for all laws of a grid"

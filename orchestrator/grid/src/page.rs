@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use evaluation::plot::COLORS;
 use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout, LinePlot, Plot, ScatterPlot, TickFormat};
@@ -12,11 +13,6 @@ use crate::report::{GridReport, centimetres};
 
 /// Condition of the drawing of performance against margin.
 const PERFORMANCE: &str = "gusts";
-
-/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
-const COLORS: [&str; 7] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
-];
 
 const STYLE: &str = "
 :root { color-scheme: light dark; --line: #8884; }
@@ -104,13 +100,6 @@ fn color(ratio: f64) -> String {
     format!("hsl({:.0} 70% 75%)", 130.0 * (1.0 - share))
 }
 
-/// The laws of which others are variants along the bandwidth, each once.
-fn families(names: &[String]) -> Vec<&str> {
-    let mut families: Vec<_> = names.iter().map(|name| ControlLaw::family(name)).collect();
-    families.dedup();
-    families
-}
-
 /// Draws every law as a point: its margin against its distance. None if one of the two was not measured.
 #[must_use]
 pub fn pareto(report: &GridReport) -> Option<String> {
@@ -119,26 +108,22 @@ pub fn pareto(report: &GridReport) -> Option<String> {
         let margin = report.margin(&law.name, MARGIN)?.survived?;
         Some((law.name.clone(), (100.0 * rms, margin)))
     });
-    let (names, points): (Vec<_>, Vec<_>) = points.unzip();
+    let points: Vec<(String, (f64, f64))> = points.collect();
     if points.is_empty() {
         return None;
     }
     // Along the bandwidth of a law, a line.
-    let mut plots = Vec::new();
-    for (place, family) in families(&names).into_iter().enumerate() {
-        let own = names
-            .iter()
-            .zip(&points)
-            .filter(|(name, _)| ControlLaw::family(name) == family);
-        let own: Vec<_> = own.map(|(_, point)| *point).collect();
-        if own.len() > 1 {
-            plots.push(Plot::from(
-                LinePlot::new()
-                    .with_data(own)
-                    .with_color(COLORS[place % COLORS.len()]),
-            ));
-        }
-    }
+    let families =
+        points.chunk_by(|(one, _), (other, _)| ControlLaw::family(one) == ControlLaw::family(other));
+    let lines = families
+        .zip(COLORS.iter().cycle())
+        .filter(|(family, _)| family.len() > 1);
+    let lines = lines.map(|(family, color)| {
+        let data: Vec<_> = family.iter().map(|(_, point)| *point).collect();
+        Plot::from(LinePlot::new().with_data(data).with_color(*color))
+    });
+    let mut plots: Vec<_> = lines.collect();
+    let (names, points): (Vec<_>, Vec<_>) = points.into_iter().unzip();
     let plot = ScatterPlot::new()
         .with_data(points)
         .with_color("#0072b2")

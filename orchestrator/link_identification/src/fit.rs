@@ -44,8 +44,8 @@ pub struct Point {
 }
 
 impl Fit {
-    /// The line through points, of which so many neighbours may depend on each other; `None` if they are few or their travels or
-    /// instruments are all the same.
+    /// The line through points; `None` if they are few or their travels or instruments are all the same. `cluster` is the number
+    /// of neighbours whose residuals may depend on each other.
     #[must_use]
     pub fn of(points: &[Point], cluster: usize) -> Option<Self> {
         if points.len() < FEWEST {

@@ -44,7 +44,7 @@ pub(super) fn advice(key: &Key) -> String {
     if let Some(info) = keys.iter().find(|info| is_of(key, &info.key)) {
         return format!("`{key}` is {}: {}", info.kind, info.description);
     }
-    let names = names_inside(&keys, key);
+    let names = names_inside(keys, key);
     if names.is_empty() {
         "see docs/scenarios.md for the keys of a scenario".to_owned()
     } else {
@@ -54,7 +54,7 @@ pub(super) fn advice(key: &Key) -> String {
 
 /// The names that a table holds or of which it holds one, in quotes.
 pub(super) fn names_at(key: &Key) -> Vec<String> {
-    names_inside(&all(), key)
+    names_inside(all(), key)
 }
 
 /// All keys of a section (a table of the scenario, or `""` for those that are in none) as a Markdown table.
@@ -127,9 +127,9 @@ pub fn unit_of_key(name: &str) -> Option<&'static str> {
 /// Returns the keys that may change in flight.
 pub(super) fn tunable() -> impl Iterator<Item = Key> {
     all()
-        .into_iter()
+        .iter()
         .filter(|info| info.is_tunable)
-        .map(|info| info.key)
+        .map(|info| info.key.clone())
 }
 
 /// Returns whether a key, or a number inside its value, may change in flight; `None` if a scenario has no such value.
@@ -142,13 +142,16 @@ pub(super) fn is_tunable(key: &Key) -> Option<bool> {
 /// Keys that can be written without choosing a name, with their descriptions; positions in arrays are 0.
 #[must_use]
 pub fn keys_for_completion() -> Vec<(String, String)> {
-    let keys = all().into_iter();
+    let keys = all().iter();
     let writable = keys.filter(|info| !info.key.segments().iter().any(|segment| segment == ANY_NAME));
     writable
         .map(|info| {
             let segments = info.key.segments().iter();
             let first = |segment: &String| if segment == ANY_POSITION { "0" } else { segment }.to_owned();
-            (segments.map(first).collect::<Key>().to_string(), info.description)
+            (
+                segments.map(first).collect::<Key>().to_string(),
+                info.description.clone(),
+            )
         })
         .collect()
 }
@@ -189,10 +192,14 @@ pub(super) fn schema() -> &'static Value {
     &SCHEMA
 }
 
-fn all() -> Vec<KeyInfo> {
-    let mut keys = Vec::new();
-    push_table(schema(), &Key::root(), &mut keys);
-    keys
+/// All keys, made when the first is asked for.
+fn all() -> &'static [KeyInfo] {
+    static ALL: LazyLock<Vec<KeyInfo>> = LazyLock::new(|| {
+        let mut keys = Vec::new();
+        push_table(schema(), &Key::root(), &mut keys);
+        keys
+    });
+    &ALL
 }
 
 /// Pushes what a table of the schema holds, by name, and the tables of which it holds one, as declared.

@@ -27,7 +27,7 @@ use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
 pub use keys::{key_table, keys_for_completion, unit_of_key};
-pub use setting::key_of_setting;
+pub use setting::{key_of_setting, path_of};
 use sources::Sources;
 
 /// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the

@@ -123,7 +123,8 @@ impl<'i> Setting<'i> {
 }
 
 /// Returns the key that a text names, if it names one.
-pub(super) fn path_of(text: &str) -> Option<Key> {
+#[must_use]
+pub fn path_of(text: &str) -> Option<Key> {
     let path = parse_path(text, 0).ok()?;
     Some(path.into_iter().map(Spanned::into_inner).collect())
 }

@@ -18,6 +18,9 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .collect()
 }
 
+/// What is below the ground has often the sign of another frame.
+const UPWARDS: &str = "z points down: what is above the ground has a smaller z";
+
 /// Warns of a vehicle or a path below the ground, and of a path that begins far from the vehicle.
 fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
     let [.., z] = scenario.vehicle.initial.position;
@@ -33,20 +36,12 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
             "the path goes down to z = {lowest:.2} m, {:.2} m below the ground",
             lowest - ground
         );
-        Problem::new(
-            at.clone(),
-            reason,
-            "z points down: what is above the ground has a smaller z",
-        )
+        Problem::new(at.clone(), reason, UPWARDS)
     });
     let begins_below = (scenario.flight.is_none() && z > WITHIN).then(|| {
         let at = ["vehicle", "initial", "position"].into_iter().collect();
         let reason = format!("the vehicle starts at z = {z:.2} m, below the ground, which is at z = 0");
-        Problem::new(
-            at,
-            reason,
-            "z points down: what is above the ground has a smaller z",
-        )
+        Problem::new(at, reason, UPWARDS)
     });
     let start = top_of_rise(scenario);
     let away = points.first().map_or(0.0, |first| {

@@ -4,6 +4,7 @@ use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
 use crate::cli::TruthArguments as Arguments;
+use evaluation::reproduce::windows::AVERAGED;
 use fault_matrix::truth::{self, Truth};
 
 /// `gerono truth`.
@@ -37,7 +38,7 @@ fn shown(truth: &Truth) -> String {
     let vector = |[x, y, z]: [f64; 3]| format!("[{x:.3}, {y:.3}, {z:.3}]");
     let ends = truth.parts.iter().map(|part| part.span[1]).fold(0.0, f64::max);
     let begins = truth.parts.iter().map(|part| part.span[0]).fold(ends, f64::min);
-    let window = (ends - begins).min(10.0);
+    let window = (ends - begins).min(AVERAGED);
     format!(
         "{table}\ndisturbance in the last {window} s, m/s²: true {}, estimated {}\n",
         vector(truth.disturbance),

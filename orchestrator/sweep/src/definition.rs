@@ -349,13 +349,10 @@ impl Definition {
 impl Entry {
     /// Returns the value that this entry states of a key, or of an element of an array, in place of the varied one.
     pub(crate) fn stated(&self, column: &str) -> Option<Value> {
-        let of = |key: &str| {
-            let mut settings = self
-                .set
-                .iter()
-                .rev()
-                .filter_map(|setting| setting.split_once('='));
-            let (_, value) = settings.find(|(name, _)| name.trim() == key)?;
+        let of = |column: &str| {
+            let key = scenario_file::path_of(column)?;
+            let is_it = |setting: &&String| scenario_file::key_of_setting(setting).as_ref() == Some(&key);
+            let (_, value) = self.set.iter().rev().find(is_it)?.split_once('=')?;
             let parsed = toml::from_str::<Table>(&format!("value = {value}"));
             let parsed = parsed.ok().and_then(|mut table| table.remove("value"));
             Some(parsed.unwrap_or_else(|| Value::String(value.to_owned())))
@@ -517,5 +514,26 @@ mod tests {
             let refusal = refused(text);
             assert!(refusal.contains(reason), "{text}\n{refusal}");
         }
+    }
+
+    #[test]
+    fn a_law_states_a_varied_key_however_it_is_written() {
+        let set = [
+            "vehicle.\"mass\" = 0.2",
+            "vehicle.inertia=[1.0, 2.0, 3.0]",
+            "controller.law=indi",
+        ];
+        let entry = Entry {
+            name: "heavy".to_owned(),
+            set: set.map(str::to_owned).to_vec(),
+            own: None,
+        };
+        assert_eq!(entry.stated("vehicle.mass"), Some(Value::Float(0.2)));
+        assert_eq!(entry.stated("vehicle.inertia.2"), Some(Value::Float(3.0)));
+        assert_eq!(
+            entry.stated("controller.law"),
+            Some(Value::String("indi".to_owned()))
+        );
+        assert_eq!(entry.stated("vehicle.drag.0"), None);
     }
 }

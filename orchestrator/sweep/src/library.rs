@@ -11,7 +11,7 @@ use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
 use crate::prepared::Prepared;
 use crate::run::fly_shard;
-use crate::shard::{Shard, ShardWriter, check_complete, check_folder};
+use crate::shard::{Shard, ShardWriter, is_complete};
 
 fn prepared(
     text: String,
@@ -25,16 +25,6 @@ fn prepared(
     std::fs::create_dir_all(folder)
         .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
     Ok(prepared)
-}
-
-/// Returns whether the sweep is complete in a folder already.
-fn is_complete(prepared: &Prepared, folder: &Path) -> Result<bool, Failure> {
-    check_folder(folder, &prepared.header(Shard::WHOLE))?;
-    let is_there = Shard::WHOLE.path(folder).exists();
-    if is_there {
-        check_complete(folder, &prepared.header(Shard::WHOLE))?;
-    }
-    Ok(is_there)
 }
 
 /// Flies a sweep into a folder, on so many threads or on all cores, and merges it; goes on where an earlier call was
@@ -51,7 +41,7 @@ pub fn run(
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
-    if !is_complete(&prepared, folder)? {
+    if !is_complete(folder, &prepared.header(Shard::WHOLE))? {
         let threads = jobs.unwrap_or_else(parallel::cores);
         fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt)?;
     }
@@ -75,7 +65,7 @@ pub fn run_with(
 ) -> Result<(), Failure> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
     let (plan, layout) = (&prepared.plan, &prepared.layout);
-    if is_complete(&prepared, folder)? {
+    if is_complete(folder, &prepared.header(Shard::WHOLE))? {
         return merge_folder(folder, false).map(drop);
     }
     let mut writer = ShardWriter::open(folder, &prepared.header(Shard::WHOLE))?;

@@ -1,5 +1,6 @@
 //! The results of a sweep as a web page: one file without scripts.
 
+use evaluation::plot::COLORS;
 use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
@@ -16,11 +17,6 @@ const POINTS: usize = 3000;
 
 /// Most varied values that are drawn over the distance.
 const SCATTERED: usize = 8;
-
-/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
-const COLORS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
-];
 
 const STYLE: &str = "
 :root { color-scheme: light dark; --line: #8884; }

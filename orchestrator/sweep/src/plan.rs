@@ -335,7 +335,7 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
             ));
         }
         let overlaps = |varied: &&Varied| {
-            let of_varied = scenario_file::key_of_setting(&format!("{}=", varied.name));
+            let of_varied = scenario_file::path_of(&varied.name);
             let is_within = |of_varied: &Key| {
                 of_varied
                     .segments()

@@ -14,7 +14,7 @@ use crate::arguments::Run;
 use crate::definition::Source;
 use crate::prepared::Prepared;
 use crate::row::Row;
-use crate::shard::{Shard, ShardError, ShardWriter, check_complete, check_folder};
+use crate::shard::{Shard, ShardError, ShardWriter, is_complete};
 use crate::{flight, merge, ordered};
 
 /// Time between two lines of progress where standard error is no terminal.
@@ -53,9 +53,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let threads = arguments.jobs.map_or_else(parallel::cores, usize::from);
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
-    check_folder(&folder, &prepared.header(shard))?;
-    if shard.path(&folder).exists() {
-        check_complete(&folder, &prepared.header(shard))?;
+    if is_complete(&folder, &prepared.header(shard))? {
         note(format_args!(
             "{} is complete already, nothing was flown",
             folder.display()

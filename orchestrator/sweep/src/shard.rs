@@ -363,11 +363,24 @@ fn check_header(path: &Path, line: &[u8], expected: &Header) -> Result<(), Shard
     }
 }
 
+/// Returns whether a shard is complete in a folder already.
+///
+/// # Errors
+/// [`ShardError`] if it is damaged, or if the folder holds something else.
+pub(crate) fn is_complete(folder: &Path, expected: &Header) -> Result<bool, ShardError> {
+    check_folder(folder, expected)?;
+    let is_there = expected.shard.path(folder).exists();
+    if is_there {
+        check_complete(folder, expected)?;
+    }
+    Ok(is_there)
+}
+
 /// Refuses a folder that holds something else than this sweep, or its shards in another number.
 ///
 /// # Errors
 /// [`ShardError`] with the difference.
-pub(crate) fn check_folder(folder: &Path, expected: &Header) -> Result<(), ShardError> {
+fn check_folder(folder: &Path, expected: &Header) -> Result<(), ShardError> {
     let shards = shards_in(folder)?;
     let failed = |error| ShardError::File {
         path: folder.to_owned(),
@@ -408,7 +421,7 @@ pub(crate) fn check_folder(folder: &Path, expected: &Header) -> Result<(), Shard
 ///
 /// # Errors
 /// [`ShardError`] if it is of something else, or is not what was written.
-pub(crate) fn check_complete(folder: &Path, expected: &Header) -> Result<(), ShardError> {
+fn check_complete(folder: &Path, expected: &Header) -> Result<(), ShardError> {
     let path = expected.shard.path(folder);
     let mut reader = ShardReader::open(&path)?;
     if let Some(reason) = expected.difference(&reader.header) {

@@ -270,7 +270,7 @@ fn with_facts_last(log: &[u8]) -> Vec<u8> {
     copied(log, 1)
 }
 
-/// A copy of a log with the facts behind the samples, each of which is there so many times.
+/// A copy of a log with the facts behind the samples, each of which is written `times` times.
 fn copied(log: &[u8], times: usize) -> Vec<u8> {
     let mut written = std::io::Cursor::new(Vec::new());
     let mut writer = mcap::Writer::new(&mut written).unwrap();
