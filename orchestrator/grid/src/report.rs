@@ -221,15 +221,26 @@ fn with_losses(text: String, cell: &Cell) -> String {
     }
 }
 
+/// A table with a column a law: few laws in more conditions than a terminal has room for side by side.
+fn on_its_side(table: &TextTable) -> TextTable {
+    let turned = |row: usize| table.lines.iter().map(move |cells| cells[row].clone());
+    let header: Vec<_> = std::iter::once(String::new()).chain(turned(0)).collect();
+    let lines = table.header.iter().enumerate().skip(1);
+    let lines = lines.map(|(row, name)| std::iter::once(name.clone()).chain(turned(row)).collect());
+    TextTable::new(&table.title, &header, lines)
+}
+
 impl Display for GridReport {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        for table in self.tables() {
-            // On its side: there are more conditions than a terminal has room for.
-            let turned = |row: usize| table.lines.iter().map(move |cells| cells[row].replace('`', ""));
-            let header: Vec<_> = std::iter::once(String::new()).chain(turned(0)).collect();
-            let lines = table.header.iter().enumerate().skip(1);
-            let lines = lines.map(|(row, name)| std::iter::once(name.clone()).chain(turned(row)).collect());
-            writeln!(formatter, "{}\n", TextTable::new(&table.title, &header, lines))?;
+        for mut table in self.tables() {
+            let cells = table.lines.iter_mut().flatten();
+            cells.for_each(|cell| cell.retain(|character| character != '`'));
+            let shown = if table.lines.len() < table.header.len() {
+                on_its_side(&table)
+            } else {
+                table
+            };
+            writeln!(formatter, "{shown}\n")?;
         }
         let lost = self
             .cells
