@@ -569,3 +569,41 @@ fn a_simulated_flight_that_nobody_arms_is_refused_with_the_way_out() {
         assert!(!place.path("out").exists(), "nothing is begun");
     }
 }
+
+#[test]
+fn options_that_would_do_nothing_are_refused_before_anything_is_begun() {
+    let place = Place::new();
+    let fig1 = scenario("fig1");
+    let cases: [(&[&str], &str); 3] = [
+        (
+            &["--host", "inprocess", "--core", "1"],
+            "--core concerns the processes",
+        ),
+        (
+            &["--host", "inprocess", "--crash", "controller@5:before-step"],
+            "--crash concerns the processes",
+        ),
+        (
+            &[
+                "--set",
+                "vehicle.change=[]",
+                "--set",
+                "duration=2",
+                "--crash",
+                "controller@2001:before-step",
+            ],
+            "--crash controller@2001: the last tick of the flight is 2000",
+        ),
+    ];
+    for (options, reason) in cases {
+        let arguments = [&["run", fig1.to_str().unwrap(), "--out", "out"], options].concat();
+        let refused = output(&mut place.gerono(&arguments));
+        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(
+            (refused.status.code(), told.contains(reason)),
+            (Some(2), true),
+            "{told}"
+        );
+        assert!(!place.path("out").exists());
+    }
+}

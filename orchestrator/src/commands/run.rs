@@ -5,10 +5,11 @@ use std::time::Duration;
 use runtime::deployment::Scheduler;
 use scenario::Scenario;
 use shared_types::ServiceId;
+use shared_types::schedule::Schedule;
 
 use super::conclusion::FlightResult;
 use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
-use crate::cli::{DeploymentArguments, Host, Run};
+use crate::cli::{DeploymentArguments, Host, Run, ServiceCrash};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt::Interrupt;
@@ -60,19 +61,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
             "{option} concerns the processes of services, and with --host inprocess there is but one process"
         )));
     }
-    let is_external_service = |service: ServiceId| scenario.program_of(service).is_some();
-    if let Some(crash) = arguments
-        .deployment
-        .crash
-        .iter()
-        .find(|crash| is_external_service(crash.service))
-    {
-        let reason = format!(
-            "--crash tells a service where to die, and a program of its own in place of `{}` cannot be told",
-            crash.service
-        );
-        return Err(Failure::bad_input(reason));
-    }
+    refuse_crashes(&scenario, &schedule, &arguments.deployment.crash)?;
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
@@ -98,6 +87,27 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         quiet: arguments.quiet,
     };
     flown.conclude(sink, ending)
+}
+
+/// A crash that never comes shows nothing.
+fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCrash]) -> Result<(), Failure> {
+    let last = schedule.last_tick();
+    for ServiceCrash { service, crash } in crashes {
+        let reason = if scenario.program_of(*service).is_some() {
+            format!(
+                "--crash tells a service where to die, and a program of its own in place of `{service}` cannot be told"
+            )
+        } else if crash.place.is_in_a_step() && crash.tick > last {
+            format!(
+                "--crash {service}@{}: the last tick of the flight is {last}",
+                crash.tick
+            )
+        } else {
+            continue;
+        };
+        return Err(Failure::bad_input(reason));
+    }
+    Ok(())
 }
 
 /// A laboratory is for real time only, with an operator who arms; external services are for processes only.

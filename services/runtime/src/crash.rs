@@ -41,6 +41,12 @@ impl CrashPlace {
         Self::BeforeWaking,
     ];
 
+    /// Returns whether it is passed in a step, not once on start.
+    #[must_use]
+    pub fn is_in_a_step(self) -> bool {
+        !matches!(self, Self::BeforePorts | Self::AfterPorts | Self::Recovering)
+    }
+
     /// Returns its name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
