@@ -255,6 +255,31 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
 }
 
 #[test]
+fn a_law_is_ranked_over_those_values_alone_that_it_flew() {
+    let place = Place::new();
+    // The first law states the mass itself, and the sweep makes the array of which an element is varied.
+    let text = format!(
+        "scenario = {:?}\nsamples = 12\nset = [\"duration=1.5\", \"vehicle.change=[]\", \"vehicle.inertia=[6e-4, 6e-4, 1e-3]\"]\n\
+         [vary]\n\"vehicle.mass\" = {{ uniform = [0.15, 0.25] }}\n\"vehicle.inertia.2\" = {{ uniform = [1e-3, 2e-3] }}\n\
+         [[compare]]\nname = \"heavy\"\nset = [\"vehicle.mass=0.19\"]\n[[compare]]\nname = \"paper\"\n\
+         [[map]]\nx = \"vehicle.mass\"\ny = \"vehicle.inertia.2\"\nvalue = \"max\"\n",
+        scenario("fig1")
+    );
+    std::fs::write(place.path("sweep.toml"), text).unwrap();
+    succeed(&mut place.gerono(&["sweep", "run", "sweep.toml", "--out", "results"]));
+    let report: serde_json::Value = serde_json::from_slice(&merged(&place, "results", "sweep.json")).unwrap();
+    let winners = report["winners"].as_array().unwrap();
+    let over = |key: &'static str| winners.iter().filter(move |winner| winner["varied"] == key);
+    assert!(over("vehicle.mass").count() > 1);
+    assert!(over("vehicle.mass").all(|winner| winner["law"] == "paper" && winner["medians"][0].is_null()));
+    assert!(over("vehicle.inertia.2").any(|winner| !winner["medians"][0].is_null()));
+    let maps = std::fs::read_dir(place.path("results")).unwrap();
+    let maps = maps.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let maps: Vec<_> = maps.filter(|name| name.starts_with("map-")).collect();
+    assert!(maps.len() == 1 && maps[0].contains("paper"), "{maps:?}");
+}
+
+#[test]
 fn a_complete_folder_belongs_to_one_sweep_scenario_and_plug_in() {
     let place = Place::new();
     let library = |gain: &str| {
@@ -414,6 +439,15 @@ fn shards_of_another_sweep_do_not_mix() {
         "one of 2 shards",
     );
     refused(&["sweep", "run", &other, "--out", "results"], "one of 2 shards");
+    // Nor beside a shard of which only some rows were flown.
+    let whole = place.path("results").join("shard-00000-of-00002.rows");
+    let part = place.path("results").join("shard-00000-of-00002.rows.partial");
+    std::fs::rename(&whole, &part).unwrap();
+    refused(
+        &["sweep", "run", &other, "--shard", "1/2", "--out", "results"],
+        "of another sweep",
+    );
+    std::fs::rename(&part, &whole).unwrap();
     // Brought together by hand.
     succeed(&mut place.gerono(&["sweep", "run", &other, "--shard", "1/2", "--out", "others"]));
     let name = "shard-00001-of-00002.rows";

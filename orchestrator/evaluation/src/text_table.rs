@@ -50,7 +50,7 @@ impl TextTable {
         let line = |tag: &str, cells: &[String]| {
             let cells = cells
                 .iter()
-                .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)));
+                .map(|cell| format!("<{tag}>{}</{tag}>", code_marked(&escaped(cell))));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
         };
         let lines: String = self.lines.iter().map(|cells| line("td", cells)).collect();
@@ -112,11 +112,28 @@ pub fn latex_file(tables: &[TextTable]) -> String {
     format!("{head}{}", tables.join("\n"))
 }
 
+/// Marks code between backticks of a text on a page.
+fn code_marked(text: &str) -> String {
+    let mut parts = text.split('`');
+    let first = parts.next().unwrap_or_default().to_owned();
+    let tags = ["<code>", "</code>"].into_iter().cycle();
+    parts
+        .zip(tags)
+        .fold(first, |marked, (part, tag)| marked + tag + part)
+}
+
 /// A text as LaTeX sets it, whatever the engine: what is not ASCII and used in tables here is written as a command.
 fn latex(text: &str) -> String {
     let mut written = String::new();
     let mut is_code = false;
-    for character in text.chars() {
+    let mut before = ' ';
+    let mut characters = text.chars().peekable();
+    while let Some(character) = characters.next() {
+        let is_minus = character == '-'
+            && before == ' '
+            && !is_code
+            && characters.peek().is_some_and(char::is_ascii_digit);
+        before = character;
         let command = match character {
             '&' | '%' | '$' | '#' | '_' | '{' | '}' => {
                 written.push('\\');
@@ -137,6 +154,8 @@ fn latex(text: &str) -> String {
             '–' => "--",
             '…' => r"\dots{}",
             '−' => "$-$",
+            // Before a number it is no hyphen.
+            '-' if is_minus => "$-$",
             '≤' => r"$\le$",
             '≥' => r"$\ge$",
             '±' => r"$\pm$",
@@ -163,11 +182,7 @@ fn latex(text: &str) -> String {
     if is_code {
         written.push('}');
     }
-    // A minus sign and not a hyphen before a number.
-    match written.strip_prefix('-') {
-        Some(rest) if rest.starts_with(|first: char| first.is_ascii_digit()) => format!("$-${rest}"),
-        _ => written,
-    }
+    written
 }
 
 #[cfg(test)]
@@ -175,7 +190,10 @@ mod tests {
     use super::*;
 
     fn table() -> TextTable {
-        let lines = [["`paper-18`", "-1.5", "50.00 %"], ["a_b & c", "+0.2", "–"]];
+        let lines = [
+            ["`paper-18`", "-1.5 to -0.2", "50.00 %"],
+            ["a_b & c-1", "+0.2", "–"],
+        ];
         TextTable::new(
             "RMS ‖p − pd‖, cm",
             &["law", "here\nmedian", "at least"],
@@ -188,7 +206,7 @@ mod tests {
         assert_eq!(
             table().markdown(),
             "RMS ‖p − pd‖, cm:\n\n| law | here: median | at least |\n| --- | --- | --- |\n\
-             | `paper-18` | -1.5 | 50.00 % |\n| a_b & c | +0.2 | – |\n"
+             | `paper-18` | -1.5 to -0.2 | 50.00 % |\n| a_b & c-1 | +0.2 | – |\n"
         );
     }
 
@@ -205,8 +223,8 @@ mod tests {
     \toprule
     law & here: median & at least \\
     \midrule
-    \texttt{paper-18} & $-$1.5 & 50.00 \% \\
-    a\_b \& c & +0.2 & -- \\
+    \texttt{paper-18} & $-$1.5 to $-$0.2 & 50.00 \% \\
+    a\_b \& c-1 & +0.2 & -- \\
     \bottomrule
   \end{tabular}
 \end{table}
@@ -216,8 +234,12 @@ mod tests {
 
     #[test]
     fn a_table_on_a_page_escapes_what_html_reads() {
-        let html = TextTable::new("<b>", &["a&b"], [vec!["1 < 2".to_owned()]]).html();
-        for text in ["<h2>&lt;b&gt;</h2>", "<th>a&amp;b</th>", "<td>1 &lt; 2</td>"] {
+        let html = TextTable::new("<b>", &["a&b"], [vec!["`1 < 2`".to_owned()]]).html();
+        for text in [
+            "<h2>&lt;b&gt;</h2>",
+            "<th>a&amp;b</th>",
+            "<td><code>1 &lt; 2</code></td>",
+        ] {
             assert!(html.contains(text), "{html}");
         }
     }

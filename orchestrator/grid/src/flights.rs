@@ -211,8 +211,10 @@ mod tests {
         let laws = ControlLaw::all();
         let jobs = jobs(&base, &laws, &CONDITIONS, &[1]).unwrap();
         assert_eq!(jobs.len(), laws.len() * CONDITIONS.len());
-        let lost = r#"lost:schedule.latency."rc/frame -> plant"=0.2"#;
-        let lost: ControlLaw = lost.parse().unwrap();
+        let lost = ControlLaw {
+            name: "lost".to_owned(),
+            settings: vec![r#"schedule.latency."rc/frame -> plant"=0.2"#.to_owned()],
+        };
         let calm = CONDITIONS[0];
         let jobs = super::jobs(&base, std::slice::from_ref(&lost), &[calm], &[1]).unwrap();
         let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ()).unwrap();

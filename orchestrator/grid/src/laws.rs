@@ -82,14 +82,28 @@ impl ControlLaw {
     }
 }
 
-/// Parts of a scenario that a law does not choose.
-const CONDITIONS: [&str; 5] = ["seed", "duration", "vehicle", "cameras", "path"];
+/// Parts of a scenario that a law does not choose: what conditions and margins change is among them.
+const SHARED: [&[&str]; 6] = [
+    &["seed"],
+    &["duration"],
+    &["vehicle"],
+    &["cameras"],
+    &["path"],
+    &["schedule", "latency"],
+];
+
+/// Returns whether a key is the same for all laws of a grid.
+fn is_shared(key: &Key) -> bool {
+    let is_of = |part: &&[&str]| part.iter().zip(key.segments()).all(|(one, other)| one == other);
+    SHARED.iter().any(is_of)
+}
 
 /// Factors on the bandwidth of a law's position loop: the front of a law is measured along them.
 const BANDWIDTHS: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
 
 impl ControlLaw {
-    /// Returns the law with a slower and a faster position loop, as `NAME×FACTOR`: the damping stays as it is.
+    /// Returns the law with a slower and a faster position loop, as `NAME×FACTOR`: the damping stays as it is. Loops that
+    /// estimate or filter a disturbance stay as they are.
     ///
     /// # Errors
     /// [`Failure`] if the base does not know a setting of the law.
@@ -100,10 +114,17 @@ impl ControlLaw {
             let gains = match controller.law {
                 LawKind::Adaptive => vec![("k1", controller.k1 * factor), ("k2", controller.k2 * factor)],
                 LawKind::Px4 => vec![("baseline.cascade_scale", baseline.cascade_scale * factor)],
+                // Three integrators lead from a body rate to the position, so that the optimal bandwidth goes with the sixth
+                // root of the ratio of the weights.
                 LawKind::Nmpc => vec![(
                     "baseline.nmpc_rate_weight",
-                    baseline.nmpc_rate_weight / (factor * factor),
+                    baseline.nmpc_rate_weight / libm::pow(factor, 6.0),
                 )],
+                LawKind::GeometricPid => vec![
+                    ("baseline.position_gain", baseline.position_gain * factor * factor),
+                    ("baseline.velocity_gain", baseline.velocity_gain * factor),
+                    ("baseline.integral_gain", baseline.integral_gain * factor * factor),
+                ],
                 _ => vec![
                     ("baseline.position_gain", baseline.position_gain * factor * factor),
                     ("baseline.velocity_gain", baseline.velocity_gain * factor),
@@ -138,8 +159,7 @@ impl std::str::FromStr for ControlLaw {
                 .iter()
                 .filter_map(|setting| key_of_setting(setting))
                 .collect();
-            let is_of_condition = |key: &&Key| CONDITIONS.contains(&key.segments()[0].as_str());
-            if let Some(key) = keys.iter().find(is_of_condition) {
+            if let Some(key) = keys.iter().find(|key| is_shared(key)) {
                 return Err(ValueError::unfit(format!(
                     "`{key}` is no part of a law: it is the same for all laws of a grid"
                 )));
@@ -173,6 +193,7 @@ impl std::str::FromStr for ControlLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::conditions::{CONDITIONS, MARGINS};
 
     #[test]
     fn laws_are_found_by_name_and_made_of_settings() {
@@ -188,9 +209,23 @@ mod tests {
             "unknown",
             "a:seed=9",
             "a:vehicle.mass=0.17",
+            "a:schedule.latency.\"rc/frame -> plant\"=0.004",
+            "a:schedule.latency={}",
             "a:controller.k1=4.0;controller.k1=4.5",
         ] {
             assert!(wrong.parse::<ControlLaw>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn no_law_undoes_a_condition_or_a_margin() {
+        let of_margins = MARGINS.iter().flat_map(|quantity| (quantity.settings)(1.0));
+        let of_conditions = CONDITIONS.iter().flat_map(|condition| condition.settings);
+        for setting in of_conditions.map(|&setting| setting.to_owned()).chain(of_margins) {
+            // The margin "start, limited error" limits the error of a law that states no limit of its own.
+            let is_limit = setting == "controller.baseline.error_limit=0.4";
+            let law = format!("a:{setting}").parse::<ControlLaw>();
+            assert_eq!(law.is_ok(), is_limit, "{setting}");
         }
     }
 

@@ -144,19 +144,18 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     if !spans(all.filter(|value| !value.is_nan())) {
         return Vec::new();
     }
-    let varied = plan
-        .columns()
-        .zip(&results.varied)
-        .enumerate()
-        .filter(|(place, (_, values))| values.first() != values.last() && plan.is_drawn(*place));
-    let drawn = varied.take(SCATTERED).map(|(_, (name, values))| {
+    let varied = plan.columns().enumerate().filter(|(column, _)| {
+        let values = results.varied(*column);
+        values.first() != values.last() && plan.is_drawn(*column)
+    });
+    let drawn = varied.take(SCATTERED).map(|(column, name)| {
         let plots =
             plan.entries
                 .iter()
                 .zip(&results.entries)
                 .enumerate()
                 .map(|(index, (entry, of_entry))| {
-                    let points = values.iter().copied().zip(
+                    let points = of_entry.varied[column].iter().copied().zip(
                         of_entry.numbers[0]
                             .iter()
                             .map(|value| results.shown[0].factor * value),
@@ -195,15 +194,16 @@ pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, Strin
 /// The drawings of a map: one an entry, with the name of its file.
 fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<(String, String)>> {
     let plan = &prepared.plan;
-    let values = |name: &str| {
-        let place = plan.columns().position(|column| column == name)?;
-        Some(results.varied[place].as_slice())
-    };
-    let (xs, ys) = (values(&map.x)?, values(&map.y)?);
+    let place = |name: &str| plan.columns().position(|column| column == name);
+    let (x, y) = (place(&map.x)?, place(&map.y)?);
+    let (xs, ys) = (results.varied(x), results.varied(y));
+    // A law that states one of the two itself has no place in the plane.
+    let has_both = |entry: &EntryResults| !entry.varied[x].is_empty() && !entry.varied[y].is_empty();
     let criterion = prepared.layout.criteria().position(|name| name == map.value);
     let drawings: Vec<Option<String>> = if let Some(criterion) = criterion {
         let dots = |entry: &EntryResults| dots(map, xs, ys, &entry.criteria[criterion], &entry.is_flown);
-        results.entries.iter().map(dots).collect()
+        let drawing = |entry: &EntryResults| has_both(entry).then(|| dots(entry)).flatten();
+        results.entries.iter().map(drawing).collect()
     } else {
         let place = results.shown.iter().position(|shown| shown.name == map.value)?;
         let shown = &results.shown[place];
@@ -215,7 +215,11 @@ fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<
         let scale = Scale::of(&grids)?;
         let entries = plan.entries.iter().zip(&grids);
         entries
-            .map(|(entry, grid)| Some(heat_map::drawing(map, &shown.title, &entry.name, grid, scale)))
+            .zip(&results.entries)
+            .map(|((entry, grid), of_entry)| {
+                let drawing = || heat_map::drawing(map, &shown.title, &entry.name, grid, scale);
+                has_both(of_entry).then(drawing)
+            })
             .collect()
     };
     let [x, y] = [&map.x, &map.y].map(|axis| part_of_file_name(axis));

@@ -319,8 +319,10 @@ const REPETITION: &str = "flight";
 /// Who states the settings for all laws.
 const THE_SWEEP: &str = "the sweep";
 
-/// Refuses settings of the sweep or of a law that state what is varied: the table would say what did not fly. What a law states
-/// of the same key in its own way is in the law's rows.
+/// Refuses settings of the sweep or of a law of which the table would say what did not fly.
+///
+/// What is varied overrides what the sweep sets: that may make the array of which an element is varied, but not be a varied
+/// key or a part of one. A law's settings override what is varied: of the same key they are in the law's rows.
 fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), String> {
     let entries = definition.compare.iter();
     let of_entries = entries.flat_map(|entry| entry.set.iter().map(|setting| (entry.name.as_str(), setting)));
@@ -334,17 +336,21 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
                 "`set` of {whose} states `seed`, but every sample draws its own; `seed` of the sweep chooses others"
             ));
         }
-        let overlaps = |varied: &&Varied| {
-            let of_varied = scenario_file::path_of(&varied.name);
-            let is_within = |of_varied: &Key| {
-                of_varied
-                    .segments()
-                    .iter()
-                    .zip(key.segments())
-                    .all(|(one, other)| one == other)
+        let is_refused = |of_varied: Key| {
+            let is_of_same = of_varied
+                .segments()
+                .iter()
+                .zip(key.segments())
+                .all(|(one, other)| one == other);
+            let is_overridden = if whose == THE_SWEEP {
+                of_varied.segments().len() <= key.segments().len()
+            } else {
+                of_varied != key
             };
-            let is_told = whose != THE_SWEEP && of_varied.as_ref() == Some(&key);
-            varied.is_key() && of_varied.as_ref().is_some_and(is_within) && !is_told
+            is_of_same && is_overridden
+        };
+        let overlaps = |varied: &&Varied| {
+            varied.is_key() && scenario_file::path_of(&varied.name).is_some_and(is_refused)
         };
         if let Some(Varied { name, .. }) = varied.iter().find(overlaps) {
             return Err(format!(

@@ -9,7 +9,7 @@ use statistics::interval::{clopper_pearson, lower_bound, wilson};
 use statistics::paired::{Paired, sign_test};
 use statistics::quantile::{median, quantile, sorted};
 
-use crate::definition::{Definition, Method};
+use crate::definition::{Definition, Entry, Method};
 use crate::plan::Plan;
 use crate::row::{Cell, Kind, Layout, Row};
 
@@ -82,8 +82,6 @@ impl Shown {
 /// The results that the report is made of, column by column: memory for a few numbers a row.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// Varied numbers, of each sample: by column of the plan; those that are no numbers stay empty.
-    pub varied: Vec<Vec<f64>>,
     /// By entry: flags by criterion, and numbers by shown result.
     pub entries: Vec<EntryResults>,
     /// Flights that were refused.
@@ -102,6 +100,9 @@ pub struct Results {
 pub struct EntryResults {
     /// Flights by their end: completed, lost, failed, refused.
     pub outcomes: [u64; 4],
+    /// By column of the plan, the varied number of each sample; none of a key that the entry states itself, or that has
+    /// no numbers.
+    pub varied: Vec<Vec<f64>>,
     /// `true` for each sample that was flown.
     pub is_flown: Vec<bool>,
     /// By criterion, whether each sample meets it.
@@ -112,6 +113,8 @@ pub struct EntryResults {
 
 #[derive(Clone, Debug)]
 struct Places {
+    /// By entry, the columns of its varied numbers, each with its place among the varied.
+    varied: Vec<Vec<(usize, usize)>>,
     outcome: usize,
     reason: usize,
     criteria: Vec<usize>,
@@ -157,19 +160,27 @@ impl Results {
     pub fn new(plan: &Plan, layout: &Layout) -> Self {
         let place = |name: &str| layout.place(name).expect("every layout has this column");
         let shown = Shown::of(&plan.source.definition);
+        let columns: Vec<_> = plan.columns().zip(&layout.columns[3..]).collect();
+        let varied_of = |entry: &Entry| {
+            let columns = columns.iter().enumerate();
+            let own = columns
+                .filter(|(_, (name, column))| column.kind == Kind::Number && entry.stated(name).is_none());
+            own.map(|(place, _)| (place, 3 + place)).collect()
+        };
         let places = Places {
+            varied: plan.entries.iter().map(varied_of).collect(),
             outcome: place("outcome"),
             reason: place("reason"),
             criteria: layout.criteria().map(place).collect(),
             numbers: shown.iter().map(|shown| place(&shown.name)).collect(),
         };
         let entry = EntryResults {
+            varied: vec![Vec::new(); columns.len()],
             criteria: vec![Vec::new(); places.criteria.len()],
             numbers: vec![Vec::new(); shown.len()],
             ..EntryResults::default()
         };
         Self {
-            varied: vec![Vec::new(); plan.columns().count()],
             entries: vec![entry; plan.entries.len()],
             refused: 0,
             shown,
@@ -191,15 +202,11 @@ impl Results {
             .iter()
             .position(|name| row[places.outcome] == Cell::Text((*name).to_owned()));
         let outcome = outcome.unwrap_or(2);
-        if place == 0 {
-            for (values, cell) in self.varied.iter_mut().zip(&row[3..]) {
-                if !matches!(cell, Cell::Text(_)) {
-                    values.push(cell.number());
-                }
-            }
-        }
         self.refused += u64::from(outcome == 3);
         let entry = &mut self.entries[place];
+        for &(varied, column) in &places.varied[place] {
+            entry.varied[varied].push(row[column].number());
+        }
         entry.outcomes[outcome] += 1;
         entry.is_flown.push(outcome != 3);
         for (flags, &place) in entry.criteria.iter_mut().zip(&places.criteria) {
@@ -219,6 +226,13 @@ impl Results {
         if outcome != 3 && !meets {
             self.list_failure(row);
         }
+    }
+
+    /// Returns the varied numbers of a column, of each sample; none if it has no numbers, or if every entry states its own.
+    #[must_use]
+    pub fn varied(&self, column: usize) -> &[f64] {
+        let of_entries = self.entries.iter().map(|entry| entry.varied[column].as_slice());
+        of_entries.max_by_key(|values| values.len()).unwrap_or_default()
     }
 
     fn list_failure(&mut self, row: &Row) {
@@ -404,7 +418,7 @@ impl Report {
             confidence: CONFIDENCE,
             laws: laws.collect(),
             differences: differences(plan, results),
-            winners: winners(plan, layout, results),
+            winners: winners(plan, results),
             failures: results.failures.clone(),
             further_failures: results.further_failures,
         }
@@ -709,13 +723,12 @@ fn probability(p: f64) -> String {
     }
 }
 
-fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
+fn winners(plan: &Plan, results: &Results) -> Vec<Winner> {
     let mut winners = Vec::new();
-    let varied = plan.columns().zip(&layout.columns[3..]).zip(&results.varied);
-    for (place, ((name, column), values)) in varied.enumerate() {
-        let numbers = sorted(values.iter().copied());
+    for (column, name) in plan.columns().enumerate() {
+        let numbers = sorted(results.varied(column).iter().copied());
         let is_constant = numbers.first() == numbers.last();
-        if column.kind != Kind::Number || is_constant || !plan.is_drawn(place) {
+        if is_constant || !plan.is_drawn(column) {
             continue;
         }
         #[expect(clippy::cast_precision_loss, reason = "a few parts")]
@@ -729,7 +742,7 @@ fn winners(plan: &Plan, layout: &Layout, results: &Results) -> Vec<Winner> {
                 .entries
                 .iter()
                 .map(|entry| {
-                    let rmse = values
+                    let rmse = entry.varied[column]
                         .iter()
                         .zip(&entry.numbers[0])
                         .filter(|(value, _)| is_in(**value));

@@ -391,8 +391,12 @@ fn check_folder(folder: &Path, expected: &Header) -> Result<(), ShardError> {
             path: folder.to_owned(),
         });
     }
-    for (shard, _) in shards.into_iter().filter(|(shard, _)| *shard != expected.shard) {
-        let path = shard.path(folder);
+    for (shard, is_complete) in shards.into_iter().filter(|(shard, _)| *shard != expected.shard) {
+        let path = if is_complete {
+            shard.path(folder)
+        } else {
+            shard.partial_path(folder)
+        };
         if shard.count != expected.shard.count {
             let reason = format!(
                 "it is one of {} shards, and not of {}",
