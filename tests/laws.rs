@@ -1,6 +1,14 @@
 //! Every control law flies, is restarted and is replayed as the paper's: nothing of it depends on the process.
 
+use std::ops::ControlFlow;
+
+use ::scenario::Scenario;
+use command_line::interrupt::Interrupt;
+use host::in_process::TickSink;
+use run_log::LogError;
 use serde_json::Value;
+use shared_types::Topic;
+use supervisor::in_process;
 
 use crate::common::{Place, scenario, succeed};
 use crate::documentation::{assert_same, read, section};
@@ -73,7 +81,7 @@ const GAINS: [(&str, &str); 4] = [("1", "0"), ("18", "0"), ("8", "1.9"), ("40", 
 fn table() -> String {
     let place = Place::new();
     let path = scenario("fig3_6");
-    let baselines = BASELINES.into_iter().map(|law| (law, GAINS[0]));
+    let baselines = BASELINES.into_iter().map(|law| (law, ("", "")));
     let flights = GAINS
         .map(|gains| ("adaptive", gains))
         .into_iter()
@@ -86,11 +94,11 @@ fn table() -> String {
         let out = format!("flight{number}");
         let mut command = place.gerono(&["run", path.to_str().unwrap(), "--host", "inprocess", "--quiet"]);
         command.args(["--out", &out, "--set", &format!("controller.law={law}")]);
-        command.args([
-            "--set",
-            &format!("controller.lambda_disturbance=[{learning}.0, {learning}.0, {learning}.0]"),
-        ]);
-        command.args(["--set", &format!("controller.prediction_gain={prediction}")]);
+        if law == "adaptive" {
+            let rates = format!("controller.lambda_disturbance=[{learning}.0, {learning}.0, {learning}.0]");
+            let prediction = format!("controller.prediction_gain={prediction}");
+            command.args(["--set", &rates, "--set", &prediction]);
+        }
         succeed(&mut command);
         let summary = std::fs::read(place.path(&out).join("summary.json")).unwrap();
         let summary: Value = serde_json::from_slice(&summary).unwrap();
@@ -189,4 +197,116 @@ fn following_is_tracking_as_long_as_the_path_does_not_wait() {
     let jump = truth("jump", &[following, "path.initial_gamma_dot=1.0"]);
     assert!(jump == truth("tracking", &[]));
     assert!(ramped != jump);
+}
+
+/// The samples of a flight, one after another.
+#[derive(Default)]
+struct Samples(Vec<u8>);
+
+impl TickSink for Samples {
+    type Error = LogError;
+
+    fn sample(&mut self, _: Topic, bytes: &[u8]) -> Result<(), LogError> {
+        self.0.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    fn end_tick(&mut self, _: u64) -> Result<ControlFlow<()>, LogError> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Other values of keys of `[controller]`.
+const OTHERS: [(&str, &str); 32] = [
+    ("k1", "4.3"),
+    ("k2", "4.3"),
+    ("k3", "12.0"),
+    ("beta", "1.3e-3"),
+    ("delta", "0.09"),
+    ("sigma_max", "1.2"),
+    ("lambda_mass", "0.2"),
+    ("lambda_disturbance", "[1.5, 1.5, 1.5]"),
+    ("lambda_inertia", "1e-9"),
+    ("remove_offset", "false"),
+    ("initial.mass", "0.21"),
+    ("initial.inertia", "[9e-4, 9e-4, 1.3e-3]"),
+    ("rates.yaw_kp", "3.0"),
+    ("rates.yaw_ki", "0.4"),
+    ("rates.roll_out", "false"),
+    ("rates.roll_out_step", "2e-3"),
+    ("rates.unexplained", "false"),
+    ("rates.lag_inversion", "false"),
+    ("baseline.position_gain", "30.0"),
+    ("baseline.velocity_gain", "11.0"),
+    ("baseline.attitude_gain", "30.0"),
+    ("baseline.error_limit", "0.1"),
+    ("baseline.disturbance_max", "0.01"),
+    ("baseline.integral_gain", "12.0"),
+    ("baseline.l1_bandwidth", "10.0"),
+    ("baseline.composite_tracking_gain", "5.0"),
+    ("baseline.composite_prediction_gain", "10.0"),
+    ("baseline.cascade_scale", "3.0"),
+    ("baseline.immersion_gain", "0.3"),
+    ("baseline.rate_gain", "100.0"),
+    ("baseline.inertia_gain", "0.1"),
+    ("baseline.nmpc_rate_weight", "0.1"),
+];
+
+#[test]
+fn a_law_uses_those_gains_alone_that_an_argument_may_state_for_it() {
+    let with_torque = [("fig1", "adaptive"), ("fig1", "immersion_inertia")];
+    let with_rates = BASELINES
+        .into_iter()
+        .chain(["adaptive"])
+        .map(|law| ("fig3_6", law));
+    for (base, law) in with_rates.chain(with_torque) {
+        let path = scenario(base);
+        let flown = |sets: &[String]| scenario_file::load(&path, sets, None);
+        let stated = [
+            "duration=4.0".to_owned(),
+            "vehicle.change=[{at = 2.0, mass = 0.21}]".to_owned(),
+            "vehicle.turbulence={deviation = 0.3, correlation_time = 0.5}".to_owned(),
+            format!("controller.law={law}"),
+        ];
+        let samples = |scenario: &Scenario| {
+            let mut samples = Samples::default();
+            in_process::fly(scenario, &mut samples, &Interrupt::never()).unwrap();
+            samples.0
+        };
+        let known = flown(&stated).unwrap();
+        let kind = known.controller.law;
+        let as_stated = samples(&known);
+        let text = toml::to_string(&known).unwrap();
+        let has_rates = known.controller.rates.is_some();
+        for (key, value) in OTHERS
+            .into_iter()
+            .filter(|(key, _)| has_rates || !(key.starts_with("rates") || *key == "remove_offset"))
+        {
+            // In the file, where it is for the laws of the day that use it.
+            let mut document: toml::Table = toml::from_str(&text).unwrap();
+            let mut place = document.get_mut("controller").unwrap();
+            for name in key.split('.') {
+                let table = place.as_table_mut().unwrap();
+                place = table.entry(name).or_insert_with(|| toml::Table::new().into());
+            }
+            *place = toml::from_str::<toml::Table>(&format!("v = {value}")).unwrap()["v"].clone();
+            let changed = toml::to_string(&document).unwrap();
+            let changed = scenario_file::load_text(&path, &changed, &[], None).unwrap();
+            let names: Vec<_> = key.split('.').collect();
+            let uses = kind.uses(&names);
+            assert_eq!(samples(&changed) != as_stated, uses, "{law} in {base}: {key}");
+            // As an argument.
+            let setting = format!("controller.{key}={value}");
+            let stated = flown(&[&stated[..], &[setting]].concat());
+            match stated {
+                Ok(_) => assert!(uses, "{law} in {base}: {key}"),
+                Err(error) => {
+                    assert!(
+                        !uses && format!("{error:#}").contains("does not use it"),
+                        "{error:#}"
+                    );
+                }
+            }
+        }
+    }
 }

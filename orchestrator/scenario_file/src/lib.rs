@@ -140,12 +140,14 @@ fn scenario_from_text(
         // Without its points the path could only be refused once more.
         return Err(findings);
     }
-    if let Some(scenario) = &scenario
-        && scenario.has_plugin(ServiceId::Controller)
-    {
-        // A program is given the scenario, and may fly with its gains.
-        let what = "a plug-in flies in place of the controller";
-        findings.extend(setting::of_own_law(&sources, what));
+    if let Some(scenario) = &scenario {
+        if scenario.has_plugin(ServiceId::Controller) {
+            let what = "a plug-in flies in place of the controller";
+            findings.extend(setting::of_own_law(&sources, what));
+        } else if scenario.program_of(ServiceId::Controller).is_none() {
+            // A program is given the scenario, and may fly with its gains.
+            findings.extend(setting::of_another_law(&sources, scenario.controller.law));
+        }
     }
     let problems = scenario.as_ref().map(Scenario::problems).unwrap_or_default();
     findings.extend(problems.into_iter().map(|problem| {

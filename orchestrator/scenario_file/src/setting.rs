@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::net::{IpAddr, SocketAddr};
 use std::ops::Range;
 
-use scenario::Key;
+use scenario::{Key, LawKind};
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
@@ -57,25 +57,44 @@ const OF_ANY_CONTROLLER: [&str; 2] = ["rates", "telemetry"];
 /// Finds the arguments that choose Gerono's own law or its gains, of a flight of another controller: what they name does
 /// not fly.
 pub(super) fn of_own_law(sources: &Sources, what_flies: &str) -> Vec<Finding> {
-    let of_own_law = sources.arguments().filter(|(_, argument)| {
-        let key = argument.split('=').next().and_then(path_of);
-        let segments: &[String] = key.as_ref().map_or(&[], Key::segments);
-        match segments {
-            [section, name, ..] => section == "controller" && !OF_ANY_CONTROLLER.contains(&name.as_str()),
-            _ => false,
-        }
-    });
-    let finding = |(start, argument): (usize, &str)| {
-        let reason = format!("{what_flies}, and not Gerono's law, which this would change");
-        let fix = "leave it out, or let Gerono's law fly";
-        sources.finding(
-            start..start + argument.len(),
-            "this argument has no effect",
-            reason,
-            fix,
-        )
+    let reason = format!("{what_flies}, and not Gerono's law, which this would change");
+    let is_of_any = |names: &[&str]| OF_ANY_CONTROLLER.contains(&names[0]);
+    without_effect(
+        sources,
+        is_of_any,
+        &reason,
+        "leave it out, or let Gerono's law fly",
+    )
+}
+
+/// Finds the arguments that state gains of another law than the one that flies.
+pub(super) fn of_another_law(sources: &Sources, law: LawKind) -> Vec<Finding> {
+    let name = serde_json::to_value(law).expect("a law has a name");
+    let name = name.as_str().unwrap_or_default();
+    let reason = format!("the law `{name}` flies, and does not use it");
+    let fix = "leave it out, or choose the law with `controller.law`";
+    without_effect(sources, |names| law.uses(names), &reason, fix)
+}
+
+/// Finds the arguments of `[controller]` whose names, after that of the section, `has_effect` denies.
+fn without_effect(
+    sources: &Sources,
+    has_effect: impl Fn(&[&str]) -> bool,
+    reason: &str,
+    fix: &str,
+) -> Vec<Finding> {
+    let is_without = |argument: &str| {
+        keys_of(argument).iter().any(|key| {
+            let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
+            matches!(&names[..], ["controller", rest @ ..] if !rest.is_empty() && !has_effect(rest))
+        })
     };
-    of_own_law.map(finding).collect()
+    let without = sources.arguments().filter(|(_, argument)| is_without(argument));
+    let finding = |(start, argument): (usize, &str)| {
+        let span = start..start + argument.len();
+        sources.finding(span, "this argument has no effect", reason, fix)
+    };
+    without.map(finding).collect()
 }
 
 /// An argument: the names and positions that lead to the place, and the value.
@@ -127,6 +146,32 @@ impl<'i> Setting<'i> {
 pub fn path_of(text: &str) -> Option<Key> {
     let path = parse_path(text, 0).ok()?;
     Some(path.into_iter().map(Spanned::into_inner).collect())
+}
+
+/// Returns the keys that an argument assigns: of a table those inside.
+fn keys_of(argument: &str) -> Vec<Key> {
+    fn inside(at: Key, value: &toml::Value, keys: &mut Vec<Key>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (name, value) in table {
+                    inside(at.then(name), value, keys);
+                }
+            }
+            _ => keys.push(at),
+        }
+    }
+    let mut keys = Vec::new();
+    let Some(key) = key_of_setting(argument) else {
+        return keys;
+    };
+    let value = argument.split_once('=').map_or("", |(_, value)| value);
+    let table = toml::from_str::<toml::Table>(&format!("{VALUE}={value}"));
+    match table.ok().and_then(|mut table| table.remove(VALUE)) {
+        Some(value) => inside(key, &value, &mut keys),
+        // A word without its quotes.
+        None => keys.push(key),
+    }
+    keys
 }
 
 /// Returns the key that a setting `KEY=VALUE` assigns, if it names one.

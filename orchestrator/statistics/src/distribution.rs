@@ -127,7 +127,7 @@ impl Distribution {
                 _ if n == 1 => self.at(0.5),
                 0 => low,
                 _ if k == n - 1 => high,
-                _ => self.at(f64::from(k) / f64::from(n - 1)),
+                _ => rounded(self.at(f64::from(k) / f64::from(n - 1))),
             },
             Self::Normal { .. } => self.at((f64::from(k) + 0.5) / f64::from(n)),
         }
@@ -222,6 +222,11 @@ fn check_range(low: f64, high: f64) -> Result<(), DistributionError> {
         return Err(DistributionError::Reversed { low, high });
     }
     check_finite(high - low)
+}
+
+/// Returns a value to 15 digits: a level of 0.2 is what people write, and not 0.19999999999999998.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.14e}").parse().unwrap_or(value)
 }
 
 #[cfg(test)]
@@ -327,6 +332,11 @@ mod tests {
         let uniform = Distribution::Uniform { low: 1.0, high: 3.0 };
         assert_eq!(levels(uniform, 5), [1.0, 1.5, 2.0, 2.5, 3.0]);
         assert_eq!(levels(uniform, 1), [2.0]);
+        let masses = Distribution::Uniform {
+            low: 0.18,
+            high: 0.24,
+        };
+        assert_eq!(levels(masses, 4), [0.18, 0.2, 0.22, 0.24]);
         let logarithmic = levels(
             Distribution::LogUniform {
                 low: 0.1,

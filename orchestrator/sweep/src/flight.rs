@@ -227,6 +227,7 @@ fn fly_as(
         Err(error) if error.is_of_values() => return Ok(Some(refused(one_line(&format!("{error:#}"))))),
         Err(error) => return Err(error.into()),
     };
+    plan.check_files(&scenario, entry)?;
     if let Some(own) = &own {
         if scenario.has_plugin(ServiceId::Controller) {
             return Err(Failure::bad_input(format!(

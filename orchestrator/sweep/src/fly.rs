@@ -61,9 +61,16 @@ pub(crate) fn fly(arguments: &Fly) -> Result<Exit, Failure> {
         .iter()
         .map(|setting| format!(" --set '{setting}'"))
         .collect();
+    let path = &plan.source.scenario_path;
+    if std::fs::read_to_string(path).ok().as_ref() != Some(&plan.source.scenario_text) {
+        note(format!(
+            "{} is another scenario today: the command below flies that one",
+            path.display()
+        ));
+    }
     print(format!(
         "\nthe same flight, to its end: gerono run {} --seed {}{sets}\nlog: {}\n",
-        plan.source.scenario_path.display(),
+        path.display(),
         sample.seed,
         folder.run_log().display()
     ));
@@ -141,8 +148,8 @@ fn find(arguments: &Fly) -> Result<(Prepared, Option<Vec<Row>>), Failure> {
                     "the results were flown by another build of gerono, whose flights may differ in their bits",
                 );
             }
-            if this.files != header.files {
-                note("the results were flown with other plug-ins, whose flights differ");
+            if *this.plan.files() != header.files {
+                note("the results were flown with other plug-ins or points of a path, whose flights differ");
             }
             prepared = Some(this);
         }

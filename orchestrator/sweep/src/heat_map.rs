@@ -6,13 +6,13 @@
 use std::fmt::Write;
 
 use evaluation::reproduce::gallery::escaped;
-use statistics::quantile::{median, quantile, sorted};
+use statistics::quantile::{median, sorted};
 
 use crate::definition::Map;
+use crate::parts::Parts;
 use crate::report::{Shown, digits, with_unit};
 
-/// Most levels of an axis, and the number of its ranges where there are more.
-const MOST_LEVELS: usize = 12;
+/// Number of ranges of an axis with many values.
 const RANGES: usize = 8;
 
 /// Size of the plane and the space around it, in pixels.
@@ -51,8 +51,8 @@ pub(crate) struct Grid {
 impl Grid {
     /// Makes the medians of values over two others.
     pub(crate) fn of(xs: &[f64], ys: &[f64], shown: &Shown, values: &[f64]) -> Self {
-        let (columns, rows) = (Parts::of(xs), Parts::of(ys));
-        let mut cells = vec![vec![Vec::new(); columns.labels.len()]; rows.labels.len()];
+        let (columns, rows) = (Parts::of(xs, RANGES), Parts::of(ys, RANGES));
+        let mut cells = vec![vec![Vec::new(); columns.ranges().len()]; rows.ranges().len()];
         for ((x, y), value) in xs.iter().zip(ys).zip(values) {
             if value.is_finite() {
                 cells[rows.place(*y)][columns.place(*x)].push(shown.factor * value);
@@ -206,14 +206,9 @@ fn draw_cells(svg: &mut String, grid: &Grid, scale: Scale) {
 
 fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
     let (width, height) = cell_size(grid);
-    let longest = grid
-        .columns
-        .labels
-        .iter()
-        .map(|label| label.chars().count())
-        .max();
+    let longest = grid.columns.labels().map(|label| label.chars().count()).max();
     let turns = longest.unwrap_or_default() as f64 * LETTER_WIDTH > width;
-    for (column, label) in grid.columns.labels.iter().enumerate() {
+    for (column, label) in grid.columns.labels().enumerate() {
         let at = [LEFT + (column as f64 + 0.5) * width, TOP + HEIGHT + LETTER + 4.0];
         // Turned so that neighbours do not touch.
         let (anchor, turn) = if turns {
@@ -221,14 +216,14 @@ fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
         } else {
             ("middle", None)
         };
-        text(svg, at, anchor, turn, "#000", label);
+        text(svg, at, anchor, turn, "#000", &label);
     }
-    for (row, label) in grid.rows.labels.iter().enumerate() {
+    for (row, label) in grid.rows.labels().enumerate() {
         let at = [
             LEFT - 6.0,
             TOP + HEIGHT - (row as f64 + 0.5) * height + LETTER / 3.0,
         ];
-        text(svg, at, "end", None, "#000", label);
+        text(svg, at, "end", None, "#000", &label);
     }
     text(
         svg,
@@ -277,8 +272,8 @@ fn draw_scale(svg: &mut String, scale: Scale) {
 
 fn cell_size(grid: &Grid) -> (f64, f64) {
     (
-        WIDTH / grid.columns.labels.len() as f64,
-        HEIGHT / grid.rows.labels.len() as f64,
+        WIDTH / grid.columns.ranges().len() as f64,
+        HEIGHT / grid.rows.ranges().len() as f64,
     )
 }
 
@@ -300,39 +295,6 @@ fn text(svg: &mut String, [x, y]: [f64; 2], anchor: &str, turn: Option<f64>, fil
         escaped(text)
     )
     .expect("a String takes all");
-}
-
-/// Parts of a varied value: its values if they are few, else ranges with as many samples each.
-#[derive(Clone, Debug)]
-struct Parts {
-    /// Where each but the first begins.
-    borders: Vec<f64>,
-    labels: Vec<String>,
-}
-
-impl Parts {
-    fn of(values: &[f64]) -> Self {
-        let all = sorted(values.iter().copied());
-        let mut levels = all.clone();
-        levels.dedup();
-        if levels.len() <= MOST_LEVELS {
-            return Self {
-                borders: levels[1.min(levels.len())..].to_vec(),
-                labels: levels.iter().map(|level| digits(*level)).collect(),
-            };
-        }
-        #[expect(clippy::cast_precision_loss, reason = "a few parts")]
-        let at = |part: usize| quantile(&all, part as f64 / RANGES as f64).unwrap_or(f64::NAN);
-        let label = |part: usize| format!("{} to {}", digits(at(part)), digits(at(part + 1)));
-        Self {
-            borders: (1..RANGES).map(at).collect(),
-            labels: (0..RANGES).map(label).collect(),
-        }
-    }
-
-    fn place(&self, value: f64) -> usize {
-        self.borders.iter().take_while(|border| value >= **border).count()
-    }
 }
 
 #[cfg(test)]

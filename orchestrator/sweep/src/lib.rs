@@ -24,6 +24,7 @@ pub mod library;
 mod merge;
 pub mod ordered;
 pub mod page;
+mod parts;
 pub mod plan;
 mod prepared;
 pub mod report;

@@ -159,7 +159,8 @@ fn complete_shards(folder: &Path) -> Result<Vec<Shard>, Failure> {
         .collect();
     if !missing.is_empty() {
         return Err(Failure::bad_input(format!(
-            "of {} shards in {} these are not complete: {}; `gerono sweep run SWEEP --shard {}/{} --out {}` flies one",
+            "{} of {} shards in {} are not complete, by number {}; `gerono sweep run SWEEP --shard {}/{} --out {}` flies one",
+            missing.len(),
             first.count,
             folder.display(),
             missing.join(", "),

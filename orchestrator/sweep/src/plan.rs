@@ -30,6 +30,8 @@ pub struct Plan {
     varied: Vec<Varied>,
     requirements: Vec<Expression>,
     phases: usize,
+    /// SHA-256 of every file that flights read, by the law and what they read it for.
+    files: BTreeMap<String, String>,
 }
 
 /// What is varied under one name.
@@ -94,6 +96,7 @@ impl Plan {
         let (design, samples) = design(definition, &parts)?;
         let mut plan = Self {
             phases: 1,
+            files: BTreeMap::new(),
             entries: definition.entries(),
             samples,
             design,
@@ -114,6 +117,7 @@ impl Plan {
                 return Err(error.into());
             }
         }
+        plan.files = plan.read_files()?;
         Ok(plan)
     }
 
@@ -137,10 +141,11 @@ impl Plan {
         }
     }
 
-    /// Returns whether a column is drawn or chosen, and does not follow from others.
+    /// Returns whether a column is a condition that is drawn or chosen: it follows from no others, and does more than count.
     #[must_use]
     pub fn is_drawn(&self, column: usize) -> bool {
-        !matches!(self.parts[column].origin, Origin::Expression(_))
+        let part = &self.parts[column];
+        !matches!(part.origin, Origin::Expression(_)) && !is_counter(&self.source.definition, &part.column)
     }
 
     /// Returns a sample.
@@ -194,10 +199,31 @@ impl Plan {
     }
 
     /// Returns the SHA-256 of every file that flights read, by the law and what they read it for.
+    #[must_use]
+    pub fn files(&self) -> &BTreeMap<String, String> {
+        &self.files
+    }
+
+    /// Refuses a flight that would read another file than there was at the start.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the scenario cannot be flown as it stands.
-    pub fn files(&self) -> Result<BTreeMap<String, String>, ScenarioError> {
+    /// [`Failure`] that says which one.
+    pub fn check_files(&self, scenario: &Scenario, entry: &Entry) -> Result<(), Failure> {
+        let is_known = |what: &str, sha256: &str| {
+            let known = self.files.get(&format!("{what} of `{}`", entry.name));
+            known.is_some_and(|known| known.contains(sha256))
+        };
+        match files_of(scenario).find(|(what, sha256)| !is_known(what, sha256)) {
+            None => Ok(()),
+            Some((what, _)) => Err(Failure::bad_input(format!(
+                "{what} of `{}` was changed since the sweep began: its rows would be of two experiments; the rows so far are \
+                 those of the first one",
+                entry.name
+            ))),
+        }
+    }
+
+    fn read_files(&self) -> Result<BTreeMap<String, String>, ScenarioError> {
         let mut files = BTreeMap::new();
         let chooses = |varied: &Varied| {
             let is_of_plugins =
@@ -313,11 +339,14 @@ fn files_of(scenario: &Scenario) -> impl Iterator<Item = (String, &String)> {
     plugins.chain(of_path.map(|sha256| ("the file of the path".to_owned(), sha256)))
 }
 
-/// Name of what counts the flights of a cell of a grid, which differ in their seeds alone: nothing has to use it.
+/// Name of what counts the flights of a cell of a grid: nothing has to use it.
 const REPETITION: &str = "flight";
 
 /// Who states the settings for all laws.
 const THE_SWEEP: &str = "the sweep";
+
+/// Parts of a scenario that say what is measured.
+const MEASURE: [&str; 2] = ["judge", "duration"];
 
 /// Refuses settings of the sweep or of a law of which the table would say what did not fly.
 ///
@@ -334,6 +363,11 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
         if key.segments() == ["seed"] {
             return Err(format!(
                 "`set` of {whose} states `seed`, but every sample draws its own; `seed` of the sweep chooses others"
+            ));
+        }
+        if whose != THE_SWEEP && MEASURE.contains(&key.segments()[0].as_str()) {
+            return Err(format!(
+                "`set` of {whose} states `{key}`, and what is measured is the same for all laws: state it in the sweep's `set`"
             ));
         }
         let is_refused = |of_varied: Key| {
@@ -358,7 +392,27 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
             ));
         }
     }
+    let keys = varied.iter().filter(|varied| varied.is_key());
+    let keys: Vec<_> = keys
+        .filter_map(|varied| Some((&varied.name, scenario_file::path_of(&varied.name)?)))
+        .collect();
+    for (index, (name, key)) in keys.iter().enumerate() {
+        let is_of_same = |other: &Key| {
+            let mut pairs = other.segments().iter().zip(key.segments());
+            pairs.all(|(one, other)| one == other)
+        };
+        if let Some((other, _)) = keys[..index].iter().find(|(_, other)| is_of_same(other)) {
+            return Err(format!(
+                "`vary` states both `{other}` and `{name}`, of which one overrides the other: leave one of them out"
+            ));
+        }
+    }
     Ok(())
+}
+
+/// Returns whether a name counts the flights of a cell of a grid, which differ in their seeds alone.
+fn is_counter(definition: &Definition, name: &str) -> bool {
+    name == REPETITION && definition.method == Method::Grid
 }
 
 /// Refuses a name of the user's own that nothing uses: every flight would be the same.
@@ -384,9 +438,8 @@ fn check_uses(
         })
     };
     let is_unused = |varied: &&Varied| {
-        let counts_flights = varied.name == REPETITION && definition.method == Method::Grid;
         !varied.is_key()
-            && !counts_flights
+            && !is_counter(definition, &varied.name)
             && !varied.parts.iter().any(|part| used.contains(part))
             && !is_in_criteria(&varied.name)
     };

@@ -1,6 +1,6 @@
 //! A sweep as it is about to be flown, merged or told: checked, and with the build that does it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
@@ -18,8 +18,6 @@ pub(crate) struct Prepared {
     pub(crate) plan: Plan,
     pub(crate) layout: Layout,
     pub(crate) program: String,
-    /// SHA-256 of the files that flights read, by what they are.
-    pub(crate) files: BTreeMap<String, String>,
 }
 
 impl Prepared {
@@ -29,12 +27,10 @@ impl Prepared {
         check_columns(&layout)?;
         check_names(&plan, &layout)?;
         let program = program_hash().map_err(Failure::trouble)?;
-        let files = plan.files()?;
         Ok(Self {
             plan,
             layout,
             program,
-            files,
         })
     }
 

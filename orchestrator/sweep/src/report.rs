@@ -10,6 +10,7 @@ use statistics::paired::{Paired, sign_test};
 use statistics::quantile::{median, quantile, sorted};
 
 use crate::definition::{Definition, Entry, Method};
+use crate::parts::{self, Parts};
 use crate::plan::Plan;
 use crate::row::{Cell, Kind, Layout, Row};
 
@@ -52,13 +53,9 @@ impl Shown {
     /// Returns what is shown of a sweep: first what its entries are ranked by, last what maps show besides.
     fn of(definition: &Definition) -> Vec<Self> {
         let rank = definition.rank.as_str();
-        let title = match rank {
-            "steady_rmse" => "RMS distance in steady state, cm".to_owned(),
-            "rmse" => "RMS distance in all of the flight, cm".to_owned(),
-            _ if rank.ends_with("rmse") => format!("RMS distance, {rank}, cm"),
-            _ => rank.to_owned(),
-        };
-        let others = [
+        let known = [
+            ("steady_rmse", "RMS distance in steady state, cm"),
+            ("rmse", "RMS distance in all of the flight, cm"),
             ("steady_p95", "95 % of the distances in steady state, cm"),
             ("transient_max", "largest distance in the transient, cm"),
             ("max", "largest distance, cm"),
@@ -67,16 +64,50 @@ impl Shown {
             ("steady_body_rate_rms", "body rates in steady state, rad/s"),
             ("energy", "energy of a hover"),
         ];
-        let mut shown = vec![Self::new(rank, &title)];
-        let others = others.into_iter().filter(|(name, _)| *name != rank);
-        shown.extend(others.map(|(name, title)| Self::new(name, title)));
-        for map in &definition.map {
-            if !shown.iter().any(|shown| shown.name == map.value) {
-                shown.push(Self::new(&map.value, &map.value));
+        let shown = |name: &str| match known.iter().find(|(known, _)| *known == name) {
+            Some((_, title)) => Self::new(name, title),
+            None if is_distance(name) => Self::new(name, &format!("{name}, cm")),
+            None => Self::new(name, name),
+        };
+        let of_map = definition.map.iter().map(|map| map.value.as_str());
+        // Those of all of the flight only if they are asked for.
+        let names = std::iter::once(rank)
+            .chain(known[2..].iter().map(|(name, _)| *name))
+            .chain(of_map);
+        let mut all: Vec<Self> = Vec::new();
+        for name in names {
+            if all.iter().all(|other| other.name != name) {
+                all.push(shown(name));
             }
         }
-        shown
+        all
     }
+}
+
+/// Returns whether a column holds a distance from the path, m.
+fn is_distance(name: &str) -> bool {
+    let result = ["steady_", "transient_"]
+        .iter()
+        .find_map(|part| name.strip_prefix(part));
+    let of_phase = || {
+        name.strip_prefix("phase")?
+            .split_once('_')
+            .map(|(_, result)| result)
+    };
+    let result = result.or_else(of_phase).unwrap_or(name);
+    [
+        "rmse",
+        "mean",
+        "deviation",
+        "p50",
+        "p95",
+        "p99",
+        "max",
+        "ultimate",
+        "ultimate_bound",
+        "steady_rmse",
+    ]
+    .contains(&result)
 }
 
 /// The results that the report is made of, column by column: memory for a few numbers a row.
@@ -109,6 +140,21 @@ pub struct EntryResults {
     pub criteria: Vec<Vec<bool>>,
     /// By shown result, its value; NaN of a flight that was not completed.
     pub numbers: Vec<Vec<f64>>,
+}
+
+impl EntryResults {
+    /// Returns the median of the first result in a part of a varied value, and the number of flights without a result there.
+    fn of_part(&self, column: usize, is_in: impl Fn(f64) -> bool) -> (Option<f64>, usize) {
+        let samples = self.varied[column]
+            .iter()
+            .zip(&self.numbers[0])
+            .zip(&self.is_flown);
+        let results = samples.filter(|((value, _), is_flown)| is_in(**value) && **is_flown);
+        let (found, without): (Vec<f64>, Vec<f64>) = results
+            .map(|((_, result), _)| *result)
+            .partition(|result| result.is_finite());
+        (median(&sorted(found)), without.len())
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -362,6 +408,8 @@ pub struct Difference {
     /// The result.
     pub name: String,
     /// Samples that both completed.
+    pub completed: usize,
+    /// Those of them of which both have the result: a flight that does not settle has no settling time.
     pub pairs: usize,
     /// Samples that the entry lost and the reference did not.
     pub only_law_failed: u64,
@@ -369,12 +417,12 @@ pub struct Difference {
     pub only_reference_failed: u64,
     /// p of McNemar's exact test of these two numbers, two-sided.
     pub mcnemar_p: f64,
-    /// Median of the differences, in the column's unit.
-    pub median: f64,
+    /// Median of the differences, in the column's unit; none without a pair, as all that follows.
+    pub median: Option<f64>,
     /// Bootstrap interval of the median.
-    pub interval: [f64; 2],
+    pub interval: Option<[f64; 2]>,
     /// Mean of the differences.
-    pub mean: f64,
+    pub mean: Option<f64>,
     /// Samples in which the entry is smaller, larger, equal.
     pub won: u64,
     /// The same, larger.
@@ -382,12 +430,12 @@ pub struct Difference {
     /// The same, equal.
     pub tied: u64,
     /// p of the exact sign test, two-sided.
-    pub sign_p: f64,
+    pub sign_p: Option<f64>,
     /// p of Wilcoxon's signed-rank test, two-sided.
-    pub wilcoxon_p: f64,
+    pub wilcoxon_p: Option<f64>,
 }
 
-/// The best entry in a part of a varied value.
+/// The best entries in a part of a varied value.
 #[derive(Clone, Debug, Serialize)]
 pub struct Winner {
     /// The varied value.
@@ -396,7 +444,10 @@ pub struct Winner {
     pub range: [f64; 2],
     /// By entry, the median, in the column's unit; none if nothing was completed.
     pub medians: Vec<Option<f64>>,
-    /// Name of the entry with the smallest.
+    /// By entry, the flights without the result: lost ones, and those that do not have it.
+    pub without: Vec<usize>,
+    /// Name of the entry with the fewest flights without the result and, among those, the smallest median; several names
+    /// if they are equal.
     pub law: String,
 }
 
@@ -511,17 +562,23 @@ impl Report {
     fn difference_table(&self, shown: &[Shown]) -> TextTable {
         let lines = self.differences.iter().filter_map(|difference| {
             let shown = shown.iter().find(|shown| shown.name == difference.name)?;
-            let factor = shown.factor;
-            let [low, high] = difference.interval.map(|value| factor * value);
+            let scaled = |value: f64| format!("{:+.3}", shown.factor * value);
+            let missing = || "–".to_owned();
             Some(vec![
                 difference.law.clone(),
                 shown.title.clone(),
-                difference.pairs.to_string(),
-                format!("{:+.3}", factor * difference.median),
-                format!("{low:+.3} to {high:+.3}"),
+                if difference.pairs == difference.completed {
+                    difference.pairs.to_string()
+                } else {
+                    format!("{} of {}", difference.pairs, difference.completed)
+                },
+                difference.median.map_or_else(missing, scaled),
+                difference.interval.map_or_else(missing, |[low, high]| {
+                    format!("{} to {}", scaled(low), scaled(high))
+                }),
                 format!("{} / {} / {}", difference.won, difference.lost, difference.tied),
-                probability(difference.sign_p),
-                probability(difference.wilcoxon_p),
+                difference.sign_p.map_or_else(missing, probability),
+                difference.wilcoxon_p.map_or_else(missing, probability),
                 format!(
                     "{} / {}",
                     difference.only_law_failed, difference.only_reference_failed
@@ -548,22 +605,29 @@ impl Report {
 
     fn winner_table(&self) -> TextTable {
         let rank = &self.shown[0];
-        let mut head = ["varied value", "from", "to", "best"].map(str::to_owned).to_vec();
+        let mut head = ["varied value", "where", "best"].map(str::to_owned).to_vec();
         head.extend(self.laws.iter().map(|law| law.name.clone()));
         let lines = self.winners.iter().map(|winner| {
             let mut line = vec![
                 with_unit(&winner.varied),
-                digits(winner.range[0]),
-                digits(winner.range[1]),
+                parts::label(winner.range),
                 winner.law.clone(),
             ];
-            let medians = winner.medians.iter();
-            line.extend(medians.map(|median| {
-                median.map_or_else(|| "–".to_owned(), |value| format!("{:.2}", rank.factor * value))
+            let medians = winner.medians.iter().zip(&winner.without);
+            line.extend(medians.map(|(median, &without)| {
+                let median = median.map(|value| format!("{:.2}", rank.factor * value));
+                let median = median.unwrap_or_else(|| "–".to_owned());
+                match without {
+                    0 => median,
+                    _ => format!("{median} ({without} without)"),
+                }
             }));
             line
         });
-        let title = format!("Who is best where: median of {}", rank.title);
+        let title = format!(
+            "Who is best where: fewest flights without a result, then the median of {}",
+            rank.title
+        );
         TextTable::new(&title, &head, lines)
     }
 
@@ -578,7 +642,7 @@ impl Report {
         });
         let further = match self.further_failures + (self.failures.len() - failures.len()) as u64 {
             0 => String::new(),
-            count => format!(", and {count} more in the table"),
+            count => format!(", and {count} more in results.parquet"),
         };
         let title = format!("Flights that did not meet a criterion{further}");
         TextTable::new(&title, &["sample", "law", "seed", "reason"], lines)
@@ -672,26 +736,34 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
                 .copied()
                 .zip(reference.numbers[index].iter().copied());
             let pairs: Vec<(f64, f64)> = both.filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
-            let Some(paired) = Paired::of(&pairs, seed) else {
+            let paired = Paired::of(&pairs, seed);
+            // How often each was lost is told even if one of them never flew to the end: beside the first result.
+            if paired.is_none() && index > 0 {
                 continue;
-            };
+            }
+            let survived = other.criteria[0].iter().zip(&reference.criteria[0]);
+            let counts = paired
+                .as_ref()
+                .map_or([0; 3], |paired| [paired.won, paired.lost, paired.tied]);
+            let [won, lost, tied] = counts;
             let [only_law_failed, only_reference_failed] = failed_alone(other, reference);
             differences.push(Difference {
                 law: entry.name.clone(),
                 reference: plan.entries[0].name.clone(),
                 name: shown.name.clone(),
+                completed: survived.filter(|(one, other)| **one && **other).count(),
                 pairs: pairs.len(),
                 only_law_failed,
                 only_reference_failed,
                 mcnemar_p: sign_test::p_value(only_law_failed, only_reference_failed),
-                median: paired.median,
-                interval: paired.median_interval,
-                mean: paired.mean,
-                won: paired.won,
-                lost: paired.lost,
-                tied: paired.tied,
-                sign_p: paired.sign_p,
-                wilcoxon_p: paired.signed_rank_p,
+                median: paired.as_ref().map(|paired| paired.median),
+                interval: paired.as_ref().map(|paired| paired.median_interval),
+                mean: paired.as_ref().map(|paired| paired.mean),
+                won,
+                lost,
+                tied,
+                sign_p: paired.as_ref().map(|paired| paired.sign_p),
+                wilcoxon_p: paired.as_ref().map(|paired| paired.signed_rank_p),
             });
         }
     }
@@ -726,42 +798,29 @@ fn probability(p: f64) -> String {
 fn winners(plan: &Plan, results: &Results) -> Vec<Winner> {
     let mut winners = Vec::new();
     for (column, name) in plan.columns().enumerate() {
-        let numbers = sorted(results.varied(column).iter().copied());
-        let is_constant = numbers.first() == numbers.last();
-        if is_constant || !plan.is_drawn(column) {
+        let parts = Parts::of(results.varied(column), BINS);
+        if parts.ranges().len() < 2 || !plan.is_drawn(column) {
             continue;
         }
-        #[expect(clippy::cast_precision_loss, reason = "a few parts")]
-        let border = |part: usize| quantile(&numbers, part as f64 / BINS as f64).unwrap_or(f64::NAN);
-        for part in 0..BINS {
-            let range = [border(part), border(part + 1)];
-            let is_last = part + 1 == BINS;
-            let is_in =
-                |value: f64| value >= range[0] && (value < range[1] || (is_last && value <= range[1]));
-            let medians: Vec<Option<f64>> = results
-                .entries
-                .iter()
-                .map(|entry| {
-                    let rmse = entry.varied[column]
-                        .iter()
-                        .zip(&entry.numbers[0])
-                        .filter(|(value, _)| is_in(**value));
-                    median(&sorted(rmse.map(|(_, rmse)| *rmse)))
-                })
-                .collect();
-            let best = medians
-                .iter()
-                .enumerate()
-                .filter_map(|(place, median)| Some((place, (*median)?)));
-            let Some((place, _)) = best.min_by(|(_, a), (_, b)| a.total_cmp(b)) else {
-                // No sample has such a value.
+        for (part, &range) in parts.ranges().iter().enumerate() {
+            let is_in = |value: f64| !value.is_nan() && parts.place(value) == part;
+            let of_entries = results.entries.iter().map(|entry| entry.of_part(column, is_in));
+            let (medians, without): (Vec<_>, Vec<_>) = of_entries.unzip();
+            let rank = |place: usize| Some((without[place], medians[place]?));
+            let ranks = (0..medians.len()).filter_map(rank);
+            let best = ranks.min_by(|(few, a), (many, b)| few.cmp(many).then(a.total_cmp(b)));
+            let Some(best) = best else {
+                // No flight with such a value was completed.
                 continue;
             };
+            let best = (0..medians.len()).filter(|&place| rank(place) == Some(best));
+            let names: Vec<_> = best.map(|place| plan.entries[place].name.as_str()).collect();
             winners.push(Winner {
                 varied: name.to_owned(),
                 range,
-                law: plan.entries[place].name.clone(),
+                law: names.join(", "),
                 medians,
+                without,
             });
         }
     }

@@ -252,9 +252,8 @@ impl Layout {
         columns.extend(numbers.map(|name| column(&name, Kind::Number)));
         columns.extend(["lost", "survived"].map(|name| column(name, Kind::Flag)));
         let place = |name: &str| {
-            columns
-                .iter()
-                .position(|column| column.name == present_name(name))
+            let is_it = |column: &Column| column.name == present_name(name) && column.kind != Kind::Text;
+            columns.iter().position(is_it)
         };
         let criteria = definition.judge.iter().map(|(name, text)| {
             let expression = Expression::parse(text, place)?;

@@ -121,7 +121,7 @@ impl Header {
             shard,
             sweep: source.identity(),
             program: prepared.program.clone(),
-            files: prepared.files.clone(),
+            files: prepared.plan.files().clone(),
             sweep_text: source.text.clone(),
             scenario_path: source.scenario_path.clone(),
             scenario_text: source.scenario_text.clone(),

@@ -28,7 +28,65 @@ pub enum LawKind {
     Nmpc,
 }
 
+/// Keys of `[controller]` that only the paper's law uses.
+const OF_ADAPTIVE: [&str; 11] = [
+    "k1",
+    "k2",
+    "k3",
+    "beta",
+    "delta",
+    "sigma_max",
+    "lambda_mass",
+    "lambda_disturbance",
+    "lambda_inertia",
+    "prediction_gain",
+    "remove_offset",
+];
+
 impl LawKind {
+    /// Returns whether this law uses a key of `[controller]`, given by its names.
+    #[must_use]
+    pub fn uses(self, key: &[&str]) -> bool {
+        use LawKind::{GeometricPid, ImmersionInertia, ImmersionMass, Indi, L1, NfConstant, Nmpc, Px4};
+        let of: &[Self] = match key {
+            [name, ..] if OF_ADAPTIVE.contains(name) => &[Self::Adaptive],
+            ["baseline", name, ..] => match *name {
+                "position_gain" | "velocity_gain" => &[
+                    GeometricPid,
+                    L1,
+                    Indi,
+                    NfConstant,
+                    ImmersionMass,
+                    ImmersionInertia,
+                ],
+                "attitude_gain" => &[
+                    GeometricPid,
+                    L1,
+                    Indi,
+                    NfConstant,
+                    Px4,
+                    ImmersionMass,
+                    ImmersionInertia,
+                ],
+                "disturbance_max" => &[GeometricPid, NfConstant, Px4],
+                "integral_gain" => &[GeometricPid],
+                "l1_leak" | "l1_bandwidth" => &[L1],
+                "composite_tracking_gain" | "composite_prediction_gain" => &[NfConstant],
+                "cascade_scale" => &[Px4],
+                "immersion_gain" => &[ImmersionMass],
+                "rate_gain" | "inertia_gain" => &[ImmersionInertia],
+                "nmpc_rate_weight" => &[Nmpc],
+                _ => return !self.is_adaptive(),
+            },
+            [
+                "rates",
+                "roll_out" | "roll_out_step" | "unexplained" | "lag_inversion",
+            ] => return self != Nmpc,
+            _ => return true,
+        };
+        of.contains(&self)
+    }
+
     /// Whether this is the paper's law.
     #[must_use]
     pub fn is_adaptive(&self) -> bool {

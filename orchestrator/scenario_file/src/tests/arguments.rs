@@ -233,6 +233,22 @@ fn all_wrong_arguments_are_reported_at_once() {
     }
 }
 
+#[test]
+fn a_gain_of_a_law_that_does_not_fly_is_refused_also_in_a_table() {
+    for argument in [
+        "controller.baseline.integral_gain=9.0",
+        "controller={baseline = {integral_gain = 9.0}}",
+    ] {
+        let shown = refusal(&fig1(), &[argument]);
+        assert!(
+            shown.contains("the law `adaptive` flies, and does not use it"),
+            "{shown}"
+        );
+    }
+    // A gain in the file is for the laws of the day that use it.
+    assert!(flown(&["controller.law=immersion_inertia"]).controller.k1 > 0.0);
+}
+
 /// A value of an argument may be what makes a value of the file wrong: that is where the problem is shown.
 #[test]
 fn what_an_argument_makes_wrong_in_the_file_is_shown_in_the_file() {
