@@ -114,25 +114,27 @@ def sweep_text(
     seed: int,
     method: str,
     vary: Mapping[str, Any],
-    compare: Mapping[str, Settings | Make] | None,
+    laws: Mapping[str, list[str]],
     judge: Mapping[str, str] | None,
     require: Sequence[str],
-    set: Settings,  # noqa: A002
+    sets: list[str],
     logs: str,
     own: Mapping[str, str] | None = None,
 ) -> str:
-    """Return a sweep as the text of a `sweep.toml`; `own` has the identities of controllers in Python, by law."""
+    """Return a sweep as the text of a `sweep.toml`.
+
+    `laws` has the settings of what is compared, and `own` the identities of controllers in Python, by law.
+    """
     own = own or {}
     lines = [f"scenario = {toml_of(str(scenario.path))}", f"seed = {seed}", f"method = {toml_of(method)}"]
     if samples is not None:
         lines.append(f"samples = {samples}")
-    lines += [f"set = {toml_of(settings_of(set))}", f"require = {toml_of(list(require))}"]
-    if not compare and own:
+    lines += [f"set = {toml_of(sets)}", f"require = {toml_of(list(require))}"]
+    if not laws and own:
         lines.append(f"own = {toml_of(own[_ONLY])}")
     lines += ["[vary]", *(f"{toml_of(key)} = {toml_of(value)}" for key, value in vary.items())]
-    for name, settings in (compare or {}).items():
-        stated = None if callable(settings) else settings
-        lines += ["[[compare]]", f"name = {toml_of(name)}", f"set = {toml_of(settings_of(stated))}"]
+    for name, settings in laws.items():
+        lines += ["[[compare]]", f"name = {toml_of(name)}", f"set = {toml_of(settings)}"]
         if name in own:
             lines.append(f"own = {toml_of(own[name])}")
     lines += ["[judge]", *(f"{toml_of(key)} = {toml_of(value)}" for key, value in (judge or {}).items())]
@@ -170,8 +172,11 @@ def sweep(
     with other `seed`s uses more.
     """
     makes = _makes(controller, compare)
-    for stated in (set, *(entry for entry in (compare or {}).values() if not callable(entry))):
-        refuse_seed(settings_of(stated), "the argument `seed` gives each flight of a sweep its own")
+    # Read once: they may be iterators.
+    sets = settings_of(set)
+    laws = {name: settings_of(None if callable(entry) else entry) for name, entry in (compare or {}).items()}
+    for stated in (sets, *laws.values()):
+        refuse_seed(stated, "the argument `seed` gives each flight of a sweep its own")
     if jobs is not None and jobs < 1:
         raise ValueError(f"a sweep flies on one core at least, not on {jobs}: leave `jobs` out for all of them")
     if makes and jobs not in (None, 1):
@@ -181,25 +186,24 @@ def sweep(
         keep = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
         folder = keep.name
     if not makes:
-        text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs)
+        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs)
         _gerono.run_sweep(text, scenario.path, scenario.text, Path(folder), jobs)
     else:
         if logs != "none":
             raise ValueError("flights of a controller in Python keep no logs: fly the sample again and save it")
         values = {}
         for law in makes:
-            settings = (compare or {}).get(law)
-            sets = settings_of(set) + settings_of(None if callable(settings) else settings)
+            of_law = sets + laws.get(law, [])
             # What is varied is a setting as well.
             varied = [f"{key}=0" for key in vary if key.partition(".")[0] == "controller"]
-            scenario._check_own(sets, varied)
-            values[law] = scenario.values(sets)
+            scenario._check_own(of_law, varied)
+            values[law] = scenario.values(of_law)
         first = {law: make() for law, make in makes.items()}
         for made in first.values():
             refuse_other(made)
         own = {law: identity_of(made) for law, made in first.items()}
         numbers = {law: numbers_of(made) for law, made in first.items()}
-        text = sweep_text(scenario, samples, seed, method, vary, compare, judge, require, set, logs, own)
+        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, own)
 
         def make_own(law: str) -> tuple[Bridge, str] | None:
             if law not in makes:

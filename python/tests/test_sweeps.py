@@ -8,6 +8,7 @@ import pytest
 from conftest import REPOSITORY, SHORT, ctrl_c
 
 import gerono
+from gerono.scenario import settings_of
 from gerono.sweeps import sweep_text
 
 VARY = {"vehicle.mass": gerono.uniform(0.18, 0.26), "controller.k1": gerono.choice(2.0, 4.0)}
@@ -15,7 +16,7 @@ VARY = {"vehicle.mass": gerono.uniform(0.18, 0.26), "controller.k1": gerono.choi
 
 def test_rows_are_those_of_the_command(fig1, command, tmp_path):
     runs = gerono.sweep(fig1, VARY, samples=20, set=SHORT, folder=tmp_path / "module")
-    text = sweep_text(fig1, 20, 1, "random", VARY, None, None, (), SHORT, "none")
+    text = sweep_text(fig1, 20, 1, "random", VARY, {}, None, (), settings_of(SHORT), "none")
     (tmp_path / "sweep.toml").write_text(text)
     subprocess.run(
         [command, "sweep", "run", tmp_path / "sweep.toml", "--out", tmp_path / "command"], check=True, capture_output=True
@@ -32,6 +33,17 @@ def test_a_row_is_the_flight_of_its_values(fig1):
         values = {key: row[key] for key in VARY}
         assert fig1.fly(seed=row["seed"], set=SHORT | values).summary.metrics.rmse == row["rmse"]
     assert runs.rate().low is None
+
+
+def test_settings_may_be_an_iterator(fig1):
+    short = settings_of(SHORT)
+    listed, read = (
+        gerono.sweep(fig1, VARY, samples=2, set=form(short), compare={"a": None, "b": form(["controller.k2=3.0"])})
+        for form in (list, iter)
+    )
+    assert listed.to_pandas().equals(read.to_pandas())
+    # A flight of SHORT has 2 s, that of the scenario 60 s and two phases.
+    assert "phase2_rmse" not in read.to_pandas()
 
 
 def test_laws_fly_the_same_samples():
