@@ -118,9 +118,8 @@ class Scenario:
         `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
         """
         sets = _stated(set, seed)
-        if controller is not None and "controller.telemetry" in (set or {}):
-            # Numbers of its own are those of a program in place of Gerono's controller, as this one is.
-            sets = [*sets, 'programs.controller=["python"]']
+        if controller is not None:
+            sets += self._beside_own(sets, seed)
         values = self.values(sets, seed)
         recorded = None if topics is None else list(topics)
         if controller is None:
@@ -130,6 +129,16 @@ class Scenario:
             return Flight(self._scenario._fly(sets, seed, recorded, (bridge, name_of(controller))), values)
         finally:
             bridge.end()
+
+    def _beside_own(self, sets: list[str], seed: int | None = None) -> list[str]:
+        """Return what settings need besides, so that a controller of the caller's can fly with them."""
+        # Only a program in place of Gerono's controller has telemetry of its own; this one is such a program.
+        program = ['programs.controller=["python"]']
+        try:
+            has_telemetry = self.values(sets + program, seed)["controller"].get("telemetry")
+        except _gerono.ScenarioError:
+            return []  # what is wrong is told of the settings as they are stated
+        return program if has_telemetry else []
 
     def _check_own(self, sets: list[str], varied: list[str]) -> None:
         self._scenario._check_own(sets, varied)

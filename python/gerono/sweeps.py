@@ -193,6 +193,8 @@ def sweep(
             raise ValueError("flights of a controller in Python keep no logs: fly the sample again and save it")
         values = {}
         for law in makes:
+            own_sets = laws.get(law, sets)
+            own_sets += scenario._beside_own(sets + laws.get(law, []))
             of_law = sets + laws.get(law, [])
             # What is varied is a setting as well.
             varied = [f"{key}=0" for key in vary if key.partition(".")[0] == "controller"]

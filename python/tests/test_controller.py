@@ -9,6 +9,7 @@ import pytest
 from conftest import REPOSITORY, SHORT
 
 import gerono
+from gerono.scenario import settings_of
 
 
 class Counting(controller.Hover):
@@ -325,15 +326,40 @@ def test_modes_that_do_not_exist_are_refused(hover):
         hover.fly(controller=Commands())
 
 
-def test_numbers_of_a_class_are_recorded_under_names_that_a_flight_gives(fig1):
-    class Counting(gerono.Controller):
-        count = 0.0
+class TellsCount(gerono.Controller):
+    count = 0.0
 
-        def step(self, now, state, reference, command, errors):
-            self.count += 1.0
-            command["thrust"] = 2.0
-            self.telemetry[0] = self.count
+    def step(self, now, state, reference, command, errors):
+        self.count += 1.0
+        command["thrust"] = 2.0
+        self.telemetry[0] = self.count
 
-    setting = SHORT | {"duration": 0.01, "controller.telemetry": ["count"]}
-    flight = fig1.fly(controller=Counting(), set=setting)
+
+NAMED = [
+    {"controller.telemetry": ["count"]},
+    ["controller.telemetry=['count']"],
+    {"controller": {"telemetry": ["count"]}},
+    {'controller."telemetry"': ["count"]},
+]
+
+
+@pytest.mark.parametrize("named", NAMED)
+def test_numbers_of_a_class_are_recorded_under_names_that_a_flight_gives(fig1, named):
+    setting = settings_of(SHORT | {"duration": 0.01}) + settings_of(named)
+    flight = fig1.fly(controller=TellsCount(), set=iter(setting))
     assert flight.to_pandas("control/telemetry")["count"].tolist() == [float(step) for step in range(1, 12)]
+
+
+@pytest.mark.parametrize("named", NAMED)
+@pytest.mark.parametrize(
+    "flies",
+    [
+        {"controller": TellsCount},
+        {"controller": TellsCount, "compare": {"one": {}, "two": {"controller.telemetry": ["other"]}}},
+        {"compare": {"one": TellsCount, "two": TellsCount}},
+    ],
+)
+def test_numbers_of_a_class_have_names_in_a_sweep(fig1, named, flies):
+    setting = settings_of(SHORT | {"duration": 0.01}) + settings_of(named)
+    runs = gerono.sweep(fig1, {"vehicle.mass": gerono.uniform(0.19, 0.21)}, samples=1, set=setting, **flies)
+    assert runs.rate().flown == 1
