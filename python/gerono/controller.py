@@ -30,6 +30,8 @@ class Now:
         self.elapsed = 0.0
 
 
+# Modes of `control/command`, of which the first is that of a sample of zeros.
+TORQUE, RATES = 0, 1
 #: Mode of `control/command`: no command, the vehicle is to do what its failsafe says.
 FAILSAFE = 2
 
@@ -205,7 +207,7 @@ class Bridge:
     """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
 
     def __init__(
-        self, controller: Controller, mode: int = 0, telemetry_size: int | None = None, has_trials: bool = True
+        self, controller: Controller, mode: int = TORQUE, telemetry_size: int | None = None, has_trials: bool = True
     ) -> None:
         refuse_other(controller)
         self.now_words = np.zeros(3, np.uint64)
@@ -256,10 +258,19 @@ class Bridge:
             self._command,
             self._errors,
         )
-        if self._modes.item() not in MODES:
+        self._refuse_mode(self._modes.item())
+
+    def _refuse_mode(self, mode: int) -> None:
+        name = type(self._controller).__name__
+        if mode not in MODES:
             raise ValueError(
-                f"{type(self._controller).__name__} commands mode {self._modes.item()}, which does not exist; there are "
+                f"{name} commands mode {mode}, which does not exist; there are "
                 + ", ".join(f"{mode} ({name.lower()})" for mode, name in MODES.items())
+            )
+        if mode == RATES and self._mode == TORQUE:
+            raise ValueError(
+                f"{name} commands body rates (mode {RATES}), but the scenario has no `[controller.rates]`, so that its vehicle "
+                f"takes torques: leave the mode at {TORQUE}"
             )
 
     def _take(self, first: Bridge) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gerono import _gerono
 from gerono._samples import samples_of
-from gerono.controller import Bridge, Controller
+from gerono.controller import RATES, TORQUE, Bridge, Controller
 from gerono.flight import Flight
 
 Settings = Mapping[str, Any] | Iterable[str] | None
@@ -165,7 +165,7 @@ def name_of(controller: Controller) -> str:
 def bridge_of(controller: Controller, values: Mapping[str, Any]) -> Bridge:
     """Return the bridge of a controller in a scenario."""
     about = values["controller"]
-    return Bridge(controller, 1 if about.get("rates") else 0, len(about.get("telemetry") or ()))
+    return Bridge(controller, RATES if about.get("rates") else TORQUE, len(about.get("telemetry") or ()))
 
 
 class Simulation:

@@ -326,6 +326,22 @@ def test_modes_that_do_not_exist_are_refused(hover):
         hover.fly(controller=Commands())
 
 
+@pytest.mark.parametrize("mode", [0, 1, gerono.FAILSAFE])
+def test_body_rates_are_refused_where_the_vehicle_takes_torques(hover, mode):
+    class Commands(gerono.Controller):
+        def step(self, now, state, reference, command, errors):
+            command["mode"], command["thrust"] = mode, 2.0
+
+    short = {"duration": 0.1, "vehicle.change": []}
+    laboratory = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml")
+    assert set(laboratory.fly(controller=Commands(), set=short)["control/command"]["mode"]) == {mode}
+    if mode == 1:
+        with pytest.raises(ValueError, match=r"Commands commands body rates \(mode 1\), .* takes torques"):
+            hover.fly(controller=Commands(), set=short)
+    else:
+        assert set(hover.fly(controller=Commands(), set=short)["control/command"]["mode"]) == {mode}
+
+
 class TellsCount(gerono.Controller):
     count = 0.0
 
