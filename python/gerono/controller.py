@@ -163,16 +163,39 @@ def _begin(controller: Controller) -> list[float]:
 
 
 class _Telemetry(np.ndarray):
-    """Room for the numbers that the scenario names."""
+    """Room for the numbers that the scenario names; what has no room is an error, where numpy cuts off slices."""
+
+    room: int
+
+    def __array_finalize__(self, source: Any) -> None:
+        self.room = getattr(source, "room", np.size(self))
+
+    def __getitem__(self, key: Any) -> Any:
+        self._refuse_places(key)
+        return super().__getitem__(key)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        try:
-            super().__setitem__(key, value)
-        except (IndexError, ValueError) as error:
-            raise type(error)(
-                f"`telemetry` has room for {self.size} numbers, as many as `controller.telemetry` of the scenario names: name all "
-                f"that are written ({error})"
-            ) from error
+        self._refuse_places(key)
+        values = np.asarray(value, np.float64)
+        if values.ndim and values.size > self.room:
+            raise ValueError(self._refusal())
+        super().__setitem__(key, values)
+
+    def _refuse_places(self, key: Any) -> None:
+        size = np.size(self)
+        for part in key if isinstance(key, tuple) else (key,):
+            is_slice = isinstance(part, slice)
+            places = (part.start or 0, part.stop or 0) if is_slice else np.ravel(part).tolist()
+            for place in places:
+                is_place = isinstance(place, int | np.integer) and not isinstance(place, bool)
+                if is_place and not -size <= place < size + is_slice:
+                    raise IndexError(self._refusal())
+
+    def _refusal(self) -> str:
+        return (
+            f"`telemetry` has room for {self.room} numbers, as many as `controller.telemetry` of the scenario names: name all "
+            "that are written"
+        )
 
 
 def _words(topic: str) -> np.ndarray:
@@ -217,6 +240,7 @@ class Bridge:
         self._command, adaptation, self._errors, telemetry = map(_sample, _OUTPUTS, self.output_words)
         self._modes = self.output_words[0].view(DTYPES[_OUTPUTS[0]])["mode"]
         controller.adaptation, controller.telemetry = adaptation, telemetry["values"][:telemetry_size].view(_Telemetry)
+        self._places = controller.adaptation, controller.telemetry
         _declare_state(controller)
         self._first = _begin(controller) if has_trials else []
         self._controller = controller
@@ -259,6 +283,12 @@ class Bridge:
             self._errors,
         )
         self._refuse_mode(self._modes.item())
+        own = self._controller
+        if own.adaptation is not self._places[0] or own.telemetry is not self._places[1]:
+            raise ValueError(
+                f"{type(own).__name__} replaces its `adaptation` or `telemetry`, so that nothing would be recorded: assign to "
+                "what is in it, such as `self.telemetry[:] = …`"
+            )
 
     def _refuse_mode(self, mode: int) -> None:
         name = type(self._controller).__name__

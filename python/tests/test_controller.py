@@ -317,6 +317,47 @@ def test_telemetry_without_a_name_is_refused(hover, names):
         hover.fly(controller=Tells(), set={"controller.telemetry": names})
 
 
+WRITTEN = {
+    "two": ("[:] = 1, 2", [1.0, 2.0]),
+    "one": ("[0:1] = 7", [7.0, 0.0]),
+    "last": ("[-1] = 7", [0.0, 7.0]),
+    "empty": ("[2:] = 7", [0.0, 0.0]),
+    "chosen": ("[[True, False]] = 7", [7.0, 0.0]),
+    "sum": ("[0:2] += 7", [7.0, 7.0]),
+    "view": ("[1:][0] = 7", [0.0, 7.0]),
+    "clipped": ("[0:5] = 7", "room for 2 numbers"),
+    "clipped before": ("[-5:] = 7", "room for 2 numbers"),
+    "clipped sum": ("[0:5] += 7", "room for 2 numbers"),
+    "clipped view": ("[1:][0:2] = 7", "room for 2 numbers"),
+    "numpy number": ("[: self.telemetry.shape[0] + self.telemetry.argmax() + 1] = 7", "room for 2 numbers"),
+    "view of more": ("[1:][1] = 7", "room for 2 numbers"),
+    "list": ("[[0, 2]] = 7", "room for 2 numbers"),
+    "more": ("[:] = 1, 2, 3", "room for 2 numbers"),
+    "shape": ("[0] = 1, 2", "sequence|shape"),
+    "text": ("[0] = 'abc'", "^could not convert string to float"),
+    "name": ("['clock'] = 1", "^only integers"),
+    "attribute": (" = 1, 2", "replaces its `adaptation` or `telemetry`"),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_telemetry_is_recorded_as_written_or_refused_for_the_true_reason(hover, name):
+    statement, expected = WRITTEN[name]
+
+    class Tells(controller.Hover):
+        def step(self, now, *samples):
+            super().step(now, *samples)
+            exec(f"self.telemetry{statement}", {"self": self})  # noqa: S102
+
+    setting = {"duration": 0.01, "controller.telemetry": ["clock", "ticks"]}
+    if isinstance(expected, str):
+        with pytest.raises((ValueError, IndexError), match=expected):
+            hover.fly(controller=Tells(), set=setting)
+    else:
+        table = hover.fly(controller=Tells(), set=setting).to_pandas("control/telemetry")
+        assert table[["clock", "ticks"]].iloc[0].tolist() == expected
+
+
 def test_modes_that_do_not_exist_are_refused(hover):
     class Commands(controller.Hover):
         def step(self, now, state, reference, command, errors):
