@@ -41,11 +41,11 @@ class Controller:
 
     Numbers and numpy arrays, of the class or of the object, are its state: a flight saves and restores them, so that
     it can be repeated to the bit, and faults and `Simulation.restore` work. They must all be there before the first
-    step, and keep their shape. Texts, tuples, functions and modules are taken as constants. A class that keeps its
-    state in anything else overrides `save` and `restore`. Now and then a flight gives the saved state to a copy of the
-    object, which takes some of the same steps and must command the same: so state that is forgotten is an error. After
-    a flight the object has the state with which it ended; the next one begins with that of the first again, except for
-    what was set in between.
+    step, and keep their shape. Texts, tuples, functions and modules are constants: a flight that changes one is
+    refused. A class that keeps its state in anything else overrides `save` and `restore`. Now and then a flight gives
+    the saved state to a copy of the object, which takes some of the same steps and must command the same: so state
+    that is forgotten is an error. After a flight the object has the state with which it ended; the next one begins
+    with that of the first again, except for what was set in between.
 
     `self.telemetry` has room for the numbers, at most 32, that `controller.telemetry` of the scenario names, and is
     recorded under these names; `self.adaptation` is the sample of `control/adaptation`.
@@ -150,16 +150,43 @@ def _begin(controller: Controller) -> list[float]:
     now = controller.save()
     if "_flown" not in vars(controller):
         return now
-    first, last = vars(controller)["_flown"]
-    if len(now) != len(last):
+    flown = vars(controller)["_flown"]
+    if flown is None or len(now) != len(flown[1]):
         raise RuntimeError(
-            f"the state of {type(controller).__name__} has changed its size since its last flight: make a new object"
+            f"the last flight of {type(controller).__name__} has changed a constant, or the size of its state, so that no other "
+            "can begin as the first: make a new object"
         )
+    first, last = flown
     # To the bit, because a number that is not one equals nothing.
     bits, last_bits = (np.array(numbers, np.float64).view(np.uint64) for numbers in (now, last))
     state: list[float] = np.where(bits == last_bits, first, now).tolist()
     controller.restore(state)
     return state
+
+
+def _constants(controller: Controller) -> dict[str, Any]:
+    """Return what is no state, of the class and of the object, as it is now; a class that saves itself has no constants."""
+    if type(controller).save is not Controller.save:
+        return {}
+    kinds = type(controller).__mro__
+    own: dict[str, Any] = {}
+    for kind in reversed(kinds[: kinds.index(Controller)]):
+        own |= {name: value for name, value in vars(kind).items() if not name.startswith("__")}
+    own |= vars(controller)
+    return {name: _frozen(value) for name, value in own.items() if name not in PLACES and not _is_state(value)}
+
+
+def _frozen(value: Any) -> Any:
+    """Return what equals itself for as long as the content of a value is the same."""
+    if isinstance(value, tuple | list):
+        return type(value), [*map(_frozen, value)]
+    if isinstance(value, dict):
+        return type(value), [(key, _frozen(item)) for key, item in value.items()]
+    if isinstance(value, set):
+        return type(value), frozenset(value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.shape, value.tobytes()
+    return value
 
 
 class _Telemetry(np.ndarray):
@@ -243,6 +270,7 @@ class Bridge:
         self._places = controller.adaptation, controller.telemetry
         _declare_state(controller)
         self._first = _begin(controller) if has_trials else []
+        self._constants = _constants(controller) if has_trials else {}
         self._controller = controller
         self._step: Callable[..., None] = controller.step
         self._mode = mode
@@ -267,6 +295,8 @@ class Bridge:
         second._controller.restore(before)
         second._advance(arrived)
         self._compare(second)
+        if self._steps % _TRIAL_PERIOD > _TRIAL_STEPS:
+            self._refuse_changed()
 
     def _advance(self, arrived: int) -> None:
         now = self._now
@@ -330,9 +360,30 @@ class Bridge:
             )
         return numbers
 
-    def end(self) -> None:
-        """Let the object know with which state its flight has begun and ended."""
-        vars(self._controller)["_flown"] = self._first, self._controller.save()
+    def _refuse_changed(self) -> None:
+        """Refuse constants that the flight has changed, which the next one would begin with."""
+        before, now = self._constants, _constants(self._controller)
+        for name in sorted(before.keys() | now.keys()):
+            # In lists, where an object equals itself whatever its type says.
+            if [name in before, before.get(name)] != [name in now, now.get(name)]:
+                raise RuntimeError(
+                    f"a flight has changed {type(self._controller).__name__}.{name}, which is no number and no numpy array, so that "
+                    "it is neither saved nor restored: keep numbers in its place, or override `save` and `restore`"
+                )
+
+    def __enter__(self) -> Bridge:
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """Let the object know with which state its flight has begun and ended; an error of the flight comes first."""
+        own = self._controller
+        vars(own)["_flown"] = None
+        try:
+            self._refuse_changed()
+            vars(own)["_flown"] = self._first, own.save()
+        except Exception:
+            if error is None:
+                raise
 
     def pack(self) -> list[float]:
         """Return the controller's state."""

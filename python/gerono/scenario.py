@@ -124,11 +124,9 @@ class Scenario:
         recorded = None if topics is None else list(topics)
         if controller is None:
             return Flight(self._scenario._fly(sets, seed, recorded, None), values)
-        bridge = bridge_of(controller, values)
-        try:
-            return Flight(self._scenario._fly(sets, seed, recorded, (bridge, name_of(controller))), values)
-        finally:
-            bridge.end()
+        with bridge_of(controller, values) as bridge:
+            flown = self._scenario._fly(sets, seed, recorded, (bridge, name_of(controller)))
+        return Flight(flown, values)
 
     def _beside_own(self, sets: list[str], seed: int | None = None) -> list[str]:
         """Return what settings need besides, so that a controller of the caller's can fly with them."""

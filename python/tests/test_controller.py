@@ -260,6 +260,67 @@ def test_an_object_begins_as_its_first_flight_after_one_that_was_broken_off(hove
     assert hover.fly(controller=law).digest == hover.fly(controller=Counting()).digest
 
 
+class Changes(controller.Hover):
+    """A controller that changes a constant without an effect on its commands."""
+
+    mode, table, pair = "climb", {"gain": [1.0]}, (np.zeros(2), "text")
+    new: tuple
+
+    def change(self):
+        pass
+
+    def step(self, now, *samples):
+        super().step(now, *samples)
+        if now.time >= 0.4:
+            self.change()
+
+
+CHANGES = {
+    "mode": lambda law: setattr(law, "mode", "sink"),
+    "table": lambda law: law.table["gain"].append(2.0),
+    "pair": lambda law: law.pair[0].__setitem__(0, 1.0),
+    "new": lambda law: setattr(law, "new", ()),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_flight_that_changes_a_constant_is_refused(hover, name):
+    def changing(**members):
+        own = {"table": {"gain": [1.0]}, "pair": (np.zeros(2), "text"), "change": CHANGES[name]}
+        return type("Changing", (Changes,), own | members)()
+
+    for short in (0.5, 4.0):  # before the first trial with the change, and after it
+        law = changing()
+        with pytest.raises(RuntimeError, match=rf"a flight has changed Changing\.{name}, "):
+            hover.fly(controller=law, set={"duration": short})
+        with pytest.raises(RuntimeError, match="has changed a constant, .* make a new object"):
+            hover.fly(controller=law, set={"duration": short})
+    saves_itself = changing(save=lambda law: [], restore=lambda law, numbers: None)
+    assert hover.fly(controller=saves_itself, set={"duration": 0.5}).summary.outcome == "completed"
+
+
+def test_constants_may_be_set_between_flights(hover):
+    law = Changes()
+    for mode in ("climb", "sink"):
+        law.mode = mode
+        assert hover.fly(controller=law, set={"duration": 0.5}).summary.outcome == "completed"
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_error_of_a_step_is_not_masked_by_its_state(hover, error):
+    class Breaks(Counting):
+        def step(self, now, *samples):
+            self.steps = 2**60
+            raise error("the first")
+
+    law = Breaks()
+    with pytest.raises(error, match="the first"):
+        hover.fly(controller=law)
+    law.steps = 0
+    with pytest.raises(RuntimeError, match="make a new object"):
+        hover.fly(controller=law)
+
+
 def test_an_error_of_a_step_is_raised_by_the_flight(hover):
     class Fails(controller.Hover):
         def step(self, now, *samples):
