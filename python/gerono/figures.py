@@ -9,6 +9,7 @@ axes of your own. Needs `pip install ".[figures]"`.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,37 +28,40 @@ if TYPE_CHECKING:
 # Colours that are told apart also by people who do not see all of them (Okabe and Ito).
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
 
-# Ends of the names of columns, with the unit in which they are drawn and how many of it are one of the column's.
+# Results of flights (docs/sweeps.md) by the unit in which they are drawn, and how many of it are one of the column's. What
+# is varied has the unit that the scenario's key has, which the rows do not say.
+_DISTANCES = "rmse mean deviation p50 p95 p99 max steady_rmse steady_p95 steady_max transient_rmse transient_max ultimate ultimate_bound"
 _UNITS = (
-    (("settling_time", "time_of_max", "ended"), "s", 1.0),
-    (("body_rate_rms",), "rad/s", 1.0),
-    (("thrust_mean",), "N", 1.0),
-    (("mass", "mass_estimate"), "kg", 1.0),
-    (("rmse", "mean", "deviation", "p50", "p95", "p99", "max", "ultimate", "ultimate_bound"), "cm", 100.0),
+    (_DISTANCES, "cm", 100.0),
+    ("settling_time time_of_max ended", "s", 1.0),
+    ("body_rate_rms steady_body_rate_rms", "rad/s", 1.0),
+    ("thrust_mean", "N", 1.0),
+    ("mass mass_estimate", "kg", 1.0),
+    ("disturbance_estimate.0 disturbance_estimate.1 disturbance_estimate.2", "m/s²", 1.0),
 )
+_UNIT_OF = {name: (f", {unit}", factor) for names, unit, factor in _UNITS for name in names.split()}
 
 
 def _unit_of(column: str) -> tuple[str, float]:
-    for ends, unit, factor in _UNITS:
-        if column.endswith(ends):
-            return f", {unit}", factor
-    return "", 1.0
+    return _UNIT_OF.get(re.sub(r"^phase\d+_", "", column), ("", 1.0))
 
 
-def _rows(results: Sweep | str | os.PathLike[str], column: str) -> pandas.DataFrame:
+def _rows(results: Sweep | str | os.PathLike[str], column: str) -> tuple[pandas.DataFrame, list[str]]:
+    """Return the rows of flights, and the names of their laws, the sweep's first one first."""
     sweep = results if isinstance(results, Sweep) else Sweep(results)
     rows = sweep.to_pandas()
     if column not in rows or rows[column].dtype.kind != "f":
         numbers = (str(name) for name in rows if rows[name].dtype.kind == "f")
         raise KeyError(f"there is no result {column!r}; there are {', '.join(numbers)}")
-    return rows[rows["outcome"] != "refused"]
+    return rows[rows["outcome"] != "refused"], [law.name for law in sweep.summary.laws]
 
 
 def distribution(results: Sweep | str | os.PathLike[str], axes: Axes, column: str = "steady_rmse") -> None:
     """Draw the share of the flights of each law that stay below a value; a flight that was lost stays below none."""
     unit, factor = _unit_of(column)
-    rows = _rows(results, column)
-    for place, (law, flown) in enumerate(rows.groupby("law", sort=False)):
+    rows, laws = _rows(results, column)
+    for place, law in enumerate(laws):
+        flown = rows[rows["law"] == law]
         values = flown.loc[flown["outcome"] == "completed", column].dropna().sort_values()
         shares = [(rank + 1) / len(flown) for rank in range(len(values))]
         label = f"{law} ({len(values)} of {len(flown)} flights)"
@@ -77,14 +81,13 @@ def differences(
     and that the reference alone did not survive.
     """
     unit, factor = _unit_of(column)
-    rows = _rows(results, column)
-    laws = list(rows["law"].unique())
+    rows, laws = _rows(results, column)
     reference = reference if reference is not None else laws[0]
     if reference not in laws or len(laws) < 2:
         raise KeyError(f"there is nothing to compare with {reference!r}; the laws are {', '.join(map(repr, laws))}")
-    values = rows.pivot_table(index="sample", columns="law", values=column, dropna=False)
+    values = rows.pivot_table(index="sample", columns="law", values=column, dropna=False).reindex(columns=laws)
     completed = rows.assign(is_completed=rows["outcome"] == "completed")
-    completed = completed.pivot(index="sample", columns="law", values="is_completed")
+    completed = completed.pivot(index="sample", columns="law", values="is_completed").reindex(columns=laws)
     others = [law for law in laws if law != reference]
     boxes, names = [], []
     for law in others:
@@ -114,6 +117,8 @@ def save(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     files = []
+    # A column may be a key of the scenario with any character in it.
+    name = re.sub(r"[^\w.+-]+", "_", column)
     # TrueType fonts in the file, as publishers want them, and the same bytes each time.
     with matplotlib.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "gerono", "font.size": 9.0}):
         for draw in drawings:
@@ -121,7 +126,7 @@ def save(
             figure = Figure(figsize=(width, 2.6), layout="constrained")
             draw(sweep, figure.subplots(), column)
             for form, date in (("svg", "Date"), ("pdf", "CreationDate")):
-                files.append(folder / f"{draw.__name__}-{column}.{form}")
+                files.append(folder / f"{draw.__name__}-{name}.{form}")
                 figure.savefig(files[-1], metadata={date: None})
     return files
 

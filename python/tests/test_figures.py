@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from conftest import SHORT
+from conftest import REPOSITORY, SHORT
 from matplotlib.figure import Figure
 
 import gerono
@@ -33,6 +33,66 @@ def test_a_distribution_counts_lost_flights_as_flown(flown):
         np.testing.assert_allclose(line.get_xdata(), np.sort(100.0 * completed["steady_rmse"]))
         assert line.get_ydata()[-1] == len(completed) / 24
     assert axes.get_xlabel() == "steady_rmse, cm"
+
+
+@pytest.mark.parametrize(
+    ("column", "label"),
+    [
+        ("phase2_steady_rmse", ", cm"),
+        ("phase2_settling_time", ", s"),
+        ("ended", ", s"),
+        ("body_rate_rms", ", rad/s"),
+        ("mass_estimate", ", kg"),
+        ("disturbance_estimate.1", ", m/s²"),
+        ("energy", ""),
+        ("vehicle.mass", ""),
+        ("cameras.attitude_deviation", ""),
+        ("vehicle.turbulence.deviation", ""),
+        ("vehicle.actuators.thrust_max", ""),
+        ("controller.mass_max", ""),
+        ("controller.lambda_mass", ""),
+    ],
+)
+def test_only_results_have_units_by_their_names(column, label):
+    assert figures._unit_of(column) == (label, 100.0 if label == ", cm" else 1.0)
+
+
+def test_all_results_of_length_are_drawn_in_centimetres(flown):
+    lengths = {name for name in flown.to_pandas() if figures._unit_of(name)[1] == 100.0}
+    table = (REPOSITORY / "docs" / "sweeps.md").read_text().split("## Rows")[1].split("## What is said")[0]
+    assert len(lengths) == 14
+    assert all(f"`{name}`" in table for name in lengths)
+
+
+@pytest.fixture(scope="module")
+def refused(fig1, tmp_path_factory):
+    """The first sample of the first law is refused, because its bound is above the estimate with which it begins."""
+    vary = {"controller.initial.mass": gerono.uniform(0.19, 0.21), KEY: gerono.choice(0.001, 0.002)}
+    compare = {"first": {"controller.bounds.mass_min": 0.2}, "second": None}
+    folder = tmp_path_factory.mktemp("refused")
+    runs = gerono.sweep(fig1, vary, samples=6, set=SHORT, compare=compare, folder=folder)
+    outcomes = runs.to_pandas().query("law == 'first'")["outcome"].tolist()
+    assert outcomes[0] == "refused"
+    assert "completed" in outcomes
+    return runs
+
+
+KEY = 'schedule.latency."rc/frame -> plant"'
+
+
+def test_the_first_law_comes_first_also_where_its_first_sample_is_refused(refused):
+    axes = Figure().subplots()
+    figures.distribution(refused, axes)
+    assert [line.get_label().split()[0] for line in axes.get_lines()] == ["first", "second"]
+    axes = Figure().subplots()
+    figures.differences(refused, axes)
+    assert axes.get_ylabel() == "steady_rmse,\ndifference from first, cm"
+
+
+def test_files_have_names_without_slashes(refused, tmp_path):
+    files = figures.save(refused, tmp_path, KEY)
+    assert files[0] == tmp_path / "distribution-schedule.latency._rc_frame_-_plant_.svg"
+    assert set(tmp_path.iterdir()) == set(files)
 
 
 def test_differences_are_those_of_the_summary(flown):
