@@ -13,7 +13,7 @@ import sys
 import threading
 import types
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -31,17 +31,22 @@ def identity_of(controller: Any) -> str:
     every process. What has no content that could be read is a TypeError.
     """
     kind = type(controller)
-    walk = _Walk(has_globals=True)
+    walk = _Walk()
     parts = walk.numbers(controller), walk.of(kind), walk.used_of_modules()
     return f"{kind.__module__}.{kind.__qualname__} {_joined(*parts).hex()[:32]}"
 
 
-def numbers_of(controller: Any) -> str:
-    """Return a hash over the content of a controller's object.
+Shared = dict[int, tuple[Any, bytes]]
 
-    What all objects of a class share, such as variables of modules, is no part of it: flights may change it.
+
+def numbers_of(controller: Any, shared: Shared | None = None) -> str:
+    """Return a hash over the content of a controller's object, and over its class.
+
+    What objects share is no part of it, for flights may change it: variables of modules do not count, and classes and
+    functions that `shared` knows count as they were when it got to know them.
     """
-    return _Walk(has_globals=False).numbers(controller).hex()
+    walk = _Walk({} if shared is None else shared)
+    return _joined(walk.numbers(controller), walk.of(type(controller))).hex()
 
 
 # What is known by its type and its text.
@@ -72,10 +77,13 @@ def _joined(*parts: object) -> bytes:
 
 
 class _Walk:
-    """A walk through all that decides; the hash of an object depends on its content and on no address."""
+    """A walk through all that decides; the hash of an object depends on its content and on no address.
 
-    def __init__(self, has_globals: bool) -> None:
-        self._has_globals = has_globals
+    With `shared` it leaves out the variables of modules, and takes from there the hashes of classes and functions.
+    """
+
+    def __init__(self, shared: Shared | None = None) -> None:
+        self._shared = shared
         # Hashes by the number of the object, which is kept so that no other one gets its number.
         self._known: MutableMapping[int, tuple[Any, bytes]] = {}
         self._open: list[int] = []
@@ -108,12 +116,23 @@ class _Walk:
         number = id(value)
         if number in self._known:
             return self._known[number][1]
+        shared = self._shared if isinstance(value, type | types.FunctionType) else None
+        if shared is not None and number in shared:
+            return shared[number][1]
         if number in self._open:
             return _joined("circle", len(self._open) - self._open.index(number))
         self._open.append(number)
-        digest = self._content(value)
+        digest = self._content(value) if shared is None else self._alone(self._content, value)
         self._open.pop()
-        self._known[number] = value, digest
+        (self._known if shared is None else shared)[number] = value, digest
+        return digest
+
+    def _alone(self, hashed: Callable[[Any], bytes], value: Any) -> bytes:
+        """Return a hash of a value of which nothing stays known, so that those of others are the same without it."""
+        known = self._known
+        self._known = ChainMap({}, known)
+        digest = hashed(value)
+        self._known = known
         return digest
 
     def _all_of(self, values: Iterable[Any]) -> bytes:
@@ -130,12 +149,7 @@ class _Walk:
 
     def _unordered(self, values: Iterable[Any]) -> bytes:
         """Return a hash that does not depend on the order: nothing is known of one value when the next is read."""
-        known, parts = self._known, []
-        for value in values:
-            self._known = ChainMap({}, known)
-            parts.append(self.of(value))
-        self._known = known
-        return _joined(*sorted(parts))
+        return _joined(*sorted(self._alone(self.of, value) for value in values))
 
     def _content(self, value: Any) -> bytes:
         kind = type(value)
@@ -220,7 +234,7 @@ class _Walk:
             parts.append(_version(module))
         else:
             parts.append(self.of(function.__code__))
-            if self._has_globals:
+            if self._shared is None:
                 parts.append(self._named(_globals(function.__code__, function.__globals__)))
                 parts.append(self._all_of(_imported(function.__code__, function.__globals__)))
         self._path.pop()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gerono import _gerono
-from gerono._identity import identity_of, numbers_of
+from gerono._identity import Shared, identity_of, numbers_of
 from gerono.controller import Bridge, Controller, refuse_other
 from gerono.flight import namespace
 from gerono.scenario import Scenario, Settings, bridge_of, name_of, refuse_seed, settings_of, toml_of
@@ -204,15 +204,16 @@ def sweep(
         for made in first.values():
             refuse_other(made)
         own = {law: identity_of(made) for law, made in first.items()}
-        numbers = {law: numbers_of(made) for law, made in first.items()}
+        shared: Shared = {}
+        numbers = {law: numbers_of(made, shared) for law, made in first.items()}
         text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, own)
 
         def make_own(law: str) -> tuple[Bridge, str] | None:
             if law not in makes:
                 return None
             made = makes[law]()
-            is_of_first_class = type(made) is type(first[law])
-            if (numbers_of(made) != numbers[law]) if is_of_first_class else (identity_of(made) != own[law]):
+            refuse_other(made)
+            if numbers_of(made, shared.copy()) != numbers[law]:
                 raise RuntimeError(
                     f"the controller of {law!r} is not the same at every call, and all its flights are one law's: make a new "
                     "object with the same content each time"

@@ -87,8 +87,9 @@ def law(where, value):
 def test_any_content_counts(name, where):
     first, same, other = (law(where, CONTENTS[name](gain)) for gain in (1.0, 1.0, 2.0))
     assert identity_of(first) == identity_of(same) != identity_of(other)
-    if where == "object":
-        assert numbers_of(first) == numbers_of(same) != numbers_of(other)
+    shared = {}
+    for known in (None, shared, shared):
+        assert numbers_of(first, known) == numbers_of(same, known) != numbers_of(other, known)
 
 
 def test_identities_are_of_code_and_numbers():
@@ -104,6 +105,49 @@ def test_identities_are_of_code_and_numbers():
     assert made(source) == same
     others = [source.replace("2.0", "2.5"), source.replace("gain * x", "gain + x"), source.replace("1.0", "1.5")]
     assert len({same, made(source, k=3.0), *map(made, others)}) == 5
+
+
+class Counts:
+    """A helper that counts in its class, and in a variable of its module."""
+
+    calls = 0
+
+    def __call__(self, error):
+        global counted
+        counted += 1
+        Counts.calls += 1
+        return error
+
+
+counted = 0
+
+
+def helped(gain):
+    def count(error):
+        nonlocal calls
+        calls += 1
+        return error
+
+    class Helper(Counts):
+        values = [gain]
+
+    calls = 0
+    return [Counts(), Helper(), count, list(Choice), {Choice.FIRST, Choice.SECOND}], [Helper.values.clear, lambda: count(0.0)]
+
+
+@pytest.mark.parametrize("where", ["object", "class"])
+def test_numbers_do_not_count_what_objects_share(where):
+    content, changes = helped(1.0)
+    made, shared = law(where, content), {}
+    first = numbers_of(made, shared)
+    assert numbers_of(law(where, helped(1.0)[0]), shared.copy()) == first
+    assert numbers_of(law(where, helped(2.0)[0]), shared.copy()) != first
+    for change in (lambda: Counts()(0.0), *changes):
+        change()
+        assert numbers_of(made, shared) == first
+    content.append(1.0)
+    # A list of the object is its own, and that of a class is shared.
+    assert (numbers_of(made, shared) == first) == (where == "class")
 
 
 USES = """

@@ -169,6 +169,31 @@ def test_a_controller_is_made_for_each_flight(hover):
         gerono.sweep(hover, controller=others, **HOVER)
 
 
+def test_flights_may_change_what_objects_of_a_class_share(hover):
+    class Helper:
+        calls = 0
+
+        def __call__(self, thrust):
+            Helper.calls += 1
+            return thrust
+
+    class Helped(controller.Hover):
+        def __init__(self):
+            self.helper = Helper()
+
+        def step(self, now, state, reference, command, errors):
+            super().step(now, state, reference, command, errors)
+            command["thrust"] = self.helper(command["thrust"])
+
+    def of_a_class_of_its_own():
+        return type("Own", (Helped,), {})()
+
+    for make in (Helped, of_a_class_of_its_own):
+        runs = gerono.sweep(hover, controller=make, **HOVER).to_pandas()
+        assert runs["rmse"].tolist() == gerono.sweep(hover, controller=controller.Hover, **HOVER).to_pandas()["rmse"].tolist()
+    assert Helper.calls > 12 * 400
+
+
 def test_a_rate_of_nothing_says_so(tmp_path):
     survived = {"name": "survived", "rate": None, "wilson": None, "met": 0, "flown": 0}
     summary = {"samples": 3, "laws": [{"name": "as stated", "criteria": [survived]}]}
