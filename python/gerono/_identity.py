@@ -5,16 +5,17 @@ from __future__ import annotations
 import copyreg
 import ctypes
 import dis
+import functools
 import hashlib
 import importlib.machinery
 import importlib.metadata
+import logging
 import os
 import sys
 import threading
 import types
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,9 @@ _COMPILED = (
     types.MethodWrapperType,
     types.WrapperDescriptorType,
 )
+
+# Its code is that of all functions that dispatch by a type.
+_DISPATCHING: Any = functools.singledispatch(repr)
 
 # What decides nothing: of a cached property, for example.
 _LOCKS = (type(threading.Lock()), type(threading.RLock()))
@@ -173,6 +177,11 @@ class _Walk:
             return self._function(value)
         if isinstance(value, types.CodeType):
             return self._code(value)
+        if isinstance(value, logging.Logger):
+            # Its handlers and levels are the program's, and decide nothing.
+            return _joined("logger", value.name)
+        if isinstance(value, types.MethodType | types.BuiltinMethodType) and _is_of_library(value):
+            return _joined(type(value.__self__).__module__, value.__name__, _version(type(value.__self__).__module__))
         if isinstance(value, types.MethodType | staticmethod | classmethod):
             return _joined(kind.__name__, self._all_of([value.__func__, getattr(value, "__self__", None)]))
         if isinstance(value, property):
@@ -224,13 +233,18 @@ class _Walk:
         module = str(function.__globals__.get("__name__"))
         self._path.append(function.__name__)
         parts: list[object] = [module, function.__qualname__]
-        parts.append(self._all_of([function.__defaults__, function.__kwdefaults__, vars(function)]))
-        for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ()):
-            try:
-                parts.append(self._named({name: cell.cell_contents}))
-            except ValueError:
-                parts.append("empty")
-        if _is_installed(module):
+        is_library = _is_installed(module)
+        if function.__code__ is _DISPATCHING.__code__:
+            # The other members are caches.
+            parts.append(self.of(vars(function)["registry"]))
+        elif not is_library or function.__closure__:
+            parts.append(self._all_of([function.__defaults__, function.__kwdefaults__, None if is_library else vars(function)]))
+            for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ()):
+                try:
+                    parts.append(self._named({name: cell.cell_contents}))
+                except ValueError:
+                    parts.append("empty")
+        if is_library:
             parts.append(_version(module))
         else:
             parts.append(self.of(function.__code__))
@@ -306,7 +320,13 @@ def _is_installed(module: str) -> bool:
     return file.startswith(_LIBRARY) or "site-packages" in file or "dist-packages" in file
 
 
-@lru_cache(maxsize=None)
+def _is_of_library(method: Any) -> bool:
+    """Return whether a method of an object is a library's function, such as `random.gauss`: its object is nobody's content."""
+    module = type(method.__self__).__module__
+    return _is_installed(module) and getattr(sys.modules.get(module), method.__name__, None) is method
+
+
+@functools.lru_cache(maxsize=None)
 def _version(module: str) -> str:
     """Return the version of a library."""
     root = module.partition(".")[0]

@@ -1,16 +1,21 @@
 """The identity of a controller: another one where any content differs, and the same one in every process."""
 
+import contextlib
 import enum
 import functools
+import logging
+import numbers
 import os
 import subprocess
 import sys
 import threading
 import types
+from random import gauss
 
 import controller
 import numpy as np
 import pytest
+from numpy.random import normal
 
 from gerono._identity import identity_of, numbers_of
 
@@ -191,6 +196,70 @@ def test_what_has_no_content_is_refused():
     for value in (np.frompyfunc(lambda error: error, 1, 1), (number for number in ()), memoryview(b"")):
         with pytest.raises(TypeError, match=r"Law\.value is a .*, whose content cannot be read"):
             identity_of(law("class", [value]))
+
+
+log = logging.getLogger(__name__)
+
+
+@functools.singledispatch
+def saturated(value):
+    return value
+
+
+@saturated.register
+def _(value: numbers.Real):
+    return min(value, 1.0)
+
+
+@contextlib.contextmanager
+def measured():
+    yield gauss(0.0, 1.0) + normal()
+
+
+class Ordinary(controller.Hover):
+    """A controller that logs, dispatches by types and uses generators of libraries."""
+
+    dispatch = functools.singledispatchmethod(lambda self, value: value)
+
+    def step(self, now, *samples):
+        log.debug("a step")
+        with measured() as noise:
+            saturated(noise)
+
+
+def test_what_libraries_keep_for_themselves_does_not_count(monkeypatch):
+    for logger in (log, logging.root):
+        monkeypatch.setattr(logger, "handlers", [])
+        monkeypatch.setattr(logger, "level", logger.level)
+    law = Ordinary()
+    first = identity_of(law)
+    changes = [
+        lambda: logging.getLogger("other"),
+        lambda: law.step(None),
+        lambda: log.addHandler(logging.StreamHandler()),
+        lambda: log.setLevel(logging.DEBUG),
+        lambda: law.step(None),
+        lambda: logging.basicConfig(),
+    ]
+    for change in changes:
+        change()
+        assert identity_of(law) == first
+
+
+def test_what_a_dispatching_function_calls_counts(monkeypatch):
+    def dispatching(gain):
+        dispatched = functools.singledispatch(lambda value: value)
+        dispatched.register(float, lambda value: gain * value)
+        return dispatched
+
+    first, same, other = (law("class", dispatching(gain)) for gain in (1.0, 1.0, 2.0))
+    assert identity_of(first) == identity_of(same) != identity_of(other)
+    whole = identity_of(Ordinary())
+    for name, value in {"log": logging.getLogger("another"), "gauss": np.random.standard_normal}.items():
+        with monkeypatch.context() as changed:
+            changed.setattr(sys.modules[__name__], name, value)
+            assert identity_of(Ordinary()) != whole
+    assert identity_of(Ordinary()) == whole
 
 
 def test_functions_of_gerono_count_by_their_names():
