@@ -23,20 +23,29 @@ Vary = Mapping[str, Any]
 Make = Callable[[], Controller]
 
 
-def uniform(low: float, high: float) -> Vary:
-    """Return what is drawn evenly between two bounds."""
-    return {"uniform": [low, high]}
+def uniform(low: float, high: float, levels: int | None = None) -> Vary:
+    """Return what is drawn evenly between two bounds; in a grid it has five levels, or as many as stated."""
+    return _stated(uniform=[low, high], levels=levels)
 
 
-def log_uniform(low: float, high: float) -> Vary:
-    """Return what is drawn evenly in its logarithm between two positive bounds."""
-    return {"log_uniform": [low, high]}
+def log_uniform(low: float, high: float, levels: int | None = None) -> Vary:
+    """Return what is drawn evenly in its logarithm between two positive bounds; levels as in `uniform`."""
+    return _stated(log_uniform=[low, high], levels=levels)
 
 
-def normal(mean: float, deviation: float, min: float | None = None, max: float | None = None) -> Vary:  # noqa: A002
-    """Return what is drawn from a normal distribution, cut off at bounds."""
-    bounds = {"min": min, "max": max}
-    return {"normal": [mean, deviation]} | {name: bound for name, bound in bounds.items() if bound is not None}
+def normal(
+    mean: float,
+    deviation: float,
+    min: float | None = None,  # noqa: A002
+    max: float | None = None,  # noqa: A002
+    levels: int | None = None,
+) -> Vary:
+    """Return what is drawn from a normal distribution, cut off at bounds; levels as in `uniform`."""
+    return _stated(normal=[mean, deviation], min=min, max=max, levels=levels)
+
+
+def _stated(**values: Any) -> Vary:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def choice(*values: Any) -> Vary:
@@ -99,9 +108,9 @@ class Sweep:
         return Rate(found.rate, low, high, found.met, found.flown)
 
     def __repr__(self) -> str:
-        rate = self.rate()
-        survived = str(rate) if rate.value is None else f"{rate} survived"
-        return f"<Sweep {self.folder}: {self.summary.samples} samples, {survived}>"
+        rates = {law.name: self.rate(law=law.name) for law in self.summary.laws}
+        survived = ", ".join(f"{law} {rate.met} of {rate.flown}" for law, rate in rates.items())
+        return f"<Sweep {self.folder}: {self.summary.samples} samples, survived: {survived}>"
 
 
 # Name of what flies where nothing is compared.
@@ -119,6 +128,7 @@ def sweep_text(
     require: Sequence[str],
     sets: list[str],
     logs: str,
+    rank: str | None = None,
     own: Mapping[str, str] | None = None,
 ) -> str:
     """Return a sweep as the text of a `sweep.toml`.
@@ -129,6 +139,8 @@ def sweep_text(
     lines = [f"scenario = {toml_of(str(scenario.path))}", f"seed = {seed}", f"method = {toml_of(method)}"]
     if samples is not None:
         lines.append(f"samples = {samples}")
+    if rank is not None:
+        lines.append(f"rank = {toml_of(rank)}")
     lines += [f"set = {toml_of(sets)}", f"require = {toml_of(list(require))}"]
     if not laws and own:
         lines.append(f"own = {toml_of(own[_ONLY])}")
@@ -156,10 +168,11 @@ def sweep(
     folder: str | os.PathLike[str] | None = None,
     jobs: int | None = None,
     logs: str = "none",
+    rank: str | None = None,
 ) -> Sweep:
     """Fly a sweep in this process, on all cores or `jobs` of them, and return its results.
 
-    The arguments are the keys of `sweep.toml` (docs/sweeps.md), and the rows those of `gerono sweep`. `vary` takes
+    The arguments are the keys of `sweep.toml` (docs/sweeps.md) but `map`, and the rows those of `gerono sweep`. `vary` takes
     `uniform`, `log_uniform`, `normal`, `choice`, a constant, an expression of other varied values, or a list of these;
     `compare` has settings or controllers by name, all flown on the same samples: `{"mine": Mine, "indi":
     {"controller.law": "indi"}}` has the paired statistics of a class and a law. In a `folder` an interrupted sweep goes
@@ -186,7 +199,7 @@ def sweep(
         keep = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
         folder = keep.name
     if not makes:
-        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs)
+        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, rank)
         _gerono.run_sweep(text, scenario.path, scenario.text, Path(folder), jobs)
     else:
         if logs != "none":
@@ -206,7 +219,7 @@ def sweep(
         own = {law: identity_of(made) for law, made in first.items()}
         shared: Shared = {}
         numbers = {law: numbers_of(made, shared) for law, made in first.items()}
-        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, own)
+        text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, rank, own)
 
         def make_own(law: str) -> tuple[Bridge, str] | None:
             if law not in makes:

@@ -199,7 +199,16 @@ def test_a_rate_of_nothing_says_so(tmp_path):
     summary = {"samples": 3, "laws": [{"name": "as stated", "criteria": [survived]}]}
     (tmp_path / "sweep.json").write_text(json.dumps(summary))
     assert str(gerono.Sweep(tmp_path).rate()) == "none flown"
-    assert repr(gerono.Sweep(tmp_path)) == f"<Sweep {tmp_path}: 3 samples, none flown>"
+    assert repr(gerono.Sweep(tmp_path)) == f"<Sweep {tmp_path}: 3 samples, survived: as stated 0 of 0>"
+
+
+def test_a_grid_has_the_levels_and_the_rank_that_are_stated(fig1):
+    vary = {"vehicle.mass": gerono.uniform(0.18, 0.24, levels=4)}
+    flown = gerono.sweep(fig1, vary, method="grid", rank="max", compare={"paper": None, "soft": {"controller.k1": 3.0}}, set=SHORT)
+    assert flown.to_pandas()["vehicle.mass"].unique().tolist() == [0.18, 0.2, 0.22, 0.24]
+    assert flown.summary.winners[0].range == [0.18, 0.18]
+    assert flown.summary.laws[0].quantiles[0].name == "max"
+    assert repr(flown).endswith("4 samples, survived: paper 4 of 4, soft 4 of 4>")
 
 
 def test_a_folder_belongs_to_one_class_and_one_sweep(hover, tmp_path):

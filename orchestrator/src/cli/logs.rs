@@ -115,7 +115,7 @@ pub struct Export {
     /// Write a copy of the log for viewers.
     #[arg(long, conflicts_with_all = ["every", "topic", "csv"])]
     pub view: bool,
-    /// Write only every n-th tick.
+    /// Write only the ticks that N divides; a topic that is published every 22 ticks has few of them.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
     /// Write only this topic.

@@ -73,6 +73,7 @@ fn a_word_needs_no_quotes() {
     assert_eq!(flown(&["description=a second try"]).description, "a second try");
     assert_eq!(flown(&["description=Übung"]).description, "Übung");
     for path in [
+        "..",
         "../build",
         "./build",
         "/home/me/build",
