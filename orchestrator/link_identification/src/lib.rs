@@ -5,7 +5,8 @@
 //! which every laboratory has, or taken from the simulated truth.
 //!
 //! A stick that hardly moved tells nothing, which shows in how much of what was measured it explains; below [`EXPLAINS`] a fit
-//! is not to be used. A controller moves the thrust stick against pushes from outside, so that more thrust goes with gusts
+//! is not to be used. Nor does a short log: gusts last for seconds, and an interval rests on how far some stretches of the
+//! flight contradict each other (`fit`). A controller moves the thrust stick against pushes from outside, so that more thrust goes with gusts
 //! downwards and not with acceleration upwards: it is fitted by the thrust that the path asks for (`fit`). A flight up and
 //! down and around both axes is good.
 
@@ -22,9 +23,10 @@ use shared_types::{Topic, service::seconds};
 
 pub use fit::Fit;
 
+use fit::Point;
 use history::{Frame, History};
 use measured::{Asked, Pose, Truth};
-use metrics::{CERTAIN, read};
+use metrics::read;
 use run_log::{LogReadError, LogReader};
 
 /// Share of what was measured that a stick must explain for its fit to be used.
@@ -70,17 +72,19 @@ pub struct Calibration {
     pub stated: [f64; 2],
     /// As fitted; `None` if the stick had too little to say.
     pub fitted: Option<Fit>,
+    /// Time in the air that a fit of the stick needs, s; only if the log has less.
+    pub needed: Option<f64>,
 }
 
 impl Calibration {
-    /// Returns whether the flight shows another calibration than the stated one: by more than chance, and by more than
-    /// [`MATTERS`] of what the stick commands.
+    /// Returns whether the flight shows another calibration than the stated one: by more than chance, which is
+    /// outside of the 99.9 % interval, and by more than [`MATTERS`] of what the stick commands.
     #[must_use]
     pub fn differs(&self) -> bool {
         self.usable().is_some_and(|fit| {
             let [offset, slope] = self.stated;
-            let beyond = |by: f64, error: f64| by.abs() > (CERTAIN * error).max(MATTERS * slope.abs());
-            let [of_offset, of_slope] = fit.errors;
+            let beyond = |by: f64, error: f64| by.abs() > error.max(MATTERS * slope.abs());
+            let [of_offset, of_slope] = fit.certain;
             // A rate of 0 at the middle is no key of a scenario.
             let has_offset = self.stick == STICKS[0];
             beyond(fit.slope - slope, of_slope) || has_offset && beyond(fit.offset - offset, of_offset)
@@ -180,19 +184,26 @@ impl Gatherer {
             FrameSource::Poses => measured::by_poses(&self.poses, &self.asked, self.mass, &history),
             FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
-        let stated = |stick: usize| match stick {
-            0 => [self.link.thrust_offset, self.link.thrust_slope],
-            rate => [0.0, self.link.rate_slope[rate - 1]],
-        };
         Ok(Identification {
             source: self.source,
             mass: (self.source == FrameSource::Poses).then_some(self.mass),
-            sticks: [0, 1, 2, 3].map(|stick| Calibration {
-                stick: STICKS[stick],
-                stated: stated(stick),
-                fitted: Fit::of(&points[stick], measured::DEPENDENT[stick]),
-            }),
+            sticks: [0, 1, 2, 3].map(|stick| self.calibration(stick, &points[stick])),
         })
+    }
+
+    fn calibration(&self, stick: usize, points: &[Point]) -> Calibration {
+        let cluster = measured::DEPENDENT[stick];
+        let fewest = Fit::fewest(cluster);
+        let needed = measured::needed(fewest, measured::spacings(self.source)[stick]);
+        Calibration {
+            stick: STICKS[stick],
+            stated: match stick {
+                0 => [self.link.thrust_offset, self.link.thrust_slope],
+                rate => [0.0, self.link.rate_slope[rate - 1]],
+            },
+            fitted: Fit::of(points, cluster),
+            needed: (points.len() < fewest).then_some(needed),
+        }
     }
 }
 

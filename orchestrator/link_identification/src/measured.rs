@@ -14,6 +14,7 @@ use shared_types::rotation::from_row_major;
 use shared_types::samples::{MocapPose, PathReference, VehicleTruth};
 use shared_types::service::seconds;
 
+use super::FrameSource;
 use super::fit::Point;
 use super::history::History;
 
@@ -32,6 +33,22 @@ const TRUTH_STEP: f64 = 0.01;
 /// Neighbouring points of each stick whose residuals may depend on each other: gusts along the thrust axis last for seconds,
 /// and rates follow their commands at once.
 pub(super) const DEPENDENT: [usize; 4] = [27, 10, 10, 10];
+
+/// Time from the first frame in the air to that of the first point, and what jitters, s.
+const BEFORE: f64 = 1.0;
+
+/// Returns the times from a point of each stick to the next, s.
+pub(super) const fn spacings(source: FrameSource) -> [f64; 4] {
+    match source {
+        FrameSource::Poses => [HALF_WINDOW, TURN, TURN, TURN],
+        FrameSource::Truth => [TRUTH_STEP; 4],
+    }
+}
+
+/// Returns the time in the air that gives so many points, whole s.
+pub(super) fn needed(points: usize, spacing: f64) -> f64 {
+    (points as f64 * spacing + BEFORE).ceil()
+}
 
 /// Points of each stick.
 pub(super) type Points = [Vec<Point>; 4];

@@ -30,9 +30,13 @@ pub const ULTIMATE_WINDOW: f64 = 5.0;
 /// a fifth.
 pub const SETTLED: f64 = 0.02;
 
-/// Half-widths of the 95 % interval of an identified number beyond which it differs from the stated one: a 95 % interval
-/// misses five of a hundred numbers by chance, and advice is to come of none of them. This is 99.9 %.
-pub const CERTAIN: f64 = 1.7;
+/// Confidence of the interval that is stated of an identified number.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// Confidence of the interval outside of which a stated number differs from the identified one: a 95 % interval misses five
+/// of a hundred numbers by chance, and advice is to come of none of them. How many half-widths of the stated interval this is
+/// depends on the degrees of freedom: 1.7 with many, 2.3 with seven, 4 with three.
+pub const CERTAIN: f64 = 0.999;
 
 /// The sample in bytes that a host or a log hands out.
 ///

@@ -46,6 +46,15 @@ pub enum IdentifyError {
         /// Frames of the radio link.
         frames: usize,
     },
+    /// Too little of the flight counts.
+    #[error(
+        "only {counted} s of the flight count, and intervals that hold need twelve: fly for 14 s at least, thirty are good; the \
+         first two do not count, nor do the five around a change of mass"
+    )]
+    TooFewSeconds {
+        /// Seconds with captures, without those that the filter settles in.
+        counted: usize,
+    },
     /// The scenario of the log gives no filter.
     #[error("the scenario of the log gives no filter: {0}")]
     Scenario(scenario::Problem),
@@ -86,7 +95,7 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
         frames: 0,
     })?;
     believed.model.marker_offset = state.nominal.marker_offset_body.into();
-    let (marker_offset, radio_latency) = refine::beside(&stated, refine::refine(recording, &believed)?);
+    let (marker_offset, radio_latency) = refine::beside(&stated, &refine::refine(recording, &believed)?);
     Ok(Identification {
         marker_offset,
         radio_latency,

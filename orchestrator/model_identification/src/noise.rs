@@ -5,9 +5,11 @@
 //! magnitude is no matter of single wrong captures. Attitudes are treated alike, as rotation vectors between captures.
 
 use estimator::kalman::attitude::log;
+use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
+use statistics::student;
 
 use crate::report::Quantity;
 
@@ -17,9 +19,8 @@ const MEDIAN_MAGNITUDE: f64 = 0.674_489_750_196_081_7;
 /// Variance of a third difference of independent variables of variance 1.
 const OF_THIRD_DIFFERENCE: f64 = 20.0;
 
-/// Parts of a flight whose medians are compared, and the half-width of a 95 % interval of their mean in standard errors.
+/// Parts of a flight whose medians are compared.
 const PARTS: usize = 16;
-const OF_MEAN: f64 = 2.13;
 
 /// Share of the deviation that the motion of a vehicle may add or hide: it bends within a capture's spacing.
 const BY_MOTION: f64 = 0.05;
@@ -67,15 +68,27 @@ fn deviation(differences: Vec<f64>) -> Quantity {
         .chunks(sizes.len().div_ceil(PARTS).max(1))
         .map(of_median)
         .collect();
-    let count = parts.len().max(1) as f64;
-    let mean = parts.iter().sum::<f64>() / count;
-    let squares: f64 = parts.iter().map(|part| (part - mean) * (part - mean)).sum();
-    let by_chance = OF_MEAN * (squares / (count * (count - 1.0).max(1.0))).sqrt();
+    let half_width = |confidence: f64| {
+        let by_chance = of_mean(&parts, confidence);
+        (by_chance * by_chance + BY_MOTION * BY_MOTION * found * found).sqrt()
+    };
     Quantity {
         stated: 0.0,
         found,
-        error: (by_chance * by_chance + BY_MOTION * BY_MOTION * found * found).sqrt(),
+        error: half_width(CONFIDENCE),
+        certain: half_width(CERTAIN),
     }
+}
+
+/// Returns the half-width of the interval of the mean of independent values; infinite of a single one.
+fn of_mean(values: &[f64], confidence: f64) -> f64 {
+    if values.len() < 2 {
+        return f64::INFINITY;
+    }
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+    student::two_sided(confidence, values.len() - 1) * (squares / (count * (count - 1.0))).sqrt()
 }
 
 /// Returns the deviation that the median of the magnitudes of third differences tells.

@@ -10,7 +10,9 @@
 use std::ops::Range;
 
 use evaluation::reproduce::parallel;
+use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{SMatrix, SVector};
+use statistics::student;
 
 use crate::IdentifyError;
 use crate::recording::{Believed, Recording, Whitened};
@@ -34,11 +36,18 @@ const WARM_UP_NS: u64 = 2_000_000_000;
 /// Length of a cluster whose innovations may depend on each other, ns.
 const CLUSTER_NS: u64 = 1_000_000_000;
 
+/// Degrees of freedom below which nothing is told. A second has one, and takes it from the parameters and from the masses of
+/// the blocks: twelve seconds have five.
+const FREEDOM: usize = 5;
+
 /// Longest delay, s.
 const LONGEST: f64 = 0.1;
 
 /// The least that the flight's own contradictions do not show, as half-widths, m and s: the drift is chosen from a few.
 const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
+
+/// The same with the confidence of [`CERTAIN`], as the ratio of both half-widths of a normal error.
+const SYSTEMATIC_CERTAIN: f64 = 1.7;
 
 /// Captures over which innovations are correlated.
 const LAGS: usize = 20;
@@ -72,15 +81,23 @@ struct NormalEquations {
     mean_square: f64,
 }
 
-/// Parameters with the half-widths of their intervals, and the masses of the blocks.
+/// Marker offset and delay with the half-widths of their intervals, m and s.
+pub struct Refined {
+    found: [f64; PARAMETERS],
+    errors: [f64; PARAMETERS],
+    certain: [f64; PARAMETERS],
+}
+
+/// Parameters with their standard errors and the degrees of freedom of these, and the masses of the blocks.
 #[derive(Clone)]
 struct Estimate {
     parameters: SVector<f64, PARAMETERS>,
-    errors: SVector<f64, PARAMETERS>,
+    deviations: SVector<f64, PARAMETERS>,
+    freedom: usize,
     blocks: Vec<Block>,
 }
 
-/// Returns marker offset and delay, from beliefs that are near them. Errors are half-widths of 95 % intervals.
+/// Returns marker offset and delay, from beliefs that are near them.
 ///
 /// The noise of the body rates and the drift of the disturbance are those with which the innovations are whitest. A filter that
 /// expects more of them than there is takes measuring noise for pushes. The controller acts on that noise, so that commands
@@ -88,10 +105,7 @@ struct Estimate {
 ///
 /// # Errors
 /// [`IdentifyError`] if the scenario gives no filter, or too few captures count.
-pub fn refine(
-    recording: &Recording,
-    believed: &Believed,
-) -> Result<([f64; PARAMETERS], [f64; PARAMETERS]), IdentifyError> {
+pub fn refine(recording: &Recording, believed: &Believed) -> Result<Refined, IdentifyError> {
     let mut believed = believed.clone();
     let stated = believed.kalman.clone();
     let mut estimate = Estimate::at(recording, &believed);
@@ -125,7 +139,11 @@ pub fn refine(
     let mut estimate = tried[chosen].clone();
     estimate.descend(recording, &believed)?;
     let beside = &tried[chosen.saturating_sub(1)..tried.len().min(chosen + 2)];
-    Ok((estimate.parameters.into(), estimate.half_widths(beside)))
+    Ok(Refined {
+        found: estimate.parameters.into(),
+        errors: estimate.half_widths(beside, CONFIDENCE, 1.0),
+        certain: estimate.half_widths(beside, CERTAIN, SYSTEMATIC_CERTAIN),
+    })
 }
 
 impl Estimate {
@@ -136,7 +154,8 @@ impl Estimate {
         let [x, y, z] = believed.model.marker_offset;
         Self {
             parameters: SVector::from([x, y, z, believed.model.radio_latency]),
-            errors: SVector::zeros(),
+            deviations: SVector::zeros(),
+            freedom: FREEDOM,
             blocks: begins
                 .map(|from_ns| Block {
                     from_ns,
@@ -149,12 +168,15 @@ impl Estimate {
 
     /// Returns the half-widths of the intervals: what the flight's own contradictions show, and beside that what they do not,
     /// which is at least half the range of the estimates with the neighbouring drifts.
-    fn half_widths(&self, beside: &[Self]) -> [f64; PARAMETERS] {
+    /// `wider` is the ratio of the half-width of what is systematic to the one of 95 %.
+    fn half_widths(&self, beside: &[Self], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
+        let quantile = student::two_sided(confidence, self.freedom);
         std::array::from_fn(|index| {
             let values = || beside.iter().map(|estimate| estimate.parameters[index]);
             let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
-            let systematic = SYSTEMATIC[index].max(0.5 * range);
-            (self.errors[index] * self.errors[index] + systematic * systematic).sqrt()
+            let systematic = wider * SYSTEMATIC[index].max(0.5 * range);
+            let by_chance = quantile * self.deviations[index];
+            (by_chance * by_chance + systematic * systematic).sqrt()
         })
     }
 
@@ -176,19 +198,14 @@ impl Estimate {
             used().map(|equations| equations.information).sum();
         let gradients = || used().flat_map(|equations| &equations.gradients);
         let clusters = gradients().count();
-        let Some(inverse) = information.try_inverse().filter(|_| clusters > 2 * ALL) else {
-            return Err(IdentifyError::TooShort {
-                captures: recording.captures(),
-                frames: recording.frames(),
-            });
+        self.freedom = clusters.saturating_sub(PARAMETERS + used().count());
+        let Some(inverse) = information.try_inverse().filter(|_| self.freedom >= FREEDOM) else {
+            return Err(IdentifyError::TooFewSeconds { counted: clusters });
         };
         let change = -(inverse * gradients().sum::<SVector<f64, PARAMETERS>>());
         let spread: SMatrix<f64, PARAMETERS, PARAMETERS> = gradients().map(|one| one * one.transpose()).sum();
-        let freedom = (clusters - ALL) as f64;
-        let covariance = inverse * spread * inverse * (clusters as f64 / freedom);
-        self.errors = covariance
-            .diagonal()
-            .map(|variance| two_sided(freedom) * variance.max(0.0).sqrt());
+        let covariance = inverse * spread * inverse * (clusters as f64 / self.freedom as f64);
+        self.deviations = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
         self.parameters += change;
         self.parameters[3] = self.parameters[3].clamp(0.0, LONGEST);
         for (block, equations) in self.blocks.iter_mut().zip(&equations) {
@@ -242,14 +259,6 @@ impl Correlation {
             by_chance: (LAGS as f64 / f64::from(count.max(1))).sqrt(),
         }
     }
-}
-
-/// Returns the half-width of a 95 % interval in standard errors, by the expansion of Student's distribution in the degrees of
-/// freedom.
-fn two_sided(freedom: f64) -> f64 {
-    let z: f64 = 1.959_963_984_540_054;
-    let (z3, z5) = (z * z * z, z * z * z * z * z);
-    z + (z3 + z) / (4.0 * freedom) + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * freedom * freedom)
 }
 
 fn usable(equations: &[NormalEquations]) -> Vec<bool> {
@@ -361,14 +370,12 @@ impl NormalEquations {
 
 /// Returns the offset and the delay beside what is stated.
 #[must_use]
-pub fn beside(
-    stated: &Believed,
-    (found, errors): ([f64; PARAMETERS], [f64; PARAMETERS]),
-) -> ([Quantity; 3], Quantity) {
+pub fn beside(stated: &Believed, refined: &Refined) -> ([Quantity; 3], Quantity) {
     let quantity = |index: usize, stated: f64| Quantity {
         stated,
-        found: found[index],
-        error: errors[index],
+        found: refined.found[index],
+        error: refined.errors[index],
+        certain: refined.certain[index],
     };
     let offset = [0, 1, 2].map(|axis| quantity(axis, stated.model.marker_offset[axis]));
     (offset, quantity(3, stated.model.radio_latency))

@@ -3,7 +3,6 @@
 use std::fmt;
 
 use comfy_table::{Table, presets};
-use metrics::CERTAIN;
 use serde::Serialize;
 
 /// Deviation of the marker offset with which it is identified, m: markers are glued within three of it.
@@ -22,8 +21,10 @@ pub struct Quantity {
     pub stated: f64,
     /// As the flight shows it.
     pub found: f64,
-    /// Half-width of its 95 % interval.
+    /// Half-width of its 95 % interval; infinite if the flight does not show it.
     pub error: f64,
+    /// Half-width of its 99.9 % interval.
+    pub certain: f64,
 }
 
 /// The result of an identification.
@@ -50,9 +51,9 @@ enum Verdict {
 impl Quantity {
     /// Returns the judgement of a number that matters if it is wrong by more than `matters`.
     fn verdict(&self, matters: f64, unknown: f64) -> Verdict {
-        if self.error > unknown {
+        if self.error > unknown || !self.error.is_finite() {
             Verdict::Unknown
-        } else if (self.found - self.stated).abs() > matters.max(CERTAIN * self.error) {
+        } else if (self.found - self.stated).abs() > matters.max(self.certain) {
             Verdict::Differs
         } else {
             Verdict::AsStated
@@ -139,7 +140,9 @@ impl fmt::Display for Identification {
         table.set_header(["key", "stated", "found", "95 % interval", "unit", ""]);
         let lines = self.lines();
         for (key, quantity, unit, size, verdict) in &lines {
-            let Quantity { stated, found, error } = quantity;
+            let Quantity {
+                stated, found, error, ..
+            } = quantity;
             let [low, high] = [found - error, found + error].map(|value| format!("{:.2}", value / size));
             let [stated, found] = [stated, found].map(|value| format!("{:.2}", value / size));
             let verdict = match verdict {

@@ -197,7 +197,12 @@ fn table(found: &Identification) -> String {
     for calibration in &found.sticks {
         let pair = |[offset, slope]: [f64; 2]| format!("{offset:.4} + {slope:.4} s");
         let fitted = calibration.fitted.map_or_else(
-            || vec!["too little moved".to_owned()],
+            || {
+                vec![calibration.needed.map_or_else(
+                    || "too little moved".to_owned(),
+                    |needed| format!("too short, needs {needed:.0} s"),
+                )]
+            },
             |fit| {
                 vec![
                     pair([fit.offset, fit.slope]),
@@ -245,18 +250,38 @@ fn snippet(found: &Identification) -> String {
     } else {
         text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
     }
-    let unsure = found.sticks.iter().filter(|stick| stick.usable().is_none());
-    let unsure: Vec<_> = unsure.map(|stick| stick.stick).collect();
-    if !unsure.is_empty() {
-        let _ = write!(
-            text,
-            "\nAs stated, because the stick explains less than {:.0} % of what was measured: {}. Fly a path that moves it, up and \
-             down or around.\n",
-            100.0 * EXPLAINS,
-            unsure.join(", ")
-        );
+    text + &too_short(found) + &unmoved(found)
+}
+
+/// Which sticks need a longer flight, if there are any.
+fn too_short(found: &Identification) -> String {
+    let of_stick = |stick: &Calibration| Some(format!("{} needs {:.0} s", stick.stick, stick.needed?));
+    let short: Vec<_> = found.sticks.iter().filter_map(of_stick).collect();
+    if short.is_empty() {
+        return String::new();
     }
-    text
+    format!(
+        "\nAs stated, because the flight is too short for intervals that hold: {}.\n",
+        short.join(", ")
+    )
+}
+
+/// Which sticks moved too little, if there are any.
+fn unmoved(found: &Identification) -> String {
+    let unmoved = found
+        .sticks
+        .iter()
+        .filter(|stick| stick.needed.is_none() && stick.usable().is_none());
+    let unmoved: Vec<_> = unmoved.map(|stick| stick.stick).collect();
+    if unmoved.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nAs stated, because the stick explains less than {:.0} % of what was measured: {}. Fly a path that moves it, up and \
+         down or around.\n",
+        100.0 * EXPLAINS,
+        unmoved.join(", ")
+    )
 }
 
 #[cfg(test)]

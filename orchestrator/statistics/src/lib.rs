@@ -4,6 +4,7 @@
 //! * [`distribution`]: the value of a parameter at a coordinate of such a point;
 //! * [`interval`]: what a number of successes says of the success rate, and the number of flights that a claim needs;
 //! * [`quantile`]: quantiles of sorted values;
+//! * [`student`]: the half-width of an interval whose standard error was estimated;
 //! * [`paired`]: two laws compared over the same samples;
 //! * [`dkw`]: the band around an empirical distribution.
 //!
@@ -19,6 +20,7 @@ mod normal;
 pub mod paired;
 pub mod quantile;
 mod random;
+pub mod student;
 
 /// Panics unless a confidence can be reached and says something: 0 < confidence < 1.
 fn assert_confidence(confidence: f64) {
