@@ -16,7 +16,7 @@ mod measured;
 
 use std::path::Path;
 
-use scenario::{Model, RcLink, Scenario};
+use scenario::{Model, RcLink, Recorded, Scenario};
 use serde::Serialize;
 use shared_types::samples::{MocapPose, PathReference, RcFrame, VehicleTruth};
 use shared_types::{Topic, service::seconds};
@@ -47,9 +47,16 @@ pub enum IdentifyError {
     /// The link had no channels.
     #[error("the flight had no radio link with channels; add `[rc_output]` to its scenario")]
     NoLink,
-    /// Nothing says what thrust and rates were.
-    #[error("the log has nothing of `{0}` to measure by; fit from `{1}` instead")]
-    NothingMeasured(&'static str, &'static str),
+    /// The log has nothing of a topic that the fit needs.
+    #[error("the log has nothing of `{topic}`{}: {remedy}", if *is_left_out { ", which `record.leave_out` of its scenario left out" } else { "" })]
+    Missing {
+        /// The topic.
+        topic: Topic,
+        /// Whether the scenario has left it out of the log.
+        is_left_out: bool,
+        /// What to do instead.
+        remedy: &'static str,
+    },
 }
 
 /// The measure of thrust and rates.
@@ -116,6 +123,7 @@ pub struct Gatherer {
     model: Model,
     mass: f64,
     source: FrameSource,
+    recorded: [Recorded; Topic::ALL.len()],
     frames: Vec<Frame>,
     poses: Vec<Pose>,
     truths: Vec<Truth>,
@@ -133,6 +141,7 @@ impl Gatherer {
             model: scenario.model.clone().unwrap_or_default(),
             mass: mass.unwrap_or(scenario.vehicle.mass),
             source,
+            recorded: Recorded::of_topics(scenario),
             frames: Vec::new(),
             poses: Vec::new(),
             truths: Vec::new(),
@@ -165,8 +174,9 @@ impl Gatherer {
     /// Fits all sticks.
     ///
     /// # Errors
-    /// [`IdentifyError::NothingMeasured`].
+    /// [`IdentifyError::Missing`].
     pub fn finish(self) -> Result<Identification, IdentifyError> {
+        self.check_topics()?;
         let lags = [
             self.model.thrust_lag,
             self.model.rate_lag,
@@ -175,12 +185,6 @@ impl Gatherer {
         ];
         let history = History::new(&self.frames, lags);
         let points = match self.source {
-            FrameSource::Poses if self.poses.is_empty() => {
-                return Err(IdentifyError::NothingMeasured("mocap/pose", "truth"));
-            }
-            FrameSource::Truth if self.truths.is_empty() => {
-                return Err(IdentifyError::NothingMeasured("vehicle/truth", "poses"));
-            }
             FrameSource::Poses => measured::by_poses(&self.poses, &self.asked, self.mass, &history),
             FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
@@ -188,6 +192,33 @@ impl Gatherer {
             source: self.source,
             mass: (self.source == FrameSource::Poses).then_some(self.mass),
             sticks: [0, 1, 2, 3].map(|stick| self.calibration(stick, &points[stick])),
+        })
+    }
+
+    /// Refuses a log without a topic that the fit needs.
+    fn check_topics(&self) -> Result<(), IdentifyError> {
+        let by_truth = "record it, or fit with `--from truth`";
+        let needed: &[(Topic, bool, &'static str)] = match self.source {
+            FrameSource::Poses => &[
+                (Topic::MocapPose, self.poses.is_empty(), by_truth),
+                (Topic::PathReference, self.asked.is_empty(), by_truth),
+            ],
+            FrameSource::Truth => &[(
+                Topic::VehicleTruth,
+                self.truths.is_empty(),
+                "fit with `--from poses`",
+            )],
+        };
+        let frames = (Topic::RcFrame, self.frames.is_empty(), "record it");
+        let mut all = needed.iter().copied().chain([frames]);
+        let missing = all.find(|&(_, is_missing, _)| is_missing);
+        missing.map_or(Ok(()), |(topic, _, remedy)| {
+            let place = Topic::ALL.iter().position(|&other| other == topic);
+            Err(IdentifyError::Missing {
+                topic,
+                is_left_out: place.is_some_and(|place| self.recorded[place] == Recorded::Nothing),
+                remedy,
+            })
         })
     }
 

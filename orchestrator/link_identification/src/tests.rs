@@ -117,8 +117,50 @@ fn a_flight_without_channels_and_one_without_poses_are_refused() {
         .finish();
     assert!(matches!(
         empty,
-        Err(IdentifyError::NothingMeasured("mocap/pose", _))
+        Err(IdentifyError::Missing {
+            topic: Topic::MocapPose,
+            is_left_out: false,
+            ..
+        })
     ));
+}
+
+#[test]
+fn a_log_without_a_topic_that_is_needed_names_it_and_the_setting_that_left_it_out() {
+    for (topic, source) in [
+        (Topic::PathReference, FrameSource::Poses),
+        (Topic::MocapPose, FrameSource::Poses),
+        (Topic::RcFrame, FrameSource::Poses),
+        (Topic::RcFrame, FrameSource::Truth),
+        (Topic::VehicleTruth, FrameSource::Truth),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/fig3_6.toml");
+        let left_out = format!("record.leave_out=[\"{topic}\"]");
+        let sets = ["duration=1.0", UNCHANGED, &left_out].map(ToOwned::to_owned);
+        let scenario = scenario_file::load(&path, &sets, None).unwrap();
+        let mut log = Log(topic, Gatherer::new(&scenario, source, None).unwrap());
+        let services = registry::build_all(&scenario).unwrap();
+        InProcess::new(scenario.schedule().unwrap(), services)
+            .fly(&mut log)
+            .unwrap();
+        let told = log.1.finish().unwrap_err().to_string();
+        let is_told = |word: &str| told.contains(&format!("`{word}`"));
+        assert!(is_told(topic.name()) && is_told("record.leave_out"), "{told}");
+    }
+}
+
+/// A log of everything but a topic.
+struct Log(Topic, Gatherer);
+
+impl TickSink for Log {
+    type Error = Infallible;
+
+    fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Infallible> {
+        if topic != self.0 {
+            self.1.observe(topic, bytes);
+        }
+        Ok(())
+    }
 }
 
 /// Number of flights of each of the two studies: a few, or as many as the environment says.
