@@ -6,7 +6,7 @@ use clap::Args;
 use command_line::failure::Failure;
 
 use crate::FIRST_SEED;
-use crate::conditions::{CONDITIONS, Condition};
+use crate::conditions::{CONDITIONS, ConditionKind, MARGINS, Quantity};
 use crate::laws::ControlLaw;
 
 /// Arguments of `gerono grid`.
@@ -30,8 +30,8 @@ pub struct Grid {
     #[arg(long)]
     pub along_bandwidth: bool,
     /// Condition to fly [default: all].
-    #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<Condition>)]
-    pub conditions: Vec<Condition>,
+    #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<ConditionKind>)]
+    pub conditions: Vec<ConditionKind>,
     /// Leave the search for the margins out.
     #[arg(long)]
     pub no_margins: bool,
@@ -77,11 +77,22 @@ impl Grid {
         Ok(self.laws.clone())
     }
 
+    /// Returns the quantities whose margins are searched: along the bandwidth the first, the delay, of which the front is.
+    #[must_use]
+    pub fn quantities(&self) -> &'static [Quantity] {
+        match (self.no_margins, self.along_bandwidth) {
+            (true, _) => &[],
+            (false, true) => &MARGINS[..1],
+            (false, false) => &MARGINS,
+        }
+    }
+
     /// Returns the conditions, in the order of the table and each once.
     #[must_use]
-    pub fn conditions(&self) -> Vec<Condition> {
-        let is_asked_for =
-            |condition: &Condition| self.conditions.is_empty() || self.conditions.contains(condition);
+    pub fn conditions(&self) -> Vec<ConditionKind> {
+        let is_asked_for = |condition: &ConditionKind| {
+            self.conditions.is_empty() || self.conditions.iter().any(|asked| asked.name == condition.name)
+        };
         CONDITIONS.into_iter().filter(is_asked_for).collect()
     }
 }

@@ -18,6 +18,7 @@ use crate::laws::ControlLaw;
 #[derive(Clone, Debug)]
 pub struct Base {
     path: Option<PathBuf>,
+    stated: Box<Scenario>,
 }
 
 /// Length of a flight of the scenario that is flown unless another is named, s: its steady state is of the last 20 s, from
@@ -30,10 +31,16 @@ impl Base {
     /// # Errors
     /// [`Failure`] if it cannot be flown.
     pub fn load(path: Option<&Path>) -> Result<Self, Failure> {
-        let base = Self {
+        Ok(Self {
             path: path.map(Path::to_owned),
-        };
-        base.scenario(&[], 1).map(|_| base)
+            stated: Box::new(scenario(path, &[], 1)?),
+        })
+    }
+
+    /// Returns the scenario as it stands.
+    #[must_use]
+    pub fn stated(&self) -> &Scenario {
+        &self.stated
     }
 
     /// Returns the name of the scenario.
@@ -50,18 +57,20 @@ impl Base {
     /// # Errors
     /// [`Failure`] if a setting does not fit.
     pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
-        let scenario = match &self.path {
-            Some(path) => scenario_file::load(path, settings, Some(seed)),
-            None => {
-                let settings: Vec<_> = [DURATION.to_owned()]
-                    .into_iter()
-                    .chain(settings.iter().cloned())
-                    .collect();
-                ScenarioSource::FIG3_6.load(&settings, seed)
-            }
-        };
-        scenario.map_err(Failure::from)
+        scenario(self.path.as_deref(), settings, seed)
     }
+}
+
+fn scenario(path: Option<&Path>, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
+    let scenario = match path {
+        Some(path) => scenario_file::load(path, settings, Some(seed)),
+        None => {
+            let duration = std::iter::once(DURATION.to_owned());
+            let settings: Vec<_> = duration.chain(settings.iter().cloned()).collect();
+            ScenarioSource::FIG3_6.load(&settings, seed)
+        }
+    };
+    scenario.map_err(Failure::from)
 }
 
 /// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.
@@ -77,8 +86,7 @@ pub fn jobs(
     let mut jobs = Vec::new();
     for law in laws {
         for condition in conditions {
-            let of_condition = condition.settings.iter().map(|&setting| setting.to_owned());
-            let settings: Vec<_> = of_condition.chain(law.settings.iter().cloned()).collect();
+            let settings = [condition.settings.as_slice(), law.settings.as_slice()].concat();
             for &seed in seeds {
                 jobs.push(base.scenario(&settings, seed)?);
             }
@@ -209,21 +217,22 @@ mod tests {
     fn every_law_flies_in_every_condition_and_a_lost_flight_is_a_result() {
         let base = Base::load(None).unwrap();
         let laws = ControlLaw::all();
-        let jobs = jobs(&base, &laws, &CONDITIONS, &[1]).unwrap();
+        let conditions = CONDITIONS.map(|condition| condition.of(base.stated()).unwrap());
+        let jobs = jobs(&base, &laws, &conditions, &[1]).unwrap();
         assert_eq!(jobs.len(), laws.len() * CONDITIONS.len());
         let lost = ControlLaw {
             name: "lost".to_owned(),
             settings: vec![r#"schedule.latency."rc/frame -> plant"=0.2"#.to_owned()],
         };
-        let calm = CONDITIONS[0];
-        let jobs = super::jobs(&base, std::slice::from_ref(&lost), &[calm], &[1]).unwrap();
-        let cells = fly(&jobs, &[lost], &[calm], &Interrupt::never(), || ()).unwrap();
+        let calm = &conditions[..1];
+        let jobs = super::jobs(&base, std::slice::from_ref(&lost), calm, &[1]).unwrap();
+        let cells = fly(&jobs, &[lost], calm, &Interrupt::never(), || ()).unwrap();
         let [cell] = &cells[..] else { panic!("{cells:?}") };
         assert_eq!((cell.rms, cell.lost.len()), (None, 1));
 
         let missing: ControlLaw = "mine:plugins.controller=nothere.so".parse().unwrap();
-        let jobs = super::jobs(&base, std::slice::from_ref(&missing), &[calm], &[1]).unwrap();
-        let refused = fly(&jobs, &[missing], &[calm], &Interrupt::never(), || ()).unwrap_err();
+        let jobs = super::jobs(&base, std::slice::from_ref(&missing), calm, &[1]).unwrap();
+        let refused = fly(&jobs, &[missing], calm, &Interrupt::never(), || ()).unwrap_err();
         assert!(
             format!("{:?}", refused.report).contains("nothere.so"),
             "{refused:?}"

@@ -219,9 +219,14 @@ mod tests {
 
     #[test]
     fn no_law_undoes_a_condition_or_a_margin() {
-        let of_margins = MARGINS.iter().flat_map(|quantity| (quantity.settings)(1.0));
-        let of_conditions = CONDITIONS.iter().flat_map(|condition| condition.settings);
-        for setting in of_conditions.map(|&setting| setting.to_owned()).chain(of_margins) {
+        let base = Base::load(None).unwrap();
+        let of_margins = MARGINS
+            .iter()
+            .flat_map(|quantity| quantity.settings(base.stated(), 1.0).unwrap());
+        let of_conditions = CONDITIONS
+            .iter()
+            .flat_map(|condition| condition.of(base.stated()).unwrap().settings);
+        for setting in of_conditions.chain(of_margins) {
             // The margin "start, limited error" limits the error of a law that states no limit of its own.
             let is_limit = setting == "controller.baseline.error_limit=0.4";
             let law = format!("a:{setting}").parse::<ControlLaw>();

@@ -41,8 +41,17 @@ pub const FIRST_SEED: u64 = 201;
 /// [`Failure`] if nothing can be flown or written.
 pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let mut laws = arguments.laws()?;
-    let conditions = arguments.conditions();
     let base = Base::load(arguments.scenario.as_deref())?;
+    let of_base = arguments
+        .conditions()
+        .into_iter()
+        .map(|condition| condition.of(base.stated()));
+    let conditions = of_base.collect::<Result<Vec<_>, _>>()?;
+    let quantities = arguments.quantities();
+    // A margin that the scenario does not have is refused before anything is flown.
+    for quantity in quantities {
+        quantity.settings(base.stated(), 0.0)?;
+    }
     if arguments.along_bandwidth {
         let along: Result<Vec<_>, _> = laws.iter().map(|law| law.along_bandwidth(&base)).collect();
         laws = along?.concat();
@@ -55,21 +64,9 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let cells = flights::fly(&jobs, &laws, &conditions, &interrupt, || bar.inc(1));
     bar.finish_and_clear();
     let cells = cells.inspect_err(|_| folder.remove_if_empty())?;
-    let margins = if arguments.no_margins {
-        Vec::new()
-    } else {
-        // The front is of the first, the delay.
-        let count = if arguments.along_bandwidth {
-            1
-        } else {
-            conditions::MARGINS.len()
-        };
-        let quantities = &conditions::MARGINS[..count];
-        let bar = progress::flights(laws.len() * count);
-        let margins = margins::search(&base, &laws, quantities, &seeds, &interrupt, || bar.inc(1))?;
-        bar.finish_and_clear();
-        margins
-    };
+    let bar = progress::flights(laws.len() * quantities.len());
+    let margins = margins::search(&base, &laws, quantities, &seeds, &interrupt, || bar.inc(1))?;
+    bar.finish_and_clear();
     if let Some(signal) = interrupt.signal() {
         folder.remove_if_empty();
         return Ok(Exit::Signal(signal));

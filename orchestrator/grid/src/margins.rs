@@ -75,7 +75,7 @@ fn margin(
     let value = |step: u32| f64::from(step) * quantity.step;
     let fails = |step: u32| {
         let mut settings = vec![DURATION.to_owned()];
-        settings.extend((quantity.settings)(value(step)));
+        settings.extend(quantity.settings(base.stated(), value(step))?);
         settings.extend(law.settings.iter().cloned());
         first_failure(base, &settings, seeds, interrupt)
     };
@@ -170,7 +170,8 @@ mod tests {
         let base = Base::load(None).unwrap();
         for quantity in crate::conditions::MARGINS {
             for step in [0, 1, quantity.steps] {
-                let settings = (quantity.settings)(f64::from(step) * quantity.step);
+                let value = f64::from(step) * quantity.step;
+                let settings = quantity.settings(base.stated(), value).unwrap();
                 base.scenario(&settings, 1).unwrap();
             }
         }
