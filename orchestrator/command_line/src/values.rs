@@ -28,6 +28,20 @@ impl ValueError {
     }
 }
 
+/// Checks a name that stands in tables and makes names of files.
+///
+/// # Errors
+/// [`ValueError::Unfit`].
+pub fn plain_name(name: &str) -> Result<(), ValueError> {
+    let is_plain = |letter: char| letter.is_alphanumeric() || " ,.+-_()=".contains(letter);
+    if name.is_empty() || name.starts_with(['.', ' ']) || !name.chars().all(is_plain) {
+        return Err(ValueError::unfit(format!(
+            "its name {name:?} cannot be that of a file and stand in a table: use letters, digits and blanks"
+        )));
+    }
+    Ok(())
+}
+
 /// Parses numbers within limits.
 pub fn between(
     least: f64,

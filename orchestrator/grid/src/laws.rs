@@ -1,7 +1,7 @@
 //! The control laws of a grid: settings of a scenario, by name.
 
 use command_line::failure::Failure;
-use command_line::values::ValueError;
+use command_line::values::{ValueError, plain_name};
 use scenario::{Key, LawKind};
 use scenario_file::key_of_setting;
 use serde::Serialize;
@@ -82,20 +82,42 @@ impl ControlLaw {
     }
 }
 
-/// Parts of a scenario that a law does not choose: what conditions and margins change is among them.
-const SHARED: [&[&str]; 6] = [
-    &["seed"],
-    &["duration"],
-    &["vehicle"],
-    &["cameras"],
-    &["path"],
-    &["schedule", "latency"],
+/// Why a law does not choose how its flights are measured, or what it flies.
+const MEASURE: &str = "it decides how flights are measured, which is the same for all laws of a grid";
+const EXPERIMENT: &str = "it is the same for all laws of a grid";
+
+/// Parts of a scenario that a law does not choose, with the reason: what conditions and margins change is among them.
+const SHARED: [(&[&str], &str); 17] = [
+    (&["judge"], MEASURE),
+    (&["flight"], MEASURE),
+    (&["record"], MEASURE),
+    (&["duration"], MEASURE),
+    (&["schedule", "tick"], MEASURE),
+    (&["seed"], EXPERIMENT),
+    (&["vehicle"], EXPERIMENT),
+    (&["cameras"], EXPERIMENT),
+    (&["motion_capture"], EXPERIMENT),
+    (&["path"], EXPERIMENT),
+    (&["plugins", "plant"], EXPERIMENT),
+    (&["plugins", "path_generator"], EXPERIMENT),
+    (&["fault"], EXPERIMENT),
+    (&["operator"], EXPERIMENT),
+    (&["schedule", "latency"], EXPERIMENT),
+    (&["schedule", "period", "mocap/pose"], EXPERIMENT),
+    (&["schedule", "phase", "mocap/pose"], EXPERIMENT),
 ];
 
-/// Returns whether a key is the same for all laws of a grid.
-fn is_shared(key: &Key) -> bool {
-    let is_of = |part: &&[&str]| part.iter().zip(key.segments()).all(|(one, other)| one == other);
-    SHARED.iter().any(is_of)
+/// Returns why a key is no part of a law, if it is none.
+fn refusal(key: &Key) -> Option<String> {
+    let is_of = |part: &[&str]| part.iter().zip(key.segments()).all(|(one, other)| one == other);
+    let (part, reason) = SHARED.iter().find(|(part, _)| is_of(part))?;
+    let shared: Key = part.iter().copied().collect();
+    let what = if part.len() > key.segments().len() {
+        format!("`{key}` has `{shared}`, which is")
+    } else {
+        format!("`{key}` is")
+    };
+    Some(format!("{what} no part of a law: {reason}"))
 }
 
 /// Factors on the bandwidth of a law's position loop: the front of a law is measured along them.
@@ -153,40 +175,64 @@ impl std::str::FromStr for ControlLaw {
 
     /// Reads the name of a law, or `NAME:KEY=VALUE;KEY=VALUE…` for one of the user's own.
     fn from_str(text: &str) -> Result<Self, ValueError> {
-        if let Some((name, settings)) = text.split_once(':') {
-            let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
-            let mut keys: Vec<Key> = settings
-                .iter()
-                .filter_map(|setting| key_of_setting(setting))
-                .collect();
-            if let Some(key) = keys.iter().find(|key| is_shared(key)) {
-                return Err(ValueError::unfit(format!(
-                    "`{key}` is no part of a law: it is the same for all laws of a grid"
-                )));
-            }
-            keys.sort_unstable();
-            if let Some(twice) = keys.windows(2).find(|pair| pair[0] == pair[1]) {
-                return Err(ValueError::unfit(format!("`{}` is stated twice", twice[0])));
-            }
-            return Ok(Self {
-                name: name.to_owned(),
-                settings,
-            });
-        }
-        let mut all = Self::all();
-        match all.iter().position(|law| law.name == text) {
-            Some(index) => Ok(all.swap_remove(index)),
-            None => Err(ValueError::Unknown {
-                what: "law",
-                there_is: format!(
-                    "there is {}, and NAME:KEY=VALUE for one of your own",
-                    all.iter()
-                        .map(|law| law.name.as_str())
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
+        match text.split_once(':') {
+            Some((name, settings)) => Self::own(name, settings),
+            None => Self::of_gerono(text).ok_or_else(|| {
+                let names = LAWS.map(|(name, _)| name).join(", ");
+                ValueError::Unknown {
+                    what: "law",
+                    there_is: format!("there is {names}, and NAME:KEY=VALUE for one of your own"),
+                }
             }),
         }
+    }
+}
+
+impl ControlLaw {
+    fn of_gerono(name: &str) -> Option<Self> {
+        Self::all().into_iter().find(|law| law.name == name)
+    }
+
+    /// Reads a law of the user's own.
+    fn own(name: &str, settings: &str) -> Result<Self, ValueError> {
+        plain_name(name)?;
+        let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
+        let keys: Vec<Key> = settings
+            .iter()
+            .filter_map(|setting| key_of_setting(setting))
+            .collect();
+        if let Some(refusal) = keys.iter().find_map(refusal) {
+            return Err(ValueError::unfit(refusal));
+        }
+        if let Some((_, twice)) = (1..).zip(&keys).find(|(next, key)| keys[*next..].contains(key)) {
+            return Err(ValueError::unfit(format!("`{twice}` is stated twice")));
+        }
+        let law = Self {
+            name: name.to_owned(),
+            settings,
+        };
+        match Self::of_gerono(name) {
+            Some(of_gerono) => Err(ValueError::unfit(law.under_another_name(&of_gerono))),
+            None => Ok(law),
+        }
+    }
+
+    /// Refuses a law with the name of one of Gerono's, of which it would have nothing else.
+    fn under_another_name(&self, of_gerono: &Self) -> String {
+        let name = &self.name;
+        let own: Vec<_> = self
+            .settings
+            .iter()
+            .map(|setting| key_of_setting(setting))
+            .collect();
+        let is_kept = |setting: &&String| !own.contains(&key_of_setting(setting));
+        let kept = of_gerono.settings.iter().filter(is_kept);
+        let settings: Vec<_> = kept.chain(&self.settings).map(String::as_str).collect();
+        format!(
+            "`{name}` is a law of Gerono, and these settings alone would not be it: give yours another name and all its \
+             settings, such as '{name}-own:{}'",
+            settings.join(";")
+        )
     }
 }
 
@@ -211,9 +257,49 @@ mod tests {
             "a:vehicle.mass=0.17",
             "a:schedule.latency.\"rc/frame -> plant\"=0.004",
             "a:schedule.latency={}",
+            "a:schedule.period={}",
+            "a:plugins={plant=\"x.so\"}",
+            "a:plugins.path_generator=x.so",
             "a:controller.k1=4.0;controller.k1=4.5",
+            ":controller.k1=4.0",
+            "a|b:controller.k1=4.0",
+            "a`b:controller.k1=4.0",
+            "a\nb:controller.k1=4.0",
+            "a×2:controller.k1=4.0",
         ] {
             assert!(wrong.parse::<ControlLaw>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_law_does_not_choose_how_it_is_measured() {
+        for key in [
+            "judge.distance_max=50.0",
+            "judge={steady_after=19.0}",
+            "flight={}",
+            "record={}",
+            "schedule.tick=0.0005",
+        ] {
+            let refused = format!("a:{key}").parse::<ControlLaw>().unwrap_err().to_string();
+            assert!(refused.contains("how flights are measured"), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_law_with_the_name_of_one_of_geronos_is_refused_with_what_would_fly() {
+        for (text, fix) in [
+            (
+                "indi:controller.baseline.position_gain=64.0",
+                "indi-own:controller.law=indi;controller.baseline.position_gain=64.0",
+            ),
+            (
+                "composite-40:controller.prediction_gain=0.5",
+                "composite-40-own:controller.lambda_disturbance=[40.0, 40.0, 40.0];controller.prediction_gain=0.5",
+            ),
+        ] {
+            let refused = text.parse::<ControlLaw>().unwrap_err().to_string();
+            assert!(refused.ends_with(&format!("'{fix}'")), "{refused}");
+            assert!(fix.parse::<ControlLaw>().is_ok());
         }
     }
 

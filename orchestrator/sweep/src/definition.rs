@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use command_line::failure::Failure;
+use command_line::values::plain_name;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use statistics::distribution::Distribution;
@@ -102,13 +103,7 @@ impl Entry {
 
     /// Checks its name, which stands in tables and makes names of files.
     fn check(&self, others: &[Self]) -> Result<(), String> {
-        let is_plain = |letter: char| letter.is_alphanumeric() || " ,.+-_()=".contains(letter);
-        if self.name.starts_with(['.', ' ']) || !self.name.chars().all(is_plain) {
-            return Err(format!(
-                "its name {:?} cannot be that of a file and stand in a table: use letters, digits and blanks",
-                self.name
-            ));
-        }
+        plain_name(&self.name).map_err(|error| error.to_string())?;
         match others.iter().find(|other| other.file_name() == self.file_name()) {
             None => Ok(()),
             Some(other) => Err(format!("it and `{}` would have files of one name", other.name)),
