@@ -54,10 +54,21 @@ impl Grid {
         gerono grid --along-bandwidth --law indi --law composite-40 --condition calm,gusts\n  \
         gerono grid --law indi --law 'soft:controller.k1=2.0;controller.k2=2.0' --no-margins";
 
-    /// Returns the number of seeds.
-    #[must_use]
-    pub fn seeds(&self) -> usize {
-        self.seeds.map_or(if self.quick { 3 } else { 20 }, usize::from)
+    /// Returns the seeds.
+    ///
+    /// # Errors
+    /// [`Failure`] if there are not so many from the first on.
+    pub fn seeds(&self) -> Result<Vec<u64>, Failure> {
+        let count = self.seeds.unwrap_or(if self.quick { 3 } else { 20 });
+        let after = self.first_seed.checked_add(u64::from(count));
+        let after = after.ok_or_else(|| {
+            let reason = format!(
+                "there are no {count} seeds from {} on: give a smaller --first-seed",
+                self.first_seed
+            );
+            Failure::bad_input(reason)
+        })?;
+        Ok((self.first_seed..after).collect())
     }
 
     /// Returns the laws, each once.
@@ -94,5 +105,29 @@ impl Grid {
             self.conditions.is_empty() || self.conditions.iter().any(|asked| asked.name == condition.name)
         };
         CONDITIONS.into_iter().filter(is_asked_for).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        grid: Grid,
+    }
+
+    #[test]
+    fn seeds_follow_the_first_and_do_not_begin_again_at_zero() {
+        let seeds = |first: &str| {
+            let line = Line::parse_from(["grid", "--first-seed", first, "--seeds", "3"]);
+            line.grid.seeds()
+        };
+        assert_eq!(seeds("201").unwrap(), [201, 202, 203]);
+        let refused = seeds("18446744073709551614").unwrap_err().report.to_string();
+        assert!(refused.contains("a smaller --first-seed"), "{refused}");
     }
 }

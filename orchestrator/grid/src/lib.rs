@@ -40,6 +40,7 @@ pub const FIRST_SEED: u64 = 201;
 /// # Errors
 /// [`Failure`] if nothing can be flown or written.
 pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
+    let seeds = arguments.seeds()?;
     let mut laws = arguments.laws()?;
     let base = Base::load(arguments.scenario.as_deref())?;
     let of_base = arguments
@@ -56,7 +57,6 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
         let along: Result<Vec<_>, _> = laws.iter().map(|law| law.along_bandwidth(&base)).collect();
         laws = along?.concat();
     }
-    let seeds: Vec<u64> = (arguments.first_seed..).take(arguments.seeds()).collect();
     let interrupt = Interrupt::install().map_err(Failure::trouble)?;
     let jobs = flights::jobs(&base, &laws, &conditions, &seeds)?;
     let folder = RunFolder::create(arguments.out.as_deref(), "grid").map_err(Failure::not_written)?;
