@@ -1,24 +1,31 @@
 //! The flights of a grid, and the results of a law in a condition.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
 use evaluation::reproduce::measure::Measured;
 use evaluation::reproduce::{parallel, row};
-use scenario::Scenario;
+use scenario::{Curve, Scenario};
+use scenario_file::ScenarioError;
 use serde::Serialize;
+use shared_types::ServiceId;
 use supervisor::in_process;
 
 use crate::conditions::Condition;
 use crate::laws::ControlLaw;
 
-/// Scenario that laws and conditions change.
-#[derive(Clone, Debug)]
+/// Scenario that laws and conditions change. Its text is read once, so that all flights are of one experiment.
+#[derive(Debug)]
 pub struct Base {
-    path: Option<PathBuf>,
+    /// The scenario's file and its text, unless it is the shipped one.
+    file: Option<(PathBuf, String)>,
     stated: Box<Scenario>,
+    /// SHA-256 of the files that flights read, as they were first.
+    files: Mutex<BTreeMap<PathBuf, String>>,
 }
 
 /// Length of a flight of the scenario that is flown unless another is named, s: its steady state is of the last 20 s, from
@@ -31,9 +38,19 @@ impl Base {
     /// # Errors
     /// [`Failure`] if it cannot be flown.
     pub fn load(path: Option<&Path>) -> Result<Self, Failure> {
+        let file = match path {
+            None => None,
+            Some(path) => {
+                // Says what is wrong with a file that cannot be read.
+                scenario_file::load(path, &[], Some(1))?;
+                let text = std::fs::read_to_string(path).map_err(Failure::trouble)?;
+                Some((path.to_owned(), text))
+            }
+        };
         Ok(Self {
-            path: path.map(Path::to_owned),
-            stated: Box::new(scenario(path, &[], 1)?),
+            stated: Box::new(scenario(file.as_ref(), &[], 1)?),
+            file,
+            files: Mutex::default(),
         })
     }
 
@@ -46,31 +63,58 @@ impl Base {
     /// Returns the name of the scenario.
     #[must_use]
     pub fn name(&self) -> String {
-        self.path.as_ref().map_or_else(
+        self.file.as_ref().map_or_else(
             || format!("scenarios/{}.toml, {DURATION}", ScenarioSource::FIG3_6.name),
-            |path| path.display().to_string(),
+            |(path, _)| path.display().to_string(),
         )
     }
 
     /// Returns the scenario with settings and a seed.
     ///
     /// # Errors
-    /// [`Failure`] if a setting does not fit.
+    /// [`Failure`] if a setting does not fit, or a file that the scenario names has changed since it was first read.
     pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
-        scenario(self.path.as_deref(), settings, seed)
+        let scenario = scenario(self.file.as_ref(), settings, seed)?;
+        let mut known = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        for (path, sha256) in files_of(&scenario) {
+            let place = path.display().to_string();
+            if known.entry(path).or_insert_with(|| sha256.clone()) != sha256 {
+                return Err(Failure::bad_input(format!(
+                    "{place} has changed since the grid began, which would compare flights of two files: fly the grid again"
+                )));
+            }
+        }
+        Ok(scenario)
     }
 }
 
-fn scenario(path: Option<&Path>, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
-    let scenario = match path {
-        Some(path) => scenario_file::load(path, settings, Some(seed)),
-        None => {
-            let duration = std::iter::once(DURATION.to_owned());
-            let settings: Vec<_> = duration.chain(settings.iter().cloned()).collect();
-            ScenarioSource::FIG3_6.load(&settings, seed)
-        }
+fn scenario(
+    file: Option<&(PathBuf, String)>,
+    settings: &[String],
+    seed: u64,
+) -> Result<Scenario, ScenarioError> {
+    if let Some((path, text)) = file {
+        return scenario_file::load_from(path, text, settings, Some(seed));
+    }
+    let duration = std::iter::once(DURATION.to_owned());
+    let settings: Vec<_> = duration.chain(settings.iter().cloned()).collect();
+    let mut scenario = ScenarioSource::FIG3_6.load(&settings, seed)?;
+    plugin::library_file::pin(&mut scenario)?;
+    Ok(scenario)
+}
+
+/// Returns the files that a flight reads, each with its SHA-256.
+fn files_of(scenario: &Scenario) -> impl Iterator<Item = (PathBuf, &String)> {
+    let plugins = scenario.plugins.iter();
+    let plugins = plugins.flat_map(|plugins| {
+        let of = |service: ServiceId| Some((plugins.path_of(service)?, plugins.sha256.get(service.name())?));
+        ServiceId::ALL.into_iter().filter_map(of)
+    });
+    let of_path = match &scenario.path.curve {
+        Curve::Waypoints(way) => way.file.clone().zip(way.sha256.as_ref()),
+        _ => None,
     };
-    scenario.map_err(Failure::from)
+    plugins.chain(of_path)
 }
 
 /// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.
@@ -202,6 +246,7 @@ fn median(values: &[f64]) -> Option<f64> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
     use crate::conditions::CONDITIONS;
@@ -231,11 +276,38 @@ mod tests {
         assert_eq!((cell.rms, cell.lost.len()), (None, 1));
 
         let missing: ControlLaw = "mine:plugins.controller=nothere.so".parse().unwrap();
-        let jobs = super::jobs(&base, std::slice::from_ref(&missing), calm, &[1]).unwrap();
-        let refused = fly(&jobs, &[missing], calm, &Interrupt::never(), || ()).unwrap_err();
+        let refused = super::jobs(&base, &[missing], calm, &[1]).unwrap_err();
         assert!(
             format!("{:?}", refused.report).contains("nothere.so"),
             "{refused:?}"
         );
+    }
+
+    #[test]
+    fn all_flights_are_of_the_files_as_they_were_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let [scenario, points] = ["own.toml", "points.csv"].map(|name| folder.path().join(name));
+        let shipped = std::fs::read_to_string("../../scenarios/fig3_6.toml").unwrap();
+        let curve = "[path.curve.waypoints]\nfile = \"points.csv\"\ninterval = 1.0\nclosed = true";
+        let text = shipped.replace("[path.curve.tilted_eight]", curve);
+        std::fs::write(&scenario, &text).unwrap();
+        std::fs::write(&points, "x,y,z\n0,0,1\n1,0,1\n1,1,1\n0,1,1\n").unwrap();
+
+        let base = Base::load(Some(&scenario)).unwrap();
+        let first = base.scenario(&[], 1).unwrap();
+        std::fs::write(&scenario, text.replace("mass = 0.19", "mass = 0.25")).unwrap();
+        assert_eq!(base.scenario(&[], 1).unwrap(), first);
+        std::fs::write(&points, "x,y,z\n0,0,1\n2,0,1\n2,2,1\n0,2,1\n").unwrap();
+        let refused = base.scenario(&[], 1).unwrap_err().report.to_string();
+        assert!(refused.contains("points.csv has changed"), "{refused}");
+
+        let library = folder.path().join("libmine.so");
+        std::fs::write(&library, "one").unwrap();
+        let base = Base::load(None).unwrap();
+        let settings = [format!("plugins.controller={}", library.display())];
+        base.scenario(&settings, 1).unwrap();
+        std::fs::write(&library, "two").unwrap();
+        let refused = base.scenario(&settings, 1).unwrap_err().report.to_string();
+        assert!(refused.contains("libmine.so has changed"), "{refused}");
     }
 }
