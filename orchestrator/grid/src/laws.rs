@@ -5,6 +5,7 @@ use command_line::values::{ValueError, plain_name};
 use scenario::{Key, LawKind};
 use scenario_file::key_of_setting;
 use serde::Serialize;
+use shared_types::ServiceId;
 
 use crate::flights::Base;
 
@@ -128,9 +129,17 @@ impl ControlLaw {
     /// estimate or filter a disturbance stay as they are.
     ///
     /// # Errors
-    /// [`Failure`] if the base does not know a setting of the law.
+    /// [`Failure`] if the base does not know a setting of the law, or a plug-in flies.
     pub fn along_bandwidth(&self, base: &Base) -> Result<Vec<Self>, Failure> {
-        let controller = base.scenario(&self.settings, 1)?.controller;
+        let scenario = base.scenario(&self.settings, 1)?;
+        if scenario.is_foreign(ServiceId::Controller) {
+            return Err(Failure::bad_input(format!(
+                "--along-bandwidth changes the gains of the position loop, and those of the plug-in of `{}` are not known to \
+                 gerono: leave it out, and give a law for each bandwidth by `plugins.parameters` of the plug-in",
+                self.name
+            )));
+        }
+        let controller = scenario.controller;
         let baseline = controller.baseline.unwrap_or_default();
         let with = |factor: f64| {
             let gains = match controller.law {
@@ -237,6 +246,7 @@ impl ControlLaw {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
     use super::*;
     use crate::conditions::{CONDITIONS, MARGINS};
@@ -355,5 +365,22 @@ mod tests {
                 law.name
             );
         }
+    }
+
+    #[test]
+    fn of_a_plug_in_gerono_knows_no_bandwidth() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = folder.path().join("libmine.so");
+        std::fs::write(&library, "a library").unwrap();
+        let law = format!("mine:plugins.controller={}", library.display());
+        let law: ControlLaw = law.parse().unwrap();
+        let base = Base::load(None).unwrap();
+        let refused = law.along_bandwidth(&base).unwrap_err().report.to_string();
+        assert!(refused.contains("those of the plug-in of `mine`"), "{refused}");
+        let scenario = base.scenario(&law.settings, 1).unwrap();
+        let margins = MARGINS.iter().filter(|quantity| quantity.is_of(&scenario));
+        let names: Vec<_> = margins.map(|quantity| quantity.name).collect();
+        assert_eq!(names.last(), Some(&"start"));
+        assert_eq!(names.len(), MARGINS.len() - 1);
     }
 }

@@ -18,7 +18,7 @@ use crate::laws::ControlLaw;
 pub const SURVIVED: f64 = 0.1;
 
 /// The most seeds with which a value is tried.
-const SEEDS: usize = 5;
+pub const SEEDS: usize = 5;
 
 /// Length of a flight, s.
 const DURATION: &str = "duration=40.0";
@@ -52,10 +52,12 @@ pub fn search(
     interrupt: &Interrupt,
     found: impl Fn() + Sync,
 ) -> Result<Vec<Margin>, Failure> {
-    let pairs: Vec<_> = laws
-        .iter()
-        .flat_map(|law| quantities.iter().map(move |quantity| (law, quantity)))
-        .collect();
+    let mut pairs = Vec::new();
+    for law in laws {
+        let scenario = base.scenario(&law.settings, 1)?;
+        let own = quantities.iter().filter(|quantity| quantity.is_of(&scenario));
+        pairs.extend(own.map(|quantity| (law, quantity)));
+    }
     let seeds = &seeds[..seeds.len().min(SEEDS)];
     let margins = parallel::map(&pairs, parallel::cores(), |(law, quantity)| {
         let margin = margin(base, law, quantity, seeds, interrupt);
@@ -74,9 +76,7 @@ fn margin(
 ) -> Result<Margin, Failure> {
     let value = |step: u32| f64::from(step) * quantity.step;
     let fails = |step: u32| {
-        let mut settings = vec![DURATION.to_owned()];
-        settings.extend(quantity.settings(base.stated(), value(step))?);
-        settings.extend(law.settings.iter().cloned());
+        let settings = settings(base, law, quantity, value(step))?;
         first_failure(base, &settings, seeds, interrupt)
     };
     let bracket = bisect(quantity.steps, fails)?;
@@ -89,6 +89,12 @@ fn margin(
         failed: failed.map(value),
         failure,
     })
+}
+
+/// The settings of a flight: those of the margin after those of the law, whose own limit of the error is another one.
+fn settings(base: &Base, law: &ControlLaw, quantity: &Quantity, value: f64) -> Result<Vec<String>, Failure> {
+    let of_margin = quantity.settings(base.stated(), value)?;
+    Ok([law.settings.clone(), vec![DURATION.to_owned()], of_margin].concat())
 }
 
 fn first_failure(
@@ -174,6 +180,21 @@ mod tests {
                 let settings = quantity.settings(base.stated(), value).unwrap();
                 base.scenario(&settings, 1).unwrap();
             }
+        }
+    }
+
+    #[test]
+    fn a_margin_has_its_own_limit_of_the_error() {
+        let base = Base::load(None).unwrap();
+        let [.., limited] = crate::conditions::MARGINS;
+        for limit in [
+            "controller.baseline.error_limit=2.0",
+            "controller.baseline={error_limit=2.0}",
+        ] {
+            let law: ControlLaw = format!("mine:controller.law=px4;{limit}").parse().unwrap();
+            let settings = settings(&base, &law, &limited, 10.0).unwrap();
+            let baseline = base.scenario(&settings, 1).unwrap().controller.baseline.unwrap();
+            assert_eq!(baseline.error_limit, Some(0.4));
         }
     }
 }
