@@ -61,7 +61,7 @@ fn settings(name: &str, settings: &str) -> String {
 
 /// RMS of every law in every condition, coloured by the ratio to the best law of the condition.
 fn heat_map(report: &GridReport) -> String {
-    let mut html = "<h2>RMS distance from the path, cm</h2>\n<p>Median over the seeds. Green is the best law of the \
+    let mut html = "<h2>RMS distance from the path in steady state, cm</h2>\n<p>Median over the seeds. Green is the best law of the \
                     condition, red four times its distance or a flight lost.</p>\n<div class=\"wide\"><table>\n<tr><th>law</th>"
         .to_owned();
     for condition in &report.conditions {

@@ -9,7 +9,7 @@ use crate::conditions::{Condition, MARGINS};
 use crate::flights::{Base, Cell};
 use crate::front::{self, FrontPoint};
 use crate::laws::ControlLaw;
-use crate::margins::{Margin, SURVIVED};
+use crate::margins::{Margin, SEEDS, SURVIVED};
 
 /// The results of a grid: the content of `grid.json`.
 #[derive(Clone, Debug, Serialize)]
@@ -99,15 +99,18 @@ impl GridReport {
                 &format!("RMS distance from the path in steady state, cm: median of {seeds} seeds, and flights lost"),
                 |cell| with_losses(centimetres(cell.rms), cell),
             ),
-            self.by_condition("The same of the worst seed, cm", |cell| {
-                with_losses(centimetres(cell.worst_rms), cell)
-            }),
-            self.by_condition("Largest distance in the transient before it, cm: median", |cell| {
-                centimetres(cell.peak)
-            }),
-            self.by_condition("Body rates in steady state, rms, rad/s: median", |cell| {
-                cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}"))
-            }),
+            self.by_condition(
+                &format!("RMS distance from the path in steady state, cm: worst of {seeds} seeds, and flights lost"),
+                |cell| with_losses(centimetres(cell.worst_rms), cell),
+            ),
+            self.by_condition(
+                &format!("Largest distance from the path in the transient before the steady state, cm: median of {seeds} seeds"),
+                |cell| centimetres(cell.peak),
+            ),
+            self.by_condition(
+                &format!("RMS body rate in steady state, rad/s: median of {seeds} seeds"),
+                |cell| cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}")),
+            ),
         ];
         if !self.margins.is_empty() {
             tables.push(self.margin_table());
@@ -147,12 +150,14 @@ impl GridReport {
                         failed,
                         ..
                     }) => format!("{}{value}", if failed.is_none() { "≥ " } else { "" }),
-                    _ => "–".to_owned(),
+                    Some(_) => "–".to_owned(),
+                    None => "not flown".to_owned(),
                 });
             line_of(&law.name, cells)
         };
         let title = format!(
-            "Margins: the largest value with which all seeds stay within {} cm of the path, RMS",
+            "Margins: the largest value with which the first {} seeds stay within {} cm of the path, RMS in the last 20 s",
+            self.seeds.len().min(SEEDS),
             100.0 * SURVIVED
         );
         let columns = searched
@@ -257,5 +262,38 @@ impl Display for GridReport {
             writeln!(formatter, "… and {} more in grid.json", lost.count() - 10)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captions_say_how_many_seeds_stand_behind_a_number() {
+        let base = Base::load(None).unwrap();
+        let law: ControlLaw = "indi".parse().unwrap();
+        let margin = Margin {
+            law: law.name.clone(),
+            quantity: "delay",
+            unit: "ms",
+            survived: Some(16.0),
+            failed: Some(17.0),
+            failure: None,
+        };
+        let other = "mine:controller.k1=3.0".parse().unwrap();
+        let seeds: Vec<u64> = (201..221).collect();
+        let report = GridReport::new(&base, &[law, other], &[], &seeds, Vec::new(), vec![margin]);
+        let tables = report.tables();
+        let [rms, worst, peak, rates, margins, _] = &tables[..] else {
+            panic!("{tables:?}")
+        };
+        assert!(
+            [rms, worst, peak, rates]
+                .iter()
+                .all(|table| table.title.contains("20 seeds"))
+        );
+        assert!(margins.title.contains("the first 5 seeds"), "{}", margins.title);
+        assert_eq!(margins.lines, [["`indi`", "16"], ["`mine`", "not flown"]]);
     }
 }
