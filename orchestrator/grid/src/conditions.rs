@@ -242,15 +242,19 @@ pub struct Quantity {
     /// Number of steps to the largest value that is tried.
     pub steps: u32,
     settings: fn(&Scenario, f64) -> Settings,
-    /// Whether it is a gain of Gerono's laws that makes it, which no plug-in has.
-    changes_gains: bool,
+    /// Whether it limits the error that a law acts on, a gain that the baselines alone have.
+    limits_error: bool,
 }
 
 impl Quantity {
     /// Returns whether the law of a scenario has this margin.
     #[must_use]
     pub fn is_of(&self, scenario: &Scenario) -> bool {
-        !(self.changes_gains && scenario.is_foreign(ServiceId::Controller))
+        let has_limit = || {
+            scenario.controller.law.uses(&["baseline", "error_limit"])
+                && !scenario.is_foreign(ServiceId::Controller)
+        };
+        !self.limits_error || has_limit()
     }
 
     /// Returns the settings that give a scenario a value.
@@ -275,7 +279,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "ms",
         step: 1.0,
         steps: 60,
-        changes_gains: false,
+        limits_error: false,
         settings: |base, value| Ok(vec![later_frames(base, value / 1e3)]),
     },
     Quantity {
@@ -283,7 +287,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "mm",
         step: 1.0,
         steps: 40,
-        changes_gains: false,
+        limits_error: false,
         settings: |_, value| {
             // The tracked point along (0.5, 0.3, 1), of length 1.158, below the centre of mass: above it there is no limit.
             let [x, y, z] = [-0.5, -0.3, -1.0].map(|part: f64| part * value / 1157.6);
@@ -295,7 +299,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "%",
         step: 10.0,
         steps: 18,
-        changes_gains: false,
+        limits_error: false,
         settings: |base, value| {
             let mut settings = changed_mass(base, 1.0 + value / 100.0)?;
             settings.push("vehicle.change.0.at=10.0".to_owned());
@@ -307,7 +311,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "m/s",
         step: 0.5,
         steps: 40,
-        changes_gains: false,
+        limits_error: false,
         settings: |_, value| {
             let wind = format!(
                 "vehicle.wind={{mean=[{value:.1}, 0.0, 0.0], gusts={{deviation={:.2}, correlation_time=0.5}}}}",
@@ -321,7 +325,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "%",
         step: 2.0,
         steps: 49,
-        changes_gains: false,
+        limits_error: false,
         settings: |_, value| Ok(vec![format!("vehicle.actuators.frame_loss={:.2}", value / 100.0)]),
     },
     Quantity {
@@ -329,7 +333,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "m",
         step: 2.0,
         steps: 30,
-        changes_gains: false,
+        limits_error: false,
         settings: |_, value| Ok(far_start(value)),
     },
     // Baselines act on no more than 0.4 m of the error, and their integrals rest above it.
@@ -338,7 +342,7 @@ pub const MARGINS: [Quantity; 7] = [
         unit: "m",
         step: 2.0,
         steps: 30,
-        changes_gains: true,
+        limits_error: true,
         settings: |_, value| {
             let mut settings = far_start(value);
             settings.push("controller.baseline.error_limit=0.4".to_owned());

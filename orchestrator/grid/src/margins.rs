@@ -178,7 +178,8 @@ mod tests {
             for step in [0, 1, quantity.steps] {
                 let value = f64::from(step) * quantity.step;
                 let settings = quantity.settings(base.stated(), value).unwrap();
-                base.scenario(&settings, 1).unwrap();
+                let law = ["controller.law=indi".to_owned()];
+                base.scenario(&[&law[..], &settings].concat(), 1).unwrap();
             }
         }
     }

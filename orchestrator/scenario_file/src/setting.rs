@@ -245,7 +245,8 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
 fn is_word(text: &str) -> bool {
     let is_punctuation = |character| matches!(character, '"' | '\'' | '[' | ']' | '{' | '}' | '=');
     let is_address = text.parse::<IpAddr>().is_ok() || text.parse::<SocketAddr>().is_ok();
-    let is_path = matches!(text, "." | "..") || ["/", "./", "../"].iter().any(|begin| text.starts_with(begin));
+    let is_path =
+        matches!(text, "." | "..") || ["/", "./", "../"].iter().any(|begin| text.starts_with(begin));
     is_address || (is_path || text.starts_with(char::is_alphabetic)) && !text.contains(is_punctuation)
 }
 
