@@ -132,7 +132,14 @@ pub fn jobs(
         for condition in conditions {
             let settings = [condition.settings.as_slice(), law.settings.as_slice()].concat();
             for &seed in seeds {
-                jobs.push(base.scenario(&settings, seed)?);
+                let scenario = base.scenario(&settings, seed).map_err(|failure| Failure {
+                    report: failure.report.wrap_err(format!(
+                        "`{}` cannot fly the condition `{}`",
+                        law.name, condition.name
+                    )),
+                    ..failure
+                });
+                jobs.push(scenario?);
             }
         }
     }

@@ -8,6 +8,7 @@ use command_line::failure::Failure;
 use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::measure;
 use evaluation::reproduce::parallel;
+use scenario_file::ScenarioError;
 use serde::Serialize;
 
 use crate::conditions::Quantity;
@@ -77,7 +78,10 @@ fn margin(
     let value = |step: u32| f64::from(step) * quantity.step;
     let fails = |step: u32| {
         let settings = settings(base, law, quantity, value(step))?;
-        first_failure(base, &settings, seeds, interrupt)
+        match first_failure(base, &settings, seeds, interrupt) {
+            Err(failure) if step > 0 => beyond_the_vehicle(failure, seeds).map(Some),
+            found => found,
+        }
     };
     let bracket = bisect(quantity.steps, fails)?;
     let (failed, failure) = bracket.failed.unzip();
@@ -95,6 +99,17 @@ fn margin(
 fn settings(base: &Base, law: &ControlLaw, quantity: &Quantity, value: f64) -> Result<Vec<String>, Failure> {
     let of_margin = quantity.settings(base.stated(), value)?;
     Ok([law.settings.clone(), vec![DURATION.to_owned()], of_margin].concat())
+}
+
+/// Takes a value that nothing can fly for one that is not survived: a mass that the link's thrust does not hold in the air.
+fn beyond_the_vehicle(failure: Failure, seeds: &[u64]) -> Result<LostFlight, Failure> {
+    match failure.report.downcast_ref::<ScenarioError>() {
+        Some(error) if error.is_of_values() => Ok(LostFlight {
+            seed: seeds[0],
+            reason: error.without_places(),
+        }),
+        _ => Err(failure),
+    }
 }
 
 fn first_failure(
@@ -197,5 +212,16 @@ mod tests {
             let baseline = base.scenario(&settings, 1).unwrap().controller.baseline.unwrap();
             assert_eq!(baseline.error_limit, Some(0.4));
         }
+    }
+
+    #[test]
+    fn a_value_that_cannot_be_flown_is_not_survived() {
+        let base = Base::load(None).unwrap();
+        let heavy = ["vehicle.change.0.mass=0.6".to_owned()];
+        let failure = base.scenario(&heavy, 1).unwrap_err();
+        let lost = beyond_the_vehicle(failure, &[7]).unwrap();
+        assert!(lost.reason.contains("5.886 N"), "{lost:?}");
+        let failure = base.scenario(&["controller.k9=1.0".to_owned()], 1).unwrap_err();
+        assert!(beyond_the_vehicle(failure, &[7]).is_err());
     }
 }

@@ -93,22 +93,22 @@ impl GridReport {
     /// Returns the tables: errors, peaks, body rates, margins and front.
     #[must_use]
     pub fn tables(&self) -> Vec<TextTable> {
-        let seeds = self.seeds.len();
+        let seeds = counted(self.seeds.len());
         let mut tables = vec![
             self.by_condition(
-                &format!("RMS distance from the path in steady state, cm: median of {seeds} seeds, and flights lost"),
+                &format!("RMS distance from the path in steady state, cm: median of {seeds}, and flights lost"),
                 |cell| with_losses(centimetres(cell.rms), cell),
             ),
             self.by_condition(
-                &format!("RMS distance from the path in steady state, cm: worst of {seeds} seeds, and flights lost"),
+                &format!("RMS distance from the path in steady state, cm: worst of {seeds}, and flights lost"),
                 |cell| with_losses(centimetres(cell.worst_rms), cell),
             ),
             self.by_condition(
-                &format!("Largest distance from the path in the transient before the steady state, cm: median of {seeds} seeds"),
+                &format!("Largest distance from the path in the transient before the steady state, cm: median of {seeds}"),
                 |cell| centimetres(cell.peak),
             ),
             self.by_condition(
-                &format!("RMS body rate in steady state, rad/s: median of {seeds} seeds"),
+                &format!("RMS body rate in steady state, rad/s: median of {seeds}"),
                 |cell| cell.body_rate.map_or_else(|| "–".to_owned(), |rate| format!("{rate:.2}")),
             ),
         ];
@@ -156,8 +156,8 @@ impl GridReport {
             line_of(&law.name, cells)
         };
         let title = format!(
-            "Margins: the largest value with which the first {} seeds stay within {} cm of the path, RMS in the last 20 s",
-            self.seeds.len().min(SEEDS),
+            "Margins: the largest value with which the first {} stay within {} cm of the path, RMS in the last 20 s",
+            counted(self.seeds.len().min(SEEDS)),
             100.0 * SURVIVED
         );
         let columns = searched
@@ -199,6 +199,10 @@ impl GridReport {
         let tables = self.tables();
         tables.iter().map(|table| table.markdown() + "\n").collect()
     }
+}
+
+fn counted(seeds: usize) -> String {
+    format!("{seeds} seed{}", if seeds == 1 { "" } else { "s" })
 }
 
 /// A table with a line a law.
