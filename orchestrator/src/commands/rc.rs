@@ -208,7 +208,7 @@ fn table(found: &Identification) -> String {
                     pair([fit.offset, fit.slope]),
                     format!("{:.4}, {:.4}", fit.errors[0], fit.errors[1]),
                     format!("{:.4}", fit.residual),
-                    format!("{:.1} %", 100.0 * fit.explained),
+                    format!("{:.1} %", 100.0 * fit.explained.max(0.0)),
                     format!("{:.4}", fit.travel_deviation),
                     fit.points.to_string(),
                 ]
