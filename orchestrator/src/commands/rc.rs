@@ -246,7 +246,12 @@ fn snippet(found: &Identification) -> String {
         );
     }
     if text.is_empty() {
-        text += "Nothing differs from what is stated.\n";
+        let is_any_usable = found.sticks.iter().any(|stick| stick.usable().is_some());
+        text += if is_any_usable {
+            "Nothing differs from what is stated.\n"
+        } else {
+            "The flight tells nothing of any stick.\n"
+        };
     } else {
         text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
     }
