@@ -28,63 +28,42 @@ pub enum LawKind {
     Nmpc,
 }
 
-/// Keys of `[controller]` that only the paper's law uses.
-const OF_ADAPTIVE: [&str; 11] = [
-    "k1",
-    "k2",
-    "k3",
-    "beta",
-    "delta",
-    "sigma_max",
-    "lambda_mass",
-    "lambda_disturbance",
-    "lambda_inertia",
-    "prediction_gain",
-    "remove_offset",
-];
-
 impl LawKind {
     /// Returns whether this law uses a key of `[controller]`, given by its names.
     #[must_use]
     pub fn uses(self, key: &[&str]) -> bool {
-        use LawKind::{GeometricPid, ImmersionInertia, ImmersionMass, Indi, L1, NfConstant, Nmpc, Px4};
-        let of: &[Self] = match key {
-            [name, ..] if OF_ADAPTIVE.contains(name) => &[Self::Adaptive],
-            ["baseline", name, ..] => match *name {
-                "position_gain" | "velocity_gain" => &[
-                    GeometricPid,
-                    L1,
-                    Indi,
-                    NfConstant,
-                    ImmersionMass,
-                    ImmersionInertia,
-                ],
-                "attitude_gain" => &[
-                    GeometricPid,
-                    L1,
-                    Indi,
-                    NfConstant,
-                    Px4,
-                    ImmersionMass,
-                    ImmersionInertia,
-                ],
-                "disturbance_max" => &[GeometricPid, NfConstant, Px4],
-                "integral_gain" => &[GeometricPid],
-                "l1_leak" | "l1_bandwidth" => &[L1],
-                "composite_tracking_gain" | "composite_prediction_gain" => &[NfConstant],
-                "cascade_scale" => &[Px4],
-                "immersion_gain" => &[ImmersionMass],
-                "rate_gain" | "inertia_gain" => &[ImmersionInertia],
-                "nmpc_rate_weight" => &[Nmpc],
-                _ => return !self.is_adaptive(),
-            },
+        match key {
+            [
+                "k1" | "k2" | "k3" | "beta" | "delta" | "sigma_max" | "remove_offset",
+                ..,
+            ]
+            | [
+                "lambda_mass" | "lambda_disturbance" | "lambda_inertia" | "prediction_gain",
+                ..,
+            ] => self.is_adaptive(),
+            ["baseline", name, ..] => self.uses_of_baseline(name),
             [
                 "rates",
                 "roll_out" | "roll_out_step" | "unexplained" | "lag_inversion",
-            ] => return self != Nmpc,
-            _ => return true,
-        };
-        of.contains(&self)
+            ] => self != Self::Nmpc,
+            _ => true,
+        }
+    }
+
+    fn uses_of_baseline(self, gain: &str) -> bool {
+        match gain {
+            "position_gain" | "velocity_gain" => !matches!(self, Self::Adaptive | Self::Px4 | Self::Nmpc),
+            "attitude_gain" => !matches!(self, Self::Adaptive | Self::Nmpc),
+            "disturbance_max" => matches!(self, Self::GeometricPid | Self::NfConstant | Self::Px4),
+            "integral_gain" => self == Self::GeometricPid,
+            "l1_leak" | "l1_bandwidth" => self == Self::L1,
+            "composite_tracking_gain" | "composite_prediction_gain" => self == Self::NfConstant,
+            "cascade_scale" => self == Self::Px4,
+            "immersion_gain" => self == Self::ImmersionMass,
+            "rate_gain" | "inertia_gain" => self == Self::ImmersionInertia,
+            "nmpc_rate_weight" => self == Self::Nmpc,
+            _ => !self.is_adaptive(),
+        }
     }
 
     /// Whether this is the paper's law.
