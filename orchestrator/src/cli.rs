@@ -137,7 +137,7 @@ pub enum Command {
     ///
     /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more
     /// than stated make a laboratory unstable, and the vehicle's state does not show them. Fly a figure such as the eight
-    /// for twenty seconds; the table compares what the scenario states with what the flight shows, and prints the lines to
+    /// for twenty seconds at least; the table compares what the scenario states with what the flight shows, and prints the lines to
     /// put into the scenario.
     #[command(after_help = Identify::EXAMPLES)]
     Identify(Identify),

@@ -2,7 +2,8 @@
 //!
 //! The filter knows the commands, and each capture tells how far the vehicle is from where they should have brought it.
 //! The sum of the squared Mahalanobis distances of the captures is smallest at the true delay. Captures that are later
-//! than their stamps make the same difference: what is found is the delay between both.
+//! than their stamps make the same difference: what is found is the delay between both,
+//! and with it all lag of thrust and body rates beyond what the model states: an effective delay.
 
 use evaluation::reproduce::parallel;
 

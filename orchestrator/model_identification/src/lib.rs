@@ -38,7 +38,7 @@ pub enum IdentifyError {
     NoFilter,
     /// There are too few captures or frames.
     #[error(
-        "the log has {captures} captures of the vehicle and {frames} frames: fly for thirty seconds at least"
+        "the log has {captures} captures of the vehicle and {frames} frames: fly a figure for twenty seconds at least"
     )]
     TooShort {
         /// Captures that show the vehicle.
@@ -48,8 +48,8 @@ pub enum IdentifyError {
     },
     /// Too little of the flight counts.
     #[error(
-        "only {counted} s of the flight count, and intervals that hold need twelve: fly for 14 s at least, thirty are good; the \
-         first two do not count, nor do the five around a change of mass"
+        "only {counted} s of the flight count, and intervals that hold need twelve: fly for longer; the first two do not \
+         count, nor do the five around a change of mass"
     )]
     TooFewSeconds {
         /// Seconds with captures, without those that the filter settles in.

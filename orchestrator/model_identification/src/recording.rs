@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use estimator::kalman::filter_state::FilterState;
 use estimator::kalman::{KalmanFilter, Outcome};
 use metrics::read;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use run_log::LogReader;
 use scenario::{Kalman, Model, Scenario};
 use shared_types::samples::{MocapPose, RcFrame};
@@ -16,6 +17,9 @@ use crate::IdentifyError;
 /// Captures and frames with which a flight has enough to say: those of ten seconds of slow ones.
 const ENOUGH: usize = 200;
 
+/// Time between the first and the last of them with which it has, ns: that of a flight of twenty seconds.
+const LONG_ENOUGH_NS: u64 = 19_500_000_000;
+
 /// What the filter believes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Believed {
@@ -25,8 +29,14 @@ pub struct Believed {
     pub kalman: Kalman,
 }
 
-/// Whitened innovation of a capture: position and attitude.
-pub type Whitened = SVector<f64, 6>;
+/// Innovation of a capture.
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation {
+    /// Of unit covariance if the filter is right: position and attitude.
+    pub whitened: SVector<f64, 6>,
+    /// Logarithm of the determinant of its covariance.
+    pub log_determinant: f64,
+}
 
 /// A sample as the estimator received it.
 enum Arrival {
@@ -107,7 +117,8 @@ impl Recording {
         self.arrivals
             .sort_by_key(|(at_ns, arrival)| (*at_ns, matches!(arrival, Arrival::Pose(_))));
         let (captures, frames) = (self.captures(), self.frames());
-        if captures < ENOUGH || frames < ENOUGH {
+        let [from_ns, to_ns] = self.span_ns();
+        if captures < ENOUGH || frames < ENOUGH || to_ns - from_ns < LONG_ENOUGH_NS {
             return Err(IdentifyError::TooShort { captures, frames });
         }
         Ok(self)
@@ -146,7 +157,7 @@ impl Recording {
     }
 
     /// Runs a filter that begins at a time over the arrivals up to another one, and returns for each capture that shows the
-    /// vehicle its arrival and its whitened innovation; none of one that the filter begins with or refuses.
+    /// vehicle its arrival and its innovation; none of one that the filter begins with or refuses.
     ///
     /// # Errors
     /// [`IdentifyError::Scenario`] if more frames are under way than a filter remembers.
@@ -155,7 +166,7 @@ impl Recording {
         believed: &Believed,
         from_ns: u64,
         to_ns: u64,
-    ) -> Result<Vec<(u64, Option<Whitened>)>, IdentifyError> {
+    ) -> Result<Vec<(u64, Option<Innovation>)>, IdentifyError> {
         let (mut filter, later_ns) = self.filter(believed)?;
         let from = self.arrivals.partition_point(|(at_ns, _)| *at_ns < from_ns);
         let arrivals = self.arrivals[from..].iter();
@@ -165,7 +176,10 @@ impl Recording {
                 Arrival::Frame(frame) => filter.hear(*at_ns, &stamped_later(frame, later_ns)),
                 Arrival::Pose(pose) if pose.tracked.is_set() => {
                     let innovation = match filter.see(*at_ns, pose) {
-                        Outcome::Used(whitened) => Some(whitened),
+                        Outcome::Used(whitened) => Some(Innovation {
+                            whitened,
+                            log_determinant: log_determinant(&filter, &believed.kalman),
+                        }),
                         Outcome::Refused | Outcome::Started | Outcome::Ignored => None,
                     };
                     innovations.push((*at_ns, innovation));
@@ -213,6 +227,20 @@ impl Recording {
             squared_distances,
         })
     }
+}
+
+/// Returns the logarithm of the determinant of the covariance Z of the innovation that has just corrected the state. The pose of
+/// that state has the covariance V − V Z⁻¹ V, where V is that of the captures.
+fn log_determinant(filter: &KalmanFilter, kalman: &Kalman) -> f64 {
+    let variances =
+        [kalman.position_deviation, kalman.attitude_deviation].map(|deviation| deviation * deviation);
+    let noise = SVector::from_fn(|component: usize, _| variances[component / 3]);
+    let corrected = filter
+        .state()
+        .map_or_else(SMatrix::zeros, FilterState::pose_covariance);
+    let explained: SMatrix<f64, 6, 6> = SMatrix::from_diagonal(&noise) - corrected;
+    let determinant = explained.determinant().max(f64::MIN_POSITIVE);
+    2.0 * noise.map(libm::log).sum() - libm::log(determinant)
 }
 
 fn stamped_later(frame: &RcFrame, by_ns: u64) -> RcFrame {

@@ -1,13 +1,13 @@
 //! Marker offset and delay by the method of prediction errors, with intervals that rest on what the flight shows.
 //!
 //! The whitened innovations of the captures are a function of what the filter believes. Gauss–Newton makes the sum of their
-//! squares smallest. The mass is estimated along with it for every block of some seconds, because it may change in flight
+//! squares smallest, and the noise of the process is that of greatest likelihood. The mass is estimated along with it for every block of some seconds, because it may change in flight
 //! and a wrong one looks like an offset: both make the vehicle's acceleration another multiple of its tilt.
 //!
 //! An interval is the sandwich estimate of the covariance, from the sums of the gradient over a second each: it holds with
 //! turbulence, a quantised link and a filter that is wrong about its noise, where the curvature alone promises too much.
 
-use std::ops::Range;
+use std::collections::VecDeque;
 
 use evaluation::reproduce::parallel;
 use metrics::{CERTAIN, CONFIDENCE};
@@ -15,7 +15,7 @@ use nalgebra::{SMatrix, SVector};
 use statistics::student;
 
 use crate::IdentifyError;
-use crate::recording::{Believed, Recording, Whitened};
+use crate::recording::{Believed, Innovation, Recording};
 use crate::report::Quantity;
 
 /// Parameters: three components of the offset, m, and the delay, s.
@@ -43,18 +43,21 @@ const FREEDOM: usize = 5;
 /// Longest delay, s.
 const LONGEST: f64 = 0.1;
 
-/// The least that the flight's own contradictions do not show, as half-widths, m and s: the drift is chosen from a few.
+/// The least that the flight's own contradictions do not show, as half-widths, m and s: the drift of the disturbance is no
+/// random walk.
 const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
 
 /// The same with the confidence of [`CERTAIN`], as the ratio of both half-widths of a normal error.
 const SYSTEMATIC_CERTAIN: f64 = 1.7;
 
-/// Captures over which innovations are correlated.
-const LAGS: usize = 20;
+/// Shares of the stated noise of the body rates, and of the stated drift of the disturbance, that are tried; and the place of
+/// the first one.
+const RATE_FACTORS: (&[f64], usize) = (&[1.0, 0.1, 0.01, 0.001], 0);
+const DRIFT_FACTORS: (&[f64], usize) = (&[3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001], 3);
 
-/// Shares of the stated noise of the body rates and of the stated drift of the disturbance that are tried.
-const RATE_FACTORS: [f64; 4] = [1.0, 0.2, 0.04, 0.008];
-const DRIFT_FACTORS: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
+/// Share of the half-range of the estimates with the neighbouring drifts that an interval holds at least: the likeliest drift
+/// is known to a factor of 1.5, the neighbours are apart by 3.
+const OF_NEIGHBOURS: f64 = 0.37;
 
 /// Ratio to the median of the blocks' mean squares from which on a block is left out: the mass changed in it, or the
 /// vehicle was taken hold of.
@@ -97,53 +100,125 @@ struct Estimate {
     blocks: Vec<Block>,
 }
 
+/// An estimate with a share of a stated noise of the process.
+#[derive(Clone)]
+struct Tried {
+    factor: f64,
+    estimate: Estimate,
+    /// Of every block; `None` of a strange one.
+    deviances: Vec<Option<f64>>,
+}
+
 /// Returns marker offset and delay, from beliefs that are near them.
 ///
-/// The noise of the body rates and the drift of the disturbance are those with which the innovations are whitest. A filter that
-/// expects more of them than there is takes measuring noise for pushes. The controller acts on that noise, so that commands
-/// go with it, and an offset of some millimetres seems to be there.
+/// The noise of the body rates and the drift of the disturbance are the likeliest ones. A filter that expects more of them than
+/// there is takes measuring noise for pushes. The controller acts on that noise, so that commands go with it, and a smaller mass
+/// and an offset along the thrust seem to be there: −1, −4, −6 and −9 mm with 2, 6, 20 and 60 times the drift.
 ///
 /// # Errors
 /// [`IdentifyError`] if the scenario gives no filter, or too few captures count.
 pub fn refine(recording: &Recording, believed: &Believed) -> Result<Refined, IdentifyError> {
-    let mut believed = believed.clone();
-    let stated = believed.kalman.clone();
-    let mut estimate = Estimate::at(recording, &believed);
+    let mut estimate = Estimate::at(recording, believed);
+    estimate.descend(recording, believed)?;
+    let rates = |factor, _: &Estimate| {
+        let tried = with_rate_noise(believed, factor);
+        Tried::new(recording, &tried, factor, estimate.clone())
+    };
+    let (tried, likeliest) = scan(RATE_FACTORS, &estimate, rates)?;
+    let believed = with_rate_noise(believed, tried[likeliest].factor);
+    let drifts = |factor, from: &Estimate| {
+        let (tried, mut estimate) = (with_drift(&believed, factor), from.clone());
+        estimate.descend(recording, &tried)?;
+        Tried::new(recording, &tried, factor, estimate)
+    };
+    let (tried, likeliest) = scan(DRIFT_FACTORS, &estimate, drifts)?;
+    let believed = with_drift(&believed, between(&tried, likeliest));
+    let mut estimate = tried[likeliest].estimate.clone();
     estimate.descend(recording, &believed)?;
-    let mut least = f64::INFINITY;
-    for factor in RATE_FACTORS {
-        let mut tried = believed.clone();
-        tried.kalman.rate_noise = factor * stated.rate_noise;
-        let found = estimate.correlation(recording, &tried, 3..6)?.sum.abs();
-        if found < least {
-            (least, believed.kalman.rate_noise) = (found, tried.kalman.rate_noise);
-        }
-    }
-    // From below, as long as it helps by more than chance: with a larger drift, a smaller mass and an offset along the thrust
-    // explain the same flight about as well, and with a large one a wrong mass and a wrong offset may be white as well.
-    let mut least = f64::INFINITY;
-    let mut tried: Vec<Estimate> = Vec::new();
-    let mut chosen = 0;
-    for factor in DRIFT_FACTORS {
-        believed.kalman.disturbance_drift = factor * stated.disturbance_drift;
-        estimate.descend(recording, &believed)?;
-        estimate.descend(recording, &believed)?;
-        let found = estimate.correlation(recording, &believed, 0..3)?;
-        tried.push(estimate.clone());
-        if found.sum.abs() >= least - found.by_chance {
-            break;
-        }
-        (least, chosen) = (found.sum.abs(), tried.len() - 1);
-    }
-    believed.kalman.disturbance_drift = DRIFT_FACTORS[chosen] * stated.disturbance_drift;
-    let mut estimate = tried[chosen].clone();
     estimate.descend(recording, &believed)?;
-    let beside = &tried[chosen.saturating_sub(1)..tried.len().min(chosen + 2)];
+    let beside = &tried[likeliest.saturating_sub(1)..tried.len().min(likeliest + 2)];
     Ok(Refined {
         found: estimate.parameters.into(),
         errors: estimate.half_widths(beside, CONFIDENCE, 1.0),
         certain: estimate.half_widths(beside, CERTAIN, SYSTEMATIC_CERTAIN),
     })
+}
+
+fn with_rate_noise(believed: &Believed, factor: f64) -> Believed {
+    let mut believed = believed.clone();
+    believed.kalman.rate_noise *= factor;
+    believed.kalman.rate_bias_drift *= factor;
+    believed
+}
+
+fn with_drift(believed: &Believed, factor: f64) -> Believed {
+    let mut believed = believed.clone();
+    believed.kalman.disturbance_drift *= factor;
+    believed
+}
+
+/// Tries factors, each from the estimate of its neighbour: down from the first one until the flight becomes less likely, and up
+/// if it does so at once. Returns what was tried, in the order of the factors, and the place of the likeliest.
+fn scan(
+    (factors, first): (&[f64], usize),
+    begin: &Estimate,
+    mut attempt: impl FnMut(f64, &Estimate) -> Result<Tried, IdentifyError>,
+) -> Result<(Vec<Tried>, usize), IdentifyError> {
+    let mut tried = VecDeque::from([attempt(factors[first], begin)?]);
+    let mut likeliest = 0;
+    for &factor in &factors[first + 1..] {
+        tried.push_back(attempt(factor, &tried[likeliest].estimate)?);
+        if tried[likeliest + 1].above(&tried[likeliest]) > 0.0 {
+            break;
+        }
+        likeliest += 1;
+    }
+    for &factor in factors[..first].iter().rev() {
+        if likeliest > 0 {
+            break;
+        }
+        tried.push_front(attempt(factor, &tried[0].estimate)?);
+        likeliest = usize::from(tried[0].above(&tried[1]) > 0.0);
+    }
+    Ok((tried.into(), likeliest))
+}
+
+/// Returns the factor at the vertex of the parabola through the likeliest and its neighbours, over the factor's logarithm.
+fn between(tried: &[Tried], likeliest: usize) -> f64 {
+    let best = &tried[likeliest];
+    let beside = (
+        likeliest.checked_sub(1).map(|place| &tried[place]),
+        tried.get(likeliest + 1),
+    );
+    let (Some(above), Some(below)) = beside else {
+        return best.factor;
+    };
+    let [from_above, from_below] = [above, below].map(|other| other.above(best));
+    let towards_below = 0.5 * (from_above - from_below) / (from_above + from_below).max(f64::MIN_POSITIVE);
+    best.factor * libm::pow(below.factor / best.factor, towards_below)
+}
+
+impl Tried {
+    fn new(
+        recording: &Recording,
+        believed: &Believed,
+        factor: f64,
+        estimate: Estimate,
+    ) -> Result<Self, IdentifyError> {
+        let deviances = estimate.deviances(recording, believed)?;
+        Ok(Self {
+            factor,
+            estimate,
+            deviances,
+        })
+    }
+
+    /// Returns by how much the deviance, −2 times the logarithm of the likelihood, is above another one, in the blocks that are
+    /// strange in neither.
+    fn above(&self, other: &Self) -> f64 {
+        let pairs = self.deviances.iter().zip(&other.deviances);
+        pairs.filter_map(|(own, other)| Some((*own)? - (*other)?)).sum()
+    }
 }
 
 impl Estimate {
@@ -167,14 +242,14 @@ impl Estimate {
     }
 
     /// Returns the half-widths of the intervals: what the flight's own contradictions show, and beside that what they do not,
-    /// which is at least half the range of the estimates with the neighbouring drifts.
+    /// which is at least a share of the range of the estimates with the neighbouring drifts.
     /// `wider` is the ratio of the half-width of what is systematic to the one of 95 %.
-    fn half_widths(&self, beside: &[Self], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
+    fn half_widths(&self, beside: &[Tried], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
         let quantile = student::two_sided(confidence, self.freedom);
         std::array::from_fn(|index| {
-            let values = || beside.iter().map(|estimate| estimate.parameters[index]);
+            let values = || beside.iter().map(|tried| tried.estimate.parameters[index]);
             let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
-            let systematic = wider * SYSTEMATIC[index].max(0.5 * range);
+            let systematic = wider * SYSTEMATIC[index].max(OF_NEIGHBOURS * 0.5 * range);
             let by_chance = quantile * self.deviations[index];
             (by_chance * by_chance + systematic * systematic).sqrt()
         })
@@ -187,7 +262,7 @@ impl Estimate {
             .iter()
             .map(|block| block.equations(recording, believed, &self.parameters))
             .collect::<Result<Vec<_>, _>>()?;
-        let usable = usable(&equations);
+        let usable = usable(equations.iter().map(|equations| equations.mean_square));
         let used = || {
             let pairs = equations.iter().zip(&usable);
             pairs
@@ -216,59 +291,60 @@ impl Estimate {
         Ok(())
     }
 
-    /// Returns the correlation of the innovations in some of their components.
-    fn correlation(
+    /// Returns the deviance of every block, and none of a strange one.
+    fn deviances(
         &self,
         recording: &Recording,
         believed: &Believed,
-        components: Range<usize>,
-    ) -> Result<Correlation, IdentifyError> {
+    ) -> Result<Vec<Option<f64>>, IdentifyError> {
         let runs = parallel::map(&self.blocks, parallel::cores(), |block| {
-            block.innovations(recording, believed, &self.parameters, None)
+            let run = block.innovations(recording, believed, &self.parameters, None)?;
+            let counting = run.iter().filter(|(at_ns, _)| *at_ns >= block.from_ns);
+            Ok(Deviance::of(
+                counting.map(|(_, innovation)| *innovation),
+                believed.kalman.gate,
+            ))
         });
-        let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(Correlation::of(&runs, components))
+        let found = runs.into_iter().collect::<Result<Vec<_>, IdentifyError>>()?;
+        let usable = usable(found.iter().map(|deviance| deviance.mean_square));
+        let pairs = found.iter().zip(usable);
+        Ok(pairs
+            .map(|(deviance, is_usable)| is_usable.then_some(deviance.sum))
+            .collect())
     }
 }
 
-/// Sum of the autocorrelations of innovations over [`LAGS`].
-struct Correlation {
-    /// 0 of white ones, less where the filter expects too much noise of the process, more where it expects too little.
+/// Misfit of the captures of a block.
+struct Deviance {
+    /// −2 times the logarithm of their likelihood, up to a constant.
     sum: f64,
-    /// Standard deviation of the sum of white ones: each of the correlations of n numbers scatters by 1/√n.
-    by_chance: f64,
+    mean_square: f64,
 }
 
-impl Correlation {
-    fn of(runs: &[Vec<(u64, Option<Whitened>)>], components: Range<usize>) -> Self {
-        let (mut squares, mut products, mut count) = (0.0, 0.0, 0);
-        for run in runs {
-            for (place, (_, innovation)) in run.iter().enumerate() {
-                let Some(innovation) = innovation else { continue };
-                let later = run[place + 1..].iter().take(LAGS).filter_map(|(_, later)| *later);
-                let later: Whitened = later.sum();
-                for component in components.clone() {
-                    squares += innovation[component] * innovation[component];
-                    products += innovation[component] * later[component];
-                    count += 1;
-                }
+impl Deviance {
+    /// A capture that is refused counts as one at the gate.
+    fn of(innovations: impl Iterator<Item = Option<Innovation>>, gate: f64) -> Self {
+        let (mut squares, mut determinants, mut used, mut all) = (0.0, 0.0, 0.0, 0.0);
+        for innovation in innovations {
+            all += 1.0;
+            squares += innovation.map_or(gate, |innovation| innovation.whitened.norm_squared());
+            if let Some(innovation) = innovation {
+                determinants += innovation.log_determinant;
+                used += 1.0;
             }
         }
         Self {
-            sum: products / f64::max(squares, f64::MIN_POSITIVE),
-            by_chance: (LAGS as f64 / f64::from(count.max(1))).sqrt(),
+            sum: squares + determinants * all / f64::max(used, 1.0),
+            mean_square: squares / f64::max(all, 1.0),
         }
     }
 }
 
-fn usable(equations: &[NormalEquations]) -> Vec<bool> {
-    let mut sizes: Vec<f64> = equations.iter().map(|equations| equations.mean_square).collect();
+fn usable(mean_squares: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
+    let mut sizes: Vec<f64> = mean_squares.clone().collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN);
-    equations
-        .iter()
-        .map(|equations| equations.mean_square <= STRANGE * median)
-        .collect()
+    mean_squares.map(|size| size <= STRANGE * median).collect()
 }
 
 impl Block {
@@ -279,7 +355,7 @@ impl Block {
         believed: &Believed,
         parameters: &SVector<f64, PARAMETERS>,
         step: Option<(usize, f64)>,
-    ) -> Result<Vec<(u64, Option<Whitened>)>, IdentifyError> {
+    ) -> Result<Vec<(u64, Option<Innovation>)>, IdentifyError> {
         let [x, y, z, latency] = (*parameters).into();
         let mut values = [x, y, z, latency, self.mass];
         if let Some((index, by)) = step {
@@ -310,14 +386,16 @@ impl Block {
             unreachable!("the first run is there");
         };
         let mut rows: Vec<(u64, SVector<f64, 6>, Row)> = Vec::new();
-        for (place, (time_ns, whitened)) in base.iter().enumerate() {
-            let of_run =
-                |run: &Vec<(u64, Option<Whitened>)>| run.get(place).and_then(|(_, whitened)| *whitened);
+        for (place, (time_ns, innovation)) in base.iter().enumerate() {
+            let of_run = |run: &Vec<(u64, Option<Innovation>)>| {
+                run.get(place)
+                    .and_then(|(_, innovation)| innovation.map(|found| found.whitened))
+            };
             let stepped: Option<Vec<_>> = steps.iter().map(of_run).collect();
             if *time_ns < self.from_ns {
                 continue;
             }
-            if let (Some(residual), Some(stepped)) = (whitened, stepped) {
+            if let (Some(innovation), Some(stepped)) = (innovation, stepped) {
                 let row = Row::from_fn(|of, index| {
                     // A delay cannot be negative, so that its lower step may be shorter.
                     let lower = if index == 3 {
@@ -327,7 +405,7 @@ impl Block {
                     };
                     (stepped[2 * index][of] - stepped[2 * index + 1][of]) / (STEPS[index] + lower)
                 });
-                rows.push((*time_ns, *residual, row));
+                rows.push((*time_ns, innovation.whitened, row));
             }
         }
         Ok(NormalEquations::of(&rows, self.from_ns))

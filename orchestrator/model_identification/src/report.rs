@@ -14,6 +14,10 @@ const OFFSET_UNKNOWN: f64 = 0.01;
 /// The same of a delay, s.
 const DELAY_UNKNOWN: f64 = 0.01;
 
+/// What is said of a delay that is not as stated.
+const EFFECTIVE: &str = "The radio_latency is an effective delay: the radio's own, and all lag of thrust and body rates beyond \
+                         what [model] states. The flight does not tell them apart: check thrust_lag and rate_lag, too.";
+
 /// A number of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantity {
@@ -32,7 +36,8 @@ pub struct Quantity {
 pub struct Identification {
     /// Point that the cameras track, seen from the centre of mass, in {B}, m.
     pub marker_offset: [Quantity; 3],
-    /// Time from the sending of a frame to its acting, as captures show it, s.
+    /// Time from the sending of a frame to its acting, as captures show it, s: an effective delay, with all lag beyond what the
+    /// model states.
     pub radio_latency: Quantity,
     /// Standard deviation of a captured position, each component, m.
     pub position_deviation: Quantity,
@@ -43,20 +48,58 @@ pub struct Identification {
 /// Judgement of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
+    /// The interval holds the stated value.
     AsStated,
+    /// The interval does not hold it, and it is wrong by too little to matter.
+    Close,
+    /// The interval does not hold it, and the one of 99.9 % does.
+    NotCertain,
     Differs,
     Unknown,
+}
+
+impl Verdict {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::AsStated => "as stated",
+            Self::Close => "close",
+            Self::NotCertain => "not certain",
+            Self::Differs => "differs",
+            Self::Unknown => "unknown",
+        }
+    }
+
+    /// Returns what is said below the table of a word that needs it.
+    fn meaning(self) -> String {
+        match self {
+            Self::AsStated | Self::Differs => String::new(),
+            Self::Close => "Close: the stated value is outside of the interval, by too little to matter: 2 mm, 2 ms or half of a \
+                            stated noise."
+                .to_owned(),
+            Self::NotCertain => "Not certain: the stated value is outside of the interval, but within the one of 99.9 %, which \
+                                 may be chance; fly for longer."
+                .to_owned(),
+            Self::Unknown => "Unknown: the flight does not show it; fly a figure such as the eight, for longer or with more \
+                              turns."
+                .to_owned(),
+        }
+    }
 }
 
 impl Quantity {
     /// Returns the judgement of a number that matters if it is wrong by more than `matters`.
     fn verdict(&self, matters: f64, unknown: f64) -> Verdict {
+        let by = (self.found - self.stated).abs();
         if self.error > unknown || !self.error.is_finite() {
             Verdict::Unknown
-        } else if (self.found - self.stated).abs() > matters.max(self.certain) {
-            Verdict::Differs
-        } else {
+        } else if by <= self.error {
             Verdict::AsStated
+        } else if by <= matters {
+            Verdict::Close
+        } else if by <= self.certain {
+            Verdict::NotCertain
+        } else {
+            Verdict::Differs
         }
     }
 }
@@ -145,20 +188,17 @@ impl fmt::Display for Identification {
             } = quantity;
             let [low, high] = [found - error, found + error].map(|value| format!("{:.2}", value / size));
             let [stated, found] = [stated, found].map(|value| format!("{:.2}", value / size));
-            let verdict = match verdict {
-                Verdict::AsStated => "as stated",
-                Verdict::Differs => "differs",
-                Verdict::Unknown => "unknown",
-            };
             let interval = format!("{low} to {high}");
-            table.add_row([key, &stated, &found, &interval, *unit, verdict]);
+            table.add_row([key, &stated, &found, &interval, *unit, verdict.word()]);
         }
         writeln!(formatter, "{table}")?;
-        if lines.iter().any(|line| line.4 == Verdict::Unknown) {
-            writeln!(
-                formatter,
-                "\nUnknown: the flight does not show it; fly a figure such as the eight, for longer or with more turns."
-            )?;
+        for verdict in [Verdict::Close, Verdict::NotCertain, Verdict::Unknown] {
+            if lines.iter().any(|line| line.4 == verdict) {
+                writeln!(formatter, "\n{}", verdict.meaning())?;
+            }
+        }
+        if matches!(lines[3].4, Verdict::NotCertain | Verdict::Differs) {
+            writeln!(formatter, "\n{EFFECTIVE}")?;
         }
         if lines.iter().any(|line| line.4 == Verdict::Differs) {
             write!(formatter, "\nPut into the scenario:\n\n{}", self.snippet())?;
