@@ -6,6 +6,7 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: the steps of the services and the due samples at each, computable by all;
 //! * [`capture_figures`]: the performance of a laboratory's motion capture;
+//! * [`checkpoint`]: the state of a service after a step;
 //! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
 //! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
@@ -17,6 +18,7 @@
 //! Nothing in this crate does input or output.
 
 pub mod capture_figures;
+pub mod checkpoint;
 pub mod digest;
 pub mod finiteness;
 pub mod flight_phase;

@@ -1,8 +1,8 @@
 //! The machine's record, as samples of `host.mcap`.
 
-use runtime::checkpoints::{CAPACITY, Checkpoint};
 use shared_types::ServiceId;
 pub use shared_types::capture_figures::CaptureFigures;
+use shared_types::checkpoint::{CAPACITY, Checkpoint};
 use shared_types::sample::Record;
 use zerocopy::FromZeros;
 

@@ -1,5 +1,6 @@
 //! One step of a service, the same in every host.
 
+use shared_types::checkpoint::Checkpoint;
 use shared_types::schedule::{Edge, MAX_PORTS, OperatorPlan, OutageKind, OutageSchedule, Publication, Rate};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, Schedule, ServiceId, Topic};
@@ -143,6 +144,16 @@ impl Timetable {
     #[inline]
     pub fn begins_anew_at(&self, tick: u64) -> bool {
         !self.steps.is_unbroken() && tick > 0 && self.elapsed_ticks(tick) == 0
+    }
+
+    /// Restores the state of `service` from a checkpoint, unless its next step is a cold start. Returns whether it did.
+    pub fn resume(&self, service: &mut dyn ErasedService, checkpoint: &Checkpoint) -> bool {
+        let next = self.steps.first_at_or_after(checkpoint.next_tick);
+        let is_warm = !next.is_some_and(|next| self.begins_anew_at(next));
+        if is_warm {
+            service.restore(&checkpoint.state);
+        }
+        is_warm
     }
 
     /// Steps `service` at `tick` and checks its outputs.

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use libloading::{Library, Symbol};
 use scenario::Scenario;
+use shared_types::checkpoint::CAPACITY;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId, Topic};
@@ -23,9 +24,6 @@ use crate::calls::{self, Call, FloatModeChanged, Living};
 use crate::guarded::Guarded;
 use crate::setup_texts::SetupTexts;
 use trial::Trial;
-
-/// Largest state of a plug-in, bytes: what a checkpoint holds.
-pub const MAX_STATE: usize = 16 * 1024;
 
 /// Room for the reason why a service cannot be made, bytes.
 const REASON: usize = 512;
@@ -321,14 +319,14 @@ impl PluginService {
             instance,
             inputs: role.inputs().iter().map(|input| memory(input.topic)).collect(),
             outputs: role.outputs().iter().map(|output| memory(output.topic)).collect(),
-            state: RefCell::new(Guarded::new(state_size.min(MAX_STATE))),
+            state: RefCell::new(Guarded::new(state_size.min(CAPACITY))),
             state_size,
             trial: None,
             _living: Living::begin(),
         };
-        if state_size > MAX_STATE {
+        if state_size > CAPACITY {
             return Err(interface(format!(
-                "its state has {} bytes, and a checkpoint holds 0 to {MAX_STATE}: let `state_size` return the size of the \
+                "its state has {} bytes, and a checkpoint holds 0 to {CAPACITY}: let `state_size` return the size of the \
                  state",
                 // A library that returns a negative number means no size of 18 digits.
                 state_size.cast_signed()

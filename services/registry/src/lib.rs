@@ -19,10 +19,6 @@ use plant::PlantService;
 use plugin::library_file;
 use rc_output::RcOutputService;
 
-// Every state of a plug-in fits into a checkpoint, and every state that fits may be one.
-#[cfg(feature = "laboratory")]
-const _: () = assert!(plugin::loader::MAX_STATE == runtime::checkpoints::CAPACITY);
-
 /// Constructor of a role's occupant.
 #[derive(Clone, Copy, Debug)]
 pub enum Constructor {

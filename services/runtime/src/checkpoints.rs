@@ -12,14 +12,10 @@
 use std::os::fd::{BorrowedFd, OwnedFd};
 
 use shared_types::ServiceId;
-use shared_types::service::ErasedService;
+use shared_types::checkpoint::{CAPACITY, Checkpoint};
 
 use crate::seqlock::{Pair, WORD};
 use crate::shared_file::SharedFile;
-use host::step::Timetable;
-
-/// Largest state of a service, bytes.
-pub const CAPACITY: usize = 16 * 1024;
 
 const _: () = assert!(CAPACITY.is_multiple_of(WORD));
 
@@ -29,27 +25,6 @@ type Table = [Pair<{ CAPACITY / WORD }>; ServiceId::ALL.len()];
 /// Mapping of all services' checkpoints.
 #[derive(Debug)]
 pub struct Checkpoints(SharedFile);
-
-/// Checkpoint as a reader gets it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Checkpoint {
-    /// Tick of the first step that the state does not include.
-    pub next_tick: u64,
-    /// The state.
-    pub state: Vec<u8>,
-}
-
-impl Checkpoint {
-    /// Restores the state of a service, unless its next step is a cold start. Returns whether it did.
-    pub fn resume(&self, service: &mut dyn ErasedService, timetable: &Timetable) -> bool {
-        let next = timetable.steps.first_at_or_after(self.next_tick);
-        let goes_on = !next.is_some_and(|next| timetable.begins_anew_at(next));
-        if goes_on {
-            service.restore(&self.state);
-        }
-        goes_on
-    }
-}
 
 impl Checkpoints {
     /// Makes the file of a run's checkpoints.

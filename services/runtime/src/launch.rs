@@ -200,7 +200,7 @@ fn go_on(
     if let Some(checkpoint) = context.checkpoints.newest(service.id()) {
         first_tick = checkpoint.next_tick;
         let timetable = Timetable::new(schedule, service.id());
-        checkpoint.resume(service, &timetable);
+        timetable.resume(service, &checkpoint);
     }
     context.crash.pass(CrashPlace::Recovering, first_tick);
     Ok(first_tick)

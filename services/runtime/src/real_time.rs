@@ -17,12 +17,13 @@ use std::sync::atomic::{Ordering, fence};
 
 use rustix::thread::futex;
 use shared_types::ExternalServices;
+use shared_types::checkpoint::Checkpoint;
 use shared_types::samples::PathReference;
 use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
 
-use crate::checkpoints::{Checkpoint, Checkpoints};
+use crate::checkpoints::Checkpoints;
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
@@ -182,7 +183,7 @@ pub fn fly(
     let mut first_tick = 0;
     if let Some(checkpoint) = checkpoint {
         first_tick = checkpoint.next_tick;
-        if checkpoint.resume(service, &timetable) {
+        if timetable.resume(service, checkpoint) {
             previous = first_tick.checked_sub(1);
         }
     }
