@@ -5,9 +5,10 @@ use std::iter::successors;
 
 use miette::Report;
 use run_log::{HostReadError, LogReadError};
+use scenario_file::ScenarioError;
+use scenario_file::printable::printable_lines;
 
 use crate::exit::Exit;
-use crate::terminal::printable_lines;
 
 /// A failure that ends a command early: the message for the user and the exit code.
 #[derive(Debug)]
@@ -57,6 +58,15 @@ impl Failure {
     #[must_use]
     pub fn not_written(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::new(Exit::NotWritten, error)
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(error: ScenarioError) -> Self {
+        Self {
+            report: error.into(),
+            exit: Exit::BadInput,
+        }
     }
 }
 

@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 
 use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
+use scenario_file::printable::printable_lines;
 use serde::Serialize;
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::terminal::printable_lines;
 
 /// The log that a path means: the file itself, or the run's log in the folder, be it complete, recovered or never closed.
 ///

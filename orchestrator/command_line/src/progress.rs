@@ -10,7 +10,7 @@ pub use indicatif::ProgressBar;
 use indicatif::{ProgressDrawTarget, ProgressStyle};
 use shared_types::Schedule;
 
-use crate::terminal::{printable, printable_lines};
+use scenario_file::printable::{printable, printable_lines};
 
 /// Time between two updates of the bar.
 const UPDATE_PERIOD: Duration = Duration::from_millis(100);

@@ -1,72 +1,8 @@
-//! Text that others have written, made harmless for a terminal.
-//!
-//! A description in a log, a name in a packet or the words of another user's run may hold control sequences: they move the
-//! cursor, rename the window, answer in the place of the keyboard, or let text read in another order than it is stored. All
-//! output of `gerono` to a terminal goes through [`printable_lines`]; text that is one line within other text, through
-//! [`printable`], so that it cannot pass for further lines.
+//! A terminal to which text of others is written.
 
-use std::borrow::Cow;
-use std::fmt::Write as _;
 use std::io::{self, Write};
 
-/// One line of text: every control character as `\u001b`, which means the same in JSON.
-#[must_use]
-pub fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, is_control)
-}
-
-/// Longest word of a message, such as a name from a file, characters.
-const LONGEST_WORD: usize = 200;
-
-/// Longest message, characters: ten lines of a wide terminal, and far below what a formatter can pad.
-const LONGEST_TEXT: usize = 2000;
-
-/// A text of a message with its long words cut, and itself if all of it is too long: names and values come from files and
-/// arguments of any size.
-#[must_use]
-pub fn shortened(text: &str) -> String {
-    let mut short = String::new();
-    let (mut in_text, mut in_word) = (0, 0);
-    for character in text.chars() {
-        in_word = if character.is_whitespace() { 0 } else { in_word + 1 };
-        if in_word == LONGEST_WORD {
-            short.push('…');
-        }
-        if in_word >= LONGEST_WORD {
-            continue;
-        }
-        in_text += 1;
-        if in_text == LONGEST_TEXT {
-            short.push('…');
-            break;
-        }
-        short.push(character);
-    }
-    short
-}
-
-/// Lines of text: as [`printable`], but for line breaks and tabs.
-#[must_use]
-pub fn printable_lines(text: &str) -> Cow<'_, str> {
-    escaped(text, |character| {
-        is_control(character) && !matches!(character, '\n' | '\t')
-    })
-}
-
-/// A line of the same length in which every control character but tabs is replaced, so that places in the one are places in
-/// the other.
-#[must_use]
-pub fn printable_in_place(line: &str) -> String {
-    let mut printable = String::with_capacity(line.len());
-    for character in line.chars() {
-        if is_control(character) && character != '\t' {
-            (0..character.len_utf8()).for_each(|_| printable.push('?'));
-        } else {
-            printable.push(character);
-        }
-    }
-    printable
-}
+use scenario_file::printable::printable_lines;
 
 /// Hands lines on to a terminal, each as [`printable_lines`].
 #[derive(Debug)]
@@ -107,60 +43,9 @@ impl<W: Write> Write for Terminal<W> {
     }
 }
 
-fn escaped(text: &str, is_unwanted: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if !text.contains(&is_unwanted) {
-        return Cow::Borrowed(text);
-    }
-    let mut escaped = String::with_capacity(text.len() + 16);
-    for character in text.chars() {
-        if is_unwanted(character) {
-            // All of them are below U+FFFF. Writing to a string does not fail.
-            let _ = write!(escaped, "\\u{:04x}", u32::from(character));
-        } else {
-            escaped.push(character);
-        }
-    }
-    Cow::Owned(escaped)
-}
-
-/// Returns whether a terminal obeys a character or orders text by it instead of showing it.
-fn is_control(character: char) -> bool {
-    character.is_control()
-        || matches!(
-            character,
-            // Line and paragraph separators, and what sets the direction of writing.
-            '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
-        )
-}
-
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
-
-    #[test]
-    fn long_words_and_long_texts_are_cut_and_others_are_not() {
-        let sentence = "`controller.k1` is unknown: there is no key `k1` here";
-        assert_eq!(shortened(sentence), sentence);
-        let exactly = "é".repeat(199);
-        assert_eq!(shortened(&exactly), exactly);
-        let name = "x".repeat(70_000);
-        let cut = shortened(&format!("there is no key `{name}` here"));
-        assert_eq!(cut, format!("there is no key `{}… here", "x".repeat(198)));
-        let values = "1.0 ".repeat(20_000);
-        assert_eq!(shortened(&values).chars().count(), 2000);
-    }
-
-    #[test]
-    fn sequences_are_shown_instead_of_obeyed() {
-        let hostile = "a\x1b]0;owned\x07\x1b[2Jb\u{9b}31mc\u{202e}d\re\nf";
-        assert_eq!(
-            printable(hostile),
-            r"a\u001b]0;owned\u0007\u001b[2Jb\u009b31mc\u202ed\u000de\u000af"
-        );
-        assert_eq!(printable_lines("one\n\ttwo\x7f"), "one\n\ttwo\\u007f");
-    }
 
     #[test]
     fn lines_that_come_in_pieces_are_shown_whole() {
@@ -174,37 +59,5 @@ mod tests {
             String::from_utf8(terminal.screen).unwrap(),
             "é\\u009b1m\n\\u001b[2J"
         );
-    }
-
-    #[test]
-    fn ordinary_text_is_not_copied() {
-        let text = "‖z1‖ of the eight, 0.25 cm: “good”";
-        assert!(matches!(printable(text), Cow::Borrowed(_)));
-    }
-
-    proptest! {
-        #[test]
-        fn nothing_that_is_obeyed_is_left(text: String) {
-            prop_assert!(!printable(&text).contains(is_control));
-            let lines = printable_lines(&text);
-            prop_assert!(!lines.contains(|character| is_control(character) && !matches!(character, '\n' | '\t')));
-        }
-
-        #[test]
-        fn json_means_the_same_as_before(text: String) {
-            let json = serde_json::to_string_pretty(&serde_json::json!({"text": text})).unwrap();
-            let read: serde_json::Value = serde_json::from_str(&printable_lines(&json)).unwrap();
-            prop_assert_eq!(read["text"].as_str(), Some(text.as_str()));
-        }
-
-        #[test]
-        fn places_stay_where_they_were(text: String) {
-            let replaced = printable_in_place(&text);
-            prop_assert_eq!(replaced.len(), text.len());
-            let kept = text.char_indices().filter(|(_, character)| !is_control(*character));
-            for (place, character) in kept {
-                prop_assert!(replaced[place..].starts_with(character));
-            }
-        }
     }
 }

@@ -33,7 +33,7 @@ pub use snapshot::Snapshot;
 pub use watching::{Description, NewestSamples, identity};
 
 use self::runs::{MachineRun, User};
-use command_line::terminal::{printable, printable_lines};
+use scenario_file::printable::{printable, printable_lines};
 
 /// Name of the socket in a run's place.
 pub const SOCKET: &str = "desk";

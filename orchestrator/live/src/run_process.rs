@@ -11,7 +11,6 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use command_line::terminal::printable;
 use runtime::activity;
 use runtime::control::{Host, SHARED_PAGE_FD};
 use runtime::shared_page::{self, Request, SharedPage};
@@ -20,6 +19,7 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use scenario_file::printable::printable;
 
 use crate::runs::User;
 

@@ -6,8 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use command_line::terminal::printable;
 use runtime::control::Host;
+use scenario_file::printable::printable;
 
 use crate::LiveRun;
 use crate::error::{LiveError, Names, Searched};

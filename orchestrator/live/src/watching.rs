@@ -12,7 +12,7 @@ use scenario::Scenario;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use shared_types::{Published, ServiceId, Topic};
 
-use command_line::terminal::printable;
+use scenario_file::printable::printable;
 
 /// Returns which run it is, what is flown and by which link, in words: `run 130-0, Fig. 7 in a laboratory, crsf on /dev/ttyUSB0`.
 /// Texts of the scenario are harmless for a terminal and stay within the line.

@@ -3,7 +3,7 @@
 use mcap::WriteOptions;
 
 /// The compression of a log's chunks. The digest of a log does not depend on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compression {
     /// Not at all: the least work.
     #[default]
@@ -15,13 +15,26 @@ pub enum Compression {
 }
 
 impl Compression {
-    /// The one that MCAP, or `gerono run --compression`, calls so.
-    pub(super) fn of_name(name: &str) -> Self {
-        match name {
-            "lz4" => Self::Lz4,
-            "zstd" => Self::Zstd,
-            _ => Self::None,
-        }
+    /// All of them, with their names in a command and what they cost.
+    pub const ALL: [(Self, &'static str, &'static str); 3] = [
+        (Self::None, "none", "Not at all: the least work"),
+        (
+            Self::Lz4,
+            "lz4",
+            "LZ4: about twice the work, less than half the size",
+        ),
+        (
+            Self::Zstd,
+            "zstd",
+            "Zstandard: several times the work, the smallest files, by little",
+        ),
+    ];
+
+    /// Returns the compression that MCAP and commands give a name to; a name that is not known means none.
+    #[must_use]
+    pub fn of_name(name: &str) -> Self {
+        let found = Self::ALL.into_iter().find(|(_, known, _)| *known == name);
+        found.map_or(Self::None, |(compression, ..)| compression)
     }
 
     /// The levels are fixed, because the library's default may move.

@@ -6,9 +6,7 @@ use std::path::{Path, PathBuf};
 use miette::{Diagnostic, LabeledSpan, SourceCode};
 
 use super::snippet::Snippet;
-use command_line::exit::Exit;
-use command_line::failure::Failure;
-use command_line::terminal::printable;
+use crate::printable::printable;
 
 /// Reason why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
 #[derive(Debug, thiserror::Error)]
@@ -79,15 +77,6 @@ impl ScenarioError {
         match self {
             Self::Refused { findings, .. } if findings.len() == 1 => findings.first(),
             _ => None,
-        }
-    }
-}
-
-impl From<ScenarioError> for Failure {
-    fn from(error: ScenarioError) -> Self {
-        Self {
-            report: error.into(),
-            exit: Exit::BadInput,
         }
     }
 }

@@ -11,6 +11,7 @@ mod curve_file;
 mod document;
 mod error;
 mod keys;
+pub mod printable;
 mod read;
 mod setting;
 mod snippet;

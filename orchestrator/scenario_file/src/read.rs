@@ -9,7 +9,7 @@ use scenario::suggest;
 
 use super::ScenarioError;
 use super::sources::Sources;
-use command_line::terminal::printable;
+use crate::printable::printable;
 
 /// Longest scenario file, bytes: what is longer is some other file.
 pub(super) const LONGEST_FILE: u64 = 1 << 20;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
 
-use command_line::terminal::printable_in_place;
+use crate::printable::printable_in_place;
 
 /// Longest line that is shown whole, and how much of a longer one is shown before the place, characters.
 const LONGEST_LINE: usize = 200;

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::Finding;
 use super::snippet::Lines;
-use command_line::terminal::{printable, printable_lines, shortened};
+use crate::printable::{printable, printable_lines, shortened};
 
 /// The texts, each with its first offset and its name.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use scenario::{Key, Scenario};
 
 use super::setting::path_of;
 use super::{ScenarioError, keys, load_text};
-use command_line::terminal::printable;
+use crate::printable::printable;
 
 /// A scenario as it is flown after a change.
 #[derive(Clone, Debug, PartialEq)]

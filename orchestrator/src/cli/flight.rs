@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use manual::completion::{scenario_file, setting};
 use runtime::crash::{Crash, CrashPlace};
 use scenario::suggest::known_names;
@@ -53,11 +54,17 @@ pub struct Run {
     pub deployment: DeploymentArguments,
 }
 
+/// Reads the name of a compression.
+fn compression() -> impl TypedValueParser<Value = Compression> {
+    let names = Compression::ALL.map(|(_, name, meaning)| PossibleValue::new(name).help(meaning));
+    PossibleValuesParser::new(names).map(|name| Compression::of_name(&name))
+}
+
 /// Arguments for the writing of logs.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct RecordingArguments {
     /// Compression of the logs' chunks.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_name = "COMPRESSION", default_value = "none", value_parser = compression())]
     pub compression: Compression,
     /// Force the logs to the disk again and again, this long apart, in s; a power failure costs little more than that
     /// [default: the system writes them when it likes].

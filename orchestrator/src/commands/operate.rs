@@ -8,9 +8,9 @@ use runtime::shared_page::Request;
 use super::{Failure, note, print};
 use crate::cli::Operate;
 use command_line::exit::Exit;
-use command_line::terminal::printable;
 use live::runs::{MachineRun, User};
 use live::{Answer, LiveError, LiveRun, PATIENCE, Question};
+use scenario_file::printable::printable;
 
 /// Time for which an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
 const KILL_PATIENCE: Duration = Duration::from_secs(1);

@@ -6,8 +6,8 @@ use comfy_table::{Table, presets};
 use serde_json::Value;
 
 use super::{Info, Judged, State, TopicInfo};
-use command_line::terminal::printable;
 use metrics::tracker::StateSource;
+use scenario_file::printable::printable;
 
 impl Display for State {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {

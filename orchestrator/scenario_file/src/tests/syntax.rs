@@ -331,7 +331,7 @@ fn control_characters_of_a_file_do_not_reach_the_terminal() {
         ] {
             let kept = |character: &char| matches!(character, '\n');
             let all = shown.chars().filter(|character| !kept(character));
-            let visible = command_line::terminal::printable(&all.collect::<String>()).into_owned();
+            let visible = crate::printable::printable(&all.collect::<String>()).into_owned();
             assert!(!visible.contains("\\u"), "{visible}");
         }
     }
