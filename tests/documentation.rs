@@ -332,6 +332,65 @@ fn below(members: &BTreeMap<String, Member>, name: &str) -> BTreeSet<String> {
         .collect()
 }
 
+/// What only the machine half may reach.
+const OF_MACHINE: [&str; 9] = [
+    "iceoryx2",
+    "clap",
+    "console",
+    "crossterm",
+    "indicatif",
+    "ratatui",
+    "signal-hook",
+    "terminal_size",
+    "command_line",
+];
+
+/// Returns the packages that Cargo builds for crates, at most so many levels below them.
+fn packages_below<'a>(crates: impl IntoIterator<Item = &'a str>, depth: &str) -> BTreeSet<String> {
+    let mut cargo = Command::new(env!("CARGO"));
+    let form = [
+        "--edges", "normal", "--prefix", "none", "--format", "{lib}", "--depth", depth,
+    ];
+    cargo
+        .args(["tree", "--offline"])
+        .args(form)
+        .args(crates.into_iter().flat_map(|name| ["--package", name]))
+        .current_dir(repository(""));
+    let printed = String::from_utf8(succeed(&mut cargo).stdout).unwrap();
+    let names = printed.lines().filter_map(|line| line.split_whitespace().next());
+    names.map(|name| name.replace('_', "-")).collect()
+}
+
+#[test]
+fn the_pure_half_reaches_no_machine() {
+    let document = read("docs/architecture.md");
+    let pure: Vec<_> = section(&document, "pure half")
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .collect();
+    assert!(pure.len() >= 17, "{pure:?}");
+    let below = packages_below(pure.iter().copied(), "999");
+    assert!(below.len() > 40, "{below:?}");
+    let of_machine: Vec<_> = OF_MACHINE
+        .iter()
+        .filter(|name| below.contains(&name.replace('_', "-")))
+        .collect();
+    assert!(of_machine.is_empty(), "the pure half reaches {of_machine:?}");
+    // Packages of others may call the system.
+    for name in pure.iter().filter(|name| **name != "result_file") {
+        let direct = packages_below([*name], "1");
+        assert!(!direct.contains("rustix") && !direct.contains("libc"), "{name}");
+    }
+    // What is forbidden is there to be found.
+    let of_all = packages_below(["orchestrator"], "999");
+    assert!(
+        OF_MACHINE
+            .iter()
+            .all(|name| of_all.contains(&name.replace('_', "-")))
+    );
+}
+
 #[test]
 fn the_picture_of_the_crates_is_what_cargo_knows() {
     let members = workspace();
