@@ -162,6 +162,32 @@ fn every_row_can_be_repeated_with_its_log() {
 }
 
 #[test]
+fn a_flight_whose_law_does_not_use_a_varied_gain_can_be_repeated_by_a_command() {
+    let place = Place::new();
+    let text = format!(
+        "scenario = {:?}\nsamples = 1\nset = [\"duration=1.5\", \"vehicle.change=[]\"]\n\
+         [vary]\n\"controller.k1\" = {{ uniform = [3.0, 5.0] }}\n\
+         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"INDI\"\nset = [\"controller.law=indi\"]\n",
+        scenario("fig3_6")
+    );
+    std::fs::write(place.path("sweep.toml"), text).unwrap();
+    succeed(&mut place.gerono(&["sweep", "run", "sweep.toml", "--out", "results"]));
+    for (law, has_gain) in [("paper", true), ("INDI", false)] {
+        let mut command = place.gerono(&[
+            "sweep", "fly", "results", "--sample", "0", "--law", law, "--out", law,
+        ]);
+        let words = String::from_utf8(succeed(&mut command).stdout).unwrap();
+        let run = words.lines().find(|line| line.contains("gerono run ")).unwrap();
+        assert_eq!(run.contains("controller.k1"), has_gain, "{run}");
+        let arguments = run.split("gerono run ").nth(1).unwrap();
+        let program = env!("CARGO_BIN_EXE_gerono");
+        let run = format!("{program} run {arguments} --host inprocess --quiet --out same-{law}");
+        succeed(Command::new("sh").args(["-c", &run]).current_dir(place.path("")));
+        succeed(&mut place.gerono(&["diff", law, &format!("same-{law}")]));
+    }
+}
+
+#[test]
 fn a_flight_that_is_lost_or_cannot_be_flown_is_a_row() {
     let place = Place::new();
     // A mass below zero cannot be flown by the scenario's checks, a radius below zero by the sweep's own word, and with
@@ -252,6 +278,14 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         (
             "[vary]\n\"vehicle.drag\" = [{ uniform = [0.0, 0.1] }, 0.0, 0.0]\n\"vehicle.drag.0\" = { uniform = [0.0, 0.1] }\n",
             "`vary` states both",
+        ),
+        (
+            "[vary]\n\"controller.baseline.integral_gain\" = { uniform = [9.0, 18.0] }\n",
+            "no law of the sweep uses it",
+        ),
+        (
+            "[[compare]]\nname = \"x\"\nset = [\"controller.baseline.integral_gain=9.0\"]\n",
+            "does not use it",
         ),
         (
             "[judge]\ngood = \"outcome == 1\"\n",

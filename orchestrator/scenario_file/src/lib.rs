@@ -28,7 +28,7 @@ use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
 pub use keys::{key_table, keys_for_completion, unit_of_key};
-pub use setting::{key_of_setting, path_of};
+pub use setting::{concerns, key_of_setting, path_of};
 use sources::Sources;
 
 /// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the
@@ -45,6 +45,21 @@ pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario,
 /// # Errors
 /// [`ScenarioError`] if what it and the arguments say cannot be flown.
 pub fn load_from(
+    path: &Path,
+    text: &str,
+    sets: &[String],
+    seed: Option<u64>,
+) -> Result<Scenario, ScenarioError> {
+    let scenario = load_drawn(path, text, sets, seed)?;
+    refuse_another_law(&scenario, path, text, sets)?;
+    Ok(scenario)
+}
+
+/// As [`load_from`], with settings of which some were drawn for several laws: gains that the law does not use are no error.
+///
+/// # Errors
+/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+pub fn load_drawn(
     path: &Path,
     text: &str,
     sets: &[String],
@@ -75,7 +90,28 @@ pub fn load_text(
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
-    load_in(None, path, text, sets, seed)
+    let scenario = load_in(None, path, text, sets, seed)?;
+    refuse_another_law(&scenario, path, text, sets)?;
+    Ok(scenario)
+}
+
+/// Refuses settings of gains that the law of a scenario does not use.
+fn refuse_another_law(
+    scenario: &Scenario,
+    path: &Path,
+    text: &str,
+    sets: &[String],
+) -> Result<(), ScenarioError> {
+    // What else flies in place of the controller is given the scenario, and may fly with its gains.
+    if scenario.is_foreign(ServiceId::Controller) {
+        return Ok(());
+    }
+    let sources = Sources::new(&path.display().to_string(), text, sets);
+    let findings = setting::of_another_law(&sources, scenario.controller.law);
+    match findings.is_empty() {
+        true => Ok(()),
+        false => Err(ScenarioError::refused(path, findings)),
+    }
 }
 
 fn load_in(
@@ -141,14 +177,12 @@ fn scenario_from_text(
         // Without its points the path could only be refused once more.
         return Err(findings);
     }
-    if let Some(scenario) = &scenario {
-        if scenario.has_plugin(ServiceId::Controller) {
-            let what = "a plug-in flies in place of the controller";
-            findings.extend(setting::of_own_law(&sources, what));
-        } else if scenario.program_of(ServiceId::Controller).is_none() {
-            // A program is given the scenario, and may fly with its gains.
-            findings.extend(setting::of_another_law(&sources, scenario.controller.law));
-        }
+    if let Some(scenario) = &scenario
+        && scenario.has_plugin(ServiceId::Controller)
+    {
+        // A program is given the scenario, and may fly with its gains.
+        let what = "a plug-in flies in place of the controller";
+        findings.extend(setting::of_own_law(&sources, what));
     }
     let problems = scenario.as_ref().map(Scenario::problems).unwrap_or_default();
     findings.extend(problems.into_iter().map(|problem| {

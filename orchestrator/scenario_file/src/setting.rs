@@ -83,13 +83,9 @@ fn without_effect(
     reason: &str,
     fix: &str,
 ) -> Vec<Finding> {
-    let is_without = |argument: &str| {
-        keys_of(argument).iter().any(|key| {
-            let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
-            matches!(&names[..], ["controller", rest @ ..] if !rest.is_empty() && !has_effect(rest))
-        })
-    };
-    let without = sources.arguments().filter(|(_, argument)| is_without(argument));
+    let without = sources
+        .arguments()
+        .filter(|(_, argument)| keys_of(argument).iter().any(|key| is_without(key, &has_effect)));
     let finding = |(start, argument): (usize, &str)| {
         let span = start..start + argument.len();
         sources.finding(span, "this argument has no effect", reason, fix)
@@ -146,6 +142,20 @@ impl<'i> Setting<'i> {
 pub fn path_of(text: &str) -> Option<Key> {
     let path = parse_path(text, 0).ok()?;
     Some(path.into_iter().map(Spanned::into_inner).collect())
+}
+
+/// Returns whether a setting `KEY=VALUE` concerns a flight of a law.
+#[must_use]
+pub fn concerns(setting: &str, law: LawKind) -> bool {
+    !keys_of(setting)
+        .iter()
+        .any(|key| is_without(key, |names| law.uses(names)))
+}
+
+/// Returns whether a key is one of `[controller]` whose names, after that of the section, `has_effect` denies.
+fn is_without(key: &Key, has_effect: impl Fn(&[&str]) -> bool) -> bool {
+    let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
+    matches!(&names[..], ["controller", rest @ ..] if !rest.is_empty() && !has_effect(rest))
 }
 
 /// Returns the keys that an argument assigns: of a table those inside.

@@ -56,7 +56,11 @@ pub(crate) fn fly(arguments: &Fly) -> Result<Exit, Failure> {
     for (column, cell) in prepared.layout.columns.iter().zip(&row) {
         print(format!("{:<28} {}\n", column.name, text(cell)));
     }
-    let settings = plan.settings_of(&sample, entry);
+    let mut settings = plan.settings_of(&sample, entry);
+    if let Ok(scenario) = plan.scenario(&sample, entry) {
+        // A varied gain that this law does not use.
+        settings.retain(|setting| scenario_file::concerns(setting, scenario.controller.law));
+    }
     let sets: String = settings
         .iter()
         .map(|setting| format!(" --set '{setting}'"))

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use command_line::failure::Failure;
-use scenario::{Curve, Key, Scenario};
+use scenario::{Curve, Key, LawKind, Scenario};
 use scenario_file::ScenarioError;
 use statistics::design::{Design, sample_seed};
 use toml::Value;
@@ -106,9 +106,16 @@ impl Plan {
             source,
         };
         // The scenario as it stands can be flown with every entry's settings, and has all keys that are varied.
+        let mut laws = Vec::new();
         for entry in &plan.entries {
             let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
-            let scenario = plan.load(&settings, 1)?;
+            let Source {
+                scenario_path,
+                scenario_text,
+                ..
+            } = &plan.source;
+            let scenario = scenario_file::load_from(scenario_path, scenario_text, &settings, Some(1))?;
+            laws.push(scenario.controller.law);
             plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
             if let Some(index) = (0..plan.samples).next()
                 && let Err(error) = plan.scenario(&plan.sample(index), entry)
@@ -117,8 +124,29 @@ impl Plan {
                 return Err(error.into());
             }
         }
+        plan.check_gains(&laws).map_err(Failure::bad_input)?;
         plan.files = plan.read_files()?;
         Ok(plan)
+    }
+
+    /// Refuses to vary a gain that none of the laws uses.
+    fn check_gains(&self, laws: &[LawKind]) -> Result<(), String> {
+        let is_law = |varied: &Varied| varied.name == "controller.law";
+        if self.varied.iter().any(is_law) {
+            return Ok(());
+        }
+        for Varied { name, .. } in &self.varied {
+            let key = scenario_file::path_of(name).unwrap_or_default();
+            let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
+            if let ["controller", gain @ ..] = &names[..]
+                && !laws.iter().any(|law| law.uses(gain))
+            {
+                return Err(format!(
+                    "`vary.\"{name}\"`: no law of the sweep uses it, so that it varies nothing"
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Returns the number of phases of a flight: the scenario changes the vehicle between them.
@@ -314,7 +342,7 @@ impl Plan {
             scenario_text,
             ..
         } = &self.source;
-        scenario_file::load_from(scenario_path, scenario_text, settings, Some(seed))
+        scenario_file::load_drawn(scenario_path, scenario_text, settings, Some(seed))
     }
 }
 
