@@ -236,11 +236,13 @@ fn all_wrong_arguments_are_reported_at_once() {
 
 #[test]
 fn a_gain_of_a_law_that_does_not_fly_is_refused_also_in_a_table() {
+    let path = std::path::Path::new("flight.toml");
     for argument in [
         "controller.baseline.integral_gain=9.0",
         "controller={baseline = {integral_gain = 9.0}}",
     ] {
-        let shown = refusal(&fig1(), &[argument]);
+        let refused = crate::load_text(path, &fig1(), &[argument.to_owned()], None).unwrap_err();
+        let shown = format!("{refused:#}");
         assert!(
             shown.contains("the law `adaptive` flies, and does not use it"),
             "{shown}"
