@@ -9,10 +9,9 @@ use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
 use evaluation::reproduce::measure::Measured;
 use evaluation::reproduce::{parallel, row};
-use scenario::{Curve, Scenario};
-use scenario_file::ScenarioError;
+use scenario::Scenario;
+use scenario_file::{ReadFile, ScenarioError, files_of};
 use serde::Serialize;
-use shared_types::ServiceId;
 use supervisor::in_process;
 
 use crate::conditions::Condition;
@@ -76,7 +75,7 @@ impl Base {
     pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
         let scenario = scenario(self.file.as_ref(), settings, seed)?;
         let mut known = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        for (path, sha256) in files_of(&scenario) {
+        for ReadFile { path, sha256, .. } in files_of(&scenario) {
             let place = path.display().to_string();
             if known.entry(path).or_insert_with(|| sha256.clone()) != sha256 {
                 return Err(Failure::bad_input(format!(
@@ -101,20 +100,6 @@ fn scenario(
     let mut scenario = ScenarioSource::FIG3_6.load(&settings, seed)?;
     plugin::library_file::pin(&mut scenario)?;
     Ok(scenario)
-}
-
-/// Returns the files that a flight reads, each with its SHA-256.
-fn files_of(scenario: &Scenario) -> impl Iterator<Item = (PathBuf, &String)> {
-    let plugins = scenario.plugins.iter();
-    let plugins = plugins.flat_map(|plugins| {
-        let of = |service: ServiceId| Some((plugins.path_of(service)?, plugins.sha256.get(service.name())?));
-        ServiceId::ALL.into_iter().filter_map(of)
-    });
-    let of_path = match &scenario.path.curve {
-        Curve::Waypoints(way) => way.file.clone().zip(way.sha256.as_ref()),
-        _ => None,
-    };
-    plugins.chain(of_path)
 }
 
 /// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.

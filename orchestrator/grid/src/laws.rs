@@ -110,10 +110,11 @@ const SHARED: [(&[&str], &str); 17] = [
 
 /// Returns why a key is no part of a law, if it is none.
 fn refusal(key: &Key) -> Option<String> {
-    let is_of = |part: &[&str]| part.iter().zip(key.segments()).all(|(one, other)| one == other);
-    let (part, reason) = SHARED.iter().find(|(part, _)| is_of(part))?;
-    let shared: Key = part.iter().copied().collect();
-    let what = if part.len() > key.segments().len() {
+    let mut parts = SHARED
+        .iter()
+        .map(|(part, reason)| (part.iter().copied().collect::<Key>(), reason));
+    let (shared, reason) = parts.find(|(part, _)| part.overlaps(key))?;
+    let what = if shared.segments().len() > key.segments().len() {
         format!("`{key}` has `{shared}`, which is")
     } else {
         format!("`{key}` is")

@@ -13,6 +13,7 @@ mod error;
 mod keys;
 pub mod printable;
 mod read;
+mod read_files;
 mod setting;
 mod snippet;
 mod sources;
@@ -28,6 +29,7 @@ use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
 pub use keys::{key_table, keys_for_completion, unit_of_key};
+pub use read_files::{ReadFile, files_of};
 pub use setting::{concerns, key_of_setting, path_of};
 use sources::Sources;
 
@@ -108,6 +110,10 @@ fn refuse_another_law(
     }
     let sources = Sources::new(&path.display().to_string(), text, sets);
     let findings = setting::of_another_law(&sources, scenario.controller.law);
+    refuse_if_any(path, findings)
+}
+
+fn refuse_if_any(path: &Path, findings: Vec<Finding>) -> Result<(), ScenarioError> {
     match findings.is_empty() {
         true => Ok(()),
         false => Err(ScenarioError::refused(path, findings)),
@@ -135,10 +141,7 @@ fn load_in(
 pub fn refuse_own_law(path: &Path, text: &str, sets: &[String]) -> Result<(), ScenarioError> {
     let sources = Sources::new(&path.display().to_string(), text, sets);
     let findings = setting::of_own_law(&sources, "a controller of the caller's flies");
-    match findings.is_empty() {
-        true => Ok(()),
-        false => Err(ScenarioError::refused(path, findings)),
-    }
+    refuse_if_any(path, findings)
 }
 
 /// The JSON Schema of scenario files, with which editors complete and check them.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use command_line::failure::Failure;
-use scenario::{Curve, Key, LawKind, Scenario};
-use scenario_file::ScenarioError;
+use scenario::{Key, LawKind, Scenario};
+use scenario_file::{ReadFile, ScenarioError, files_of};
 use statistics::design::{Design, sample_seed};
 use toml::Value;
 
@@ -109,12 +109,8 @@ impl Plan {
         let mut laws = Vec::new();
         for entry in &plan.entries {
             let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
-            let Source {
-                scenario_path,
-                scenario_text,
-                ..
-            } = &plan.source;
-            let scenario = scenario_file::load_from(scenario_path, scenario_text, &settings, Some(1))?;
+            let (path, text) = (&plan.source.scenario_path, &plan.source.scenario_text);
+            let scenario = scenario_file::load_from(path, text, &settings, Some(1))?;
             laws.push(scenario.controller.law);
             plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
             if let Some(index) = (0..plan.samples).next()
@@ -136,11 +132,8 @@ impl Plan {
             return Ok(());
         }
         for Varied { name, .. } in &self.varied {
-            let key = scenario_file::path_of(name).unwrap_or_default();
-            let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
-            if let ["controller", gain @ ..] = &names[..]
-                && !laws.iter().any(|law| law.uses(gain))
-            {
+            let setting = format!("{name}=0");
+            if !laws.iter().any(|&law| scenario_file::concerns(&setting, law)) {
                 return Err(format!(
                     "`vary.\"{name}\"`: no law of the sweep uses it, so that it varies nothing"
                 ));
@@ -241,9 +234,9 @@ impl Plan {
             let known = self.files.get(&format!("{what} of `{}`", entry.name));
             known.is_some_and(|known| known.contains(sha256))
         };
-        match files_of(scenario).find(|(what, sha256)| !is_known(what, sha256)) {
+        match files_of(scenario).find(|file| !is_known(&file.what, file.sha256)) {
             None => Ok(()),
-            Some((what, _)) => Err(Failure::bad_input(format!(
+            Some(ReadFile { what, .. }) => Err(Failure::bad_input(format!(
                 "{what} of `{}` was changed since the sweep began: its rows would be of two experiments; the rows so far are \
                  those of the first one",
                 entry.name
@@ -266,7 +259,7 @@ impl Plan {
         for entry in &self.entries {
             let stated = [self.source.definition.set.as_slice(), entry.set.as_slice()].concat();
             let mut take = |scenario: &Scenario| {
-                for (what, sha256) in files_of(scenario) {
+                for ReadFile { what, sha256, .. } in files_of(scenario) {
                     files
                         .entry(format!("{what} of `{}`", entry.name))
                         .and_modify(|known: &mut String| {
@@ -356,17 +349,6 @@ impl Varied {
 /// Keys that choose the file of a path.
 const FILES_OF_PATH: [&str; 2] = ["path.curve", "path.curve.waypoints.file"];
 
-/// Returns what a flight reads files for, with their SHA-256.
-fn files_of(scenario: &Scenario) -> impl Iterator<Item = (String, &String)> {
-    let plugins = scenario.plugins.iter().flat_map(|plugins| &plugins.sha256);
-    let plugins = plugins.map(|(role, sha256)| (format!("the plug-in in place of `{role}`"), sha256));
-    let of_path = match &scenario.path.curve {
-        Curve::Waypoints(way) => way.sha256.as_ref(),
-        _ => None,
-    };
-    plugins.chain(of_path.map(|sha256| ("the file of the path".to_owned(), sha256)))
-}
-
 /// Name of what counts the flights of a cell of a grid: nothing has to use it.
 const REPETITION: &str = "flight";
 
@@ -399,17 +381,12 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
             ));
         }
         let is_refused = |of_varied: Key| {
-            let is_of_same = of_varied
-                .segments()
-                .iter()
-                .zip(key.segments())
-                .all(|(one, other)| one == other);
             let is_overridden = if whose == THE_SWEEP {
                 of_varied.segments().len() <= key.segments().len()
             } else {
                 of_varied != key
             };
-            is_of_same && is_overridden
+            of_varied.overlaps(&key) && is_overridden
         };
         let overlaps = |varied: &&Varied| {
             varied.is_key() && scenario_file::path_of(&varied.name).is_some_and(is_refused)
@@ -425,11 +402,7 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
         .filter_map(|varied| Some((&varied.name, scenario_file::path_of(&varied.name)?)))
         .collect();
     for (index, (name, key)) in keys.iter().enumerate() {
-        let is_of_same = |other: &Key| {
-            let mut pairs = other.segments().iter().zip(key.segments());
-            pairs.all(|(one, other)| one == other)
-        };
-        if let Some((other, _)) = keys[..index].iter().find(|(_, other)| is_of_same(other)) {
+        if let Some((other, _)) = keys[..index].iter().find(|(_, other)| other.overlaps(key)) {
             return Err(format!(
                 "`vary` states both `{other}` and `{name}`, of which one overrides the other: leave one of them out"
             ));

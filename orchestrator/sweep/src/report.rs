@@ -730,6 +730,9 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
         return differences;
     };
     for (entry, other) in plan.entries[1..].iter().zip(others) {
+        let survived = other.criteria[0].iter().zip(&reference.criteria[0]);
+        let completed = survived.filter(|(one, other)| **one && **other).count();
+        let [only_law_failed, only_reference_failed] = failed_alone(other, reference);
         for (index, shown) in results.shown.iter().enumerate() {
             let both = other.numbers[index]
                 .iter()
@@ -737,21 +740,19 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
                 .zip(reference.numbers[index].iter().copied());
             let pairs: Vec<(f64, f64)> = both.filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
             let paired = Paired::of(&pairs, seed);
-            // How often each was lost is told even if one of them never flew to the end: beside the first result.
+            // Losses are compared even if one of both never flew to the end: beside the first result.
             if paired.is_none() && index > 0 {
                 continue;
             }
-            let survived = other.criteria[0].iter().zip(&reference.criteria[0]);
             let counts = paired
                 .as_ref()
                 .map_or([0; 3], |paired| [paired.won, paired.lost, paired.tied]);
             let [won, lost, tied] = counts;
-            let [only_law_failed, only_reference_failed] = failed_alone(other, reference);
             differences.push(Difference {
                 law: entry.name.clone(),
                 reference: plan.entries[0].name.clone(),
                 name: shown.name.clone(),
-                completed: survived.filter(|(one, other)| **one && **other).count(),
+                completed,
                 pairs: pairs.len(),
                 only_law_failed,
                 only_reference_failed,

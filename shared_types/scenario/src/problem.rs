@@ -34,6 +34,12 @@ impl Key {
     pub fn segments(&self) -> &[String] {
         &self.segments
     }
+
+    /// Returns whether one of two keys is the other, or inside of it.
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.segments.starts_with(&other.segments) || other.segments.starts_with(&self.segments)
+    }
 }
 
 impl<S: Into<String>> FromIterator<S> for Key {
