@@ -345,7 +345,7 @@ const OF_MACHINE: [&str; 9] = [
     "command_line",
 ];
 
-/// Returns the packages that Cargo builds for crates, at most so many levels below them.
+/// Returns the packages that Cargo builds for crates, down to a depth below them.
 fn packages_below<'a>(crates: impl IntoIterator<Item = &'a str>, depth: &str) -> BTreeSet<String> {
     let mut cargo = Command::new(env!("CARGO"));
     let form = [

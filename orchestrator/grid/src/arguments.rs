@@ -57,7 +57,7 @@ impl Grid {
     /// Returns the seeds.
     ///
     /// # Errors
-    /// [`Failure`] if there are not so many from the first on.
+    /// [`Failure`] if they would exceed the largest number.
     pub fn seeds(&self) -> Result<Vec<u64>, Failure> {
         let count = self.seeds.unwrap_or(if self.quick { 3 } else { 20 });
         let after = self.first_seed.checked_add(u64::from(count));

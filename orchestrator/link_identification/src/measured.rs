@@ -45,7 +45,7 @@ pub(super) const fn spacings(source: FrameSource) -> [f64; 4] {
     }
 }
 
-/// Returns the time in the air that gives so many points, whole s.
+/// Returns the time in the air that gives a number of points, whole s.
 pub(super) fn needed(points: usize, spacing: f64) -> f64 {
     (points as f64 * spacing + BEFORE).ceil()
 }

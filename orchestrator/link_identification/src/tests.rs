@@ -273,7 +273,7 @@ fn short_flights_with_a_right_link_are_unusable_or_as_stated() {
                 "{changes:?}: {found:#?}"
             );
             for stick in &found.sticks {
-                // What is told to need more time is not told, and the time is more than was flown.
+                // A stick that needs more time has no advice, and needs more than was flown.
                 assert_eq!(
                     stick.needed.is_none(),
                     stick.fitted.is_some(),

@@ -36,7 +36,7 @@ const WARM_UP_NS: u64 = 2_000_000_000;
 /// Length of a cluster whose innovations may depend on each other, ns.
 const CLUSTER_NS: u64 = 1_000_000_000;
 
-/// Degrees of freedom below which nothing is told. A second has one, and takes it from the parameters and from the masses of
+/// Degrees of freedom below which nothing is identified. A second has one, and takes it from the parameters and from the masses of
 /// the blocks: twelve seconds have five.
 const FREEDOM: usize = 5;
 

@@ -17,7 +17,7 @@ impl TickSink for Recording {
     }
 }
 
-/// Flies the eight for 25 s, unless changed, in a laboratory with these changes, which nobody knows of.
+/// Flies the eight for 25 s, unless changed, in a laboratory with these changes, which no service knows of.
 fn flown(changes: &[&str]) -> Recording {
     recorded(changes).complete().unwrap()
 }

@@ -8,7 +8,7 @@ use crate::assert_confidence;
 const BISECTIONS: u32 = 60;
 
 /// Returns the t with P(|T| ≤ t) = confidence: the half-width of an interval in standard errors, if the standard error was
-/// estimated with so many degrees of freedom. To about 1e-12/(1 − confidence) of itself.
+/// estimated with that number of degrees of freedom. To about 1e-12/(1 − confidence) of itself.
 ///
 /// # Panics
 /// If there are no degrees of freedom, or if the confidence is not between 0 and 1.
