@@ -6,13 +6,13 @@ use crate::common;
 
 use std::convert::Infallible;
 
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use host::in_process::TickSink;
 use metrics::tracker::{Moment, Tracker};
 use scenario::Scenario;
 use shared_types::Topic;
 use shared_types::samples::PathReference;
-use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// The vehicle's distance from its path and the state of the timing law, tick by tick.

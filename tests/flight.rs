@@ -4,12 +4,12 @@ use crate::common;
 
 use std::convert::Infallible;
 
-use command_line::interrupt::Interrupt;
 use common::{Place, output, scenario, succeed};
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use host::in_process::TickSink;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
 use shared_types::{FlightPhase, Topic};
-use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// Thrust and rates that the envelope of `takeoff_and_land.toml` lets through, and a step of each channel.

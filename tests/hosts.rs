@@ -10,8 +10,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use command_line::interrupt::Interrupt;
 use common::laboratory::{free_port, serial_line};
+use flight::interrupt::Interrupt;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
 use motion_capture::sender::server::{Plan, Server};
@@ -20,6 +20,7 @@ use run_log::{CaptureFigures, LinkFigures};
 use shared_types::digest::ExperimentDigest;
 use shared_types::rotation::exp;
 
+use flight::{Outcome, in_process};
 use host::in_process::{InProcess, TickSink};
 use host::step::Timetable;
 use proptest::prelude::*;
@@ -33,7 +34,6 @@ use serde_json::{Value, from_value, to_value};
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, Schedule, ServiceId, Topic};
-use supervisor::{Outcome, in_process};
 use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 fn host(scenario: &Scenario) -> InProcess {

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 
 use ::scenario::Scenario;
-use command_line::interrupt::Interrupt;
+use flight::in_process;
+use flight::interrupt::Interrupt;
 use host::in_process::TickSink;
 use run_log::LogError;
 use serde_json::Value;
 use shared_types::Topic;
-use supervisor::in_process;
 
 use crate::common::{Place, scenario, succeed};
 use crate::documentation::{assert_same, read, section};

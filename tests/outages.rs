@@ -4,14 +4,14 @@ use crate::common;
 
 use std::convert::Infallible;
 
-use command_line::interrupt::Interrupt;
 use common::{Place, complaint, fly_to_the_end, output, scenario, succeed};
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use host::in_process::TickSink;
 use scenario::EdgeName;
 use shared_types::samples::{ControlAdaptation, ControlCommand, VehicleTruth};
 use shared_types::service::header_of;
 use shared_types::{ServiceId, Topic};
-use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 fn log(place: &Place, out: &str) -> Vec<u8> {

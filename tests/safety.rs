@@ -4,12 +4,12 @@ use crate::common;
 
 use std::convert::Infallible;
 
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use host::in_process::TickSink;
 use shared_types::Topic;
 use shared_types::digest::ExperimentDigest;
 use shared_types::samples::{ControlAdaptation, ControlCommand, PathReference, RcFrame, VehicleTruth};
-use supervisor::{Outcome, in_process};
 use zerocopy::FromBytes;
 
 /// The policy for the vehicle's state, with all of it switched off but one value.

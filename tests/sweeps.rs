@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use command_line::interrupt::Interrupt;
+use ::flight::interrupt::Interrupt;
 use sweep::definition::Source;
 use sweep::flight;
 use sweep::plan::Plan;

@@ -74,7 +74,7 @@ fn host_record(
 
 /// Returns when everybody steps in a flight of `scenario`.
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
-    supervisor::schedule_of(scenario).map_err(Failure::bad_input)
+    flight::schedule_of(scenario).map_err(Failure::bad_input)
 }
 
 /// Name of a flight: that of its scenario's file.

@@ -4,7 +4,7 @@ use std::panic::resume_unwind;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
 use pyo3::prelude::*;
 
 /// Time between two looks at what signals have asked for.

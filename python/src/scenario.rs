@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use command_line::interrupt::Interrupt;
-use command_line::progress::Progress;
+use flight::interrupt::Interrupt;
+use flight::recording_sink::RecordingSink;
+use flight::{Outcome, in_process};
 use metrics::summary::{Outcome as SummaryOutcome, RunFacts};
 use pyo3::prelude::*;
 use scenario::Programs;
 use shared_types::service::ErasedService;
 use shared_types::{ServiceId, Topic};
-use supervisor::recording_sink::RecordingSink;
-use supervisor::{Outcome, in_process};
+use std::sync::Arc;
 
 use crate::controller::PythonController;
 use crate::errors;
@@ -129,11 +129,10 @@ fn fly(
     // A controller in Python is stepped by this thread, where Python's handlers of signals run.
     let is_python = own.is_some();
     let flight = |interrupt: &Interrupt| {
-        let schedule = supervisor::schedule_of(&scenario).map_err(|error| error.to_string())?;
+        let schedule = flight::schedule_of(&scenario).map_err(|error| error.to_string())?;
         let mut samples = Samples::new(topics);
-        let mut progress = Progress::hidden();
         let mut keep = |topic: Topic, bytes: &[u8]| samples.keep(topic, bytes);
-        let mut sink = RecordingSink::new(&scenario, &schedule, None, &mut progress).with_copy(&mut keep);
+        let mut sink = RecordingSink::new(&scenario, &schedule, None, Arc::default()).with_copy(&mut keep);
         if let Some(failed) = &failed {
             sink = sink.until(|| failed.is_set());
         }

@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use flight::failure::{FlightFailure, Suspects};
+use flight::in_process;
 use host::in_process::{FlightError, FlightState, InProcess, TickSink};
 use metrics::summary::FlightSummary;
 use numpy::PyArray1;
@@ -11,7 +13,6 @@ use pyo3::prelude::*;
 use shared_types::samples::ControlCommand;
 use shared_types::service::{ErasedService, InputView, OutputSlot, seconds};
 use shared_types::{Now, ServiceId, Topic};
-use supervisor::{FlightFailure, in_process};
 use zerocopy::FromBytes;
 
 use crate::errors;
@@ -145,8 +146,8 @@ impl Simulation {
             Ok(goes_on) => *is_done = !goes_on,
             Err(FlightError::NonFinite(found)) => {
                 (*is_done, *has_failed) = (true, true);
-                let failure = FlightFailure::NonFinite(found);
-                return Err(errors::other(failure.suspecting([ServiceId::Controller])));
+                let suspects = Suspects::of([ServiceId::Controller], &found);
+                return Err(errors::other(FlightFailure::NonFinite(found, suspects)));
             }
             Err(FlightError::Sink(never)) => match never {},
         }

@@ -14,10 +14,11 @@ use crate::arguments::BenchDeaths;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use command_line::progress;
+use flight::schedule_of;
 use metrics::summary::timing::{Quantiles, histogram};
 use metrics::tracker::Tracker;
 use run_log::{HostReader, LogReader, ServiceStep};
-use supervisor::{FlightFailure, schedule_of};
+use supervisor::RunFailure;
 
 /// The paper's laboratory in hover: its vehicle holds its body rates by itself while nobody commands it.
 const SCENARIO: &str = include_str!("../../../scenarios/fig7.toml");
@@ -91,7 +92,7 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
 
 fn measure(arguments: &BenchDeaths) -> Result<Measured> {
     let count = arguments.deaths;
-    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
+    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(RunFailure::setup)?;
     flight.vehicle.fan = None;
     flight.vehicle.initial.position = HOVER;
     flight.duration = SETTLING + APART * f64::from(count + 1);
@@ -142,11 +143,11 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
     let mut steps = Vec::new();
     let mut largest_distance = 0.0;
     let (_, summary) = fly_by_command(command, &options, |results| {
-        let recorded = HostReader::open(&results.join("host.mcap")).map_err(FlightFailure::setup)?;
+        let recorded = HostReader::open(&results.join("host.mcap")).map_err(RunFailure::setup)?;
         steps = recorded
             .steps()
             .collect::<std::result::Result<_, _>>()
-            .map_err(FlightFailure::setup)?;
+            .map_err(RunFailure::setup)?;
         largest_distance = largest_distance_of(&results.join("run.mcap"))?;
         Ok(())
     })?;
@@ -159,7 +160,7 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
 
 /// Largest distance from the path from the first death on, m.
 fn largest_distance_of(log: &Path) -> Result<f64> {
-    let mut reader = LogReader::open(log).map_err(FlightFailure::setup)?;
+    let mut reader = LogReader::open(log).map_err(RunFailure::setup)?;
     let scenario = &reader.manifest().scenario;
     let mut tracker = Tracker::new(&schedule_of(scenario)?, scenario.flight.is_some());
     let mut largest: f64 = 0.0;
@@ -167,7 +168,7 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
         let has_settled = moment.vehicle.time_ns >= nanoseconds(SETTLING);
         largest = largest.max(moment.distance.filter(|_| has_settled).unwrap_or(0.0));
     });
-    followed.map_err(FlightFailure::setup)?;
+    followed.map_err(RunFailure::setup)?;
     Ok(largest)
 }
 
@@ -175,8 +176,7 @@ impl TimedFlight {
     /// The restarts; `tick` in s.
     fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
         let stated = self.summary["rebirths"].as_array();
-        let stated =
-            stated.ok_or_else(|| FlightFailure::setup("the flight's summary tells of no restarts"))?;
+        let stated = stated.ok_or_else(|| RunFailure::setup("the flight's summary tells of no restarts"))?;
         let restart = |stated: &Value| {
             Some(Restart {
                 service: ServiceId::from_name(stated["service"].as_str()?)?,

@@ -34,7 +34,7 @@ use hil_simulator::cameras::CameraSender;
 use hil_simulator::receiver_input::ReceiverInput;
 use live::{LiveRun, PATIENCE, Question};
 use metrics::summary::timing::{Quantiles, histogram};
-use supervisor::FlightFailure;
+use supervisor::RunFailure;
 
 /// The laboratory whose cameras and receiver are here.
 const SCENARIO: &str = include_str!("../../../scenarios/laboratory_simulated.toml");
@@ -101,13 +101,13 @@ fn measure(seconds: u32) -> Result<Measured> {
     let scenario = connected(free_address()?.port(), &device, seconds)?;
     let socket_hop = bare_hop(Target::Tcp(free_address()?), POSE_LENGTH)?;
     let serial_hop = bare_hop(receivers_end(&scenario)?, crsf::LENGTH)?;
-    let four_hops = chain::four_hops(core, false, ROUNDS).map_err(FlightFailure::setup)?;
+    let four_hops = chain::four_hops(core, false, ROUNDS).map_err(RunFailure::setup)?;
 
     let mut here = Here::open(&scenario)?;
     let mut flight = FlightUnderWay::begin(&folder, &scenario)?;
     let tilts = here.fly(&mut flight, u64::from(seconds) * 1_000_000_000)?;
     flight.end()?;
-    let no_answer = || FlightFailure::setup("no frame has answered any tilt of the vehicle");
+    let no_answer = || RunFailure::setup("no frame has answered any tilt of the vehicle");
     Ok(Measured {
         packet_to_frame: Quantiles::of(&tilts.answered).ok_or_else(no_answer)?,
         unanswered: tilts.unanswered,
@@ -122,11 +122,11 @@ fn free_address() -> Result<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0));
     listener
         .and_then(|listener| listener.local_addr())
-        .map_err(FlightFailure::setup)
+        .map_err(RunFailure::setup)
 }
 
-fn missing() -> FlightFailure {
-    FlightFailure::setup("the laboratory has no cameras or no radio link")
+fn missing() -> RunFailure {
+    RunFailure::setup("the laboratory has no cameras or no radio link")
 }
 
 /// Returns where the receiver of a scenario's radio link listens.
@@ -139,8 +139,8 @@ fn receivers_end(scenario: &Scenario) -> Result<Target> {
 /// Time from the writing of so many bytes at one end until they have been read at the other, by another thread that waits
 /// for them.
 fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
-    let mut line = ReceiverInput::open(&target).map_err(FlightFailure::setup)?;
-    let mut port = Port::open(target).map_err(FlightFailure::setup)?;
+    let mut line = ReceiverInput::open(&target).map_err(RunFailure::setup)?;
+    let mut port = Port::open(target).map_err(RunFailure::setup)?;
     let mut times = histogram();
     let begins_ns = monotonic_ns() + 10_000_000;
     let ends_ns = begins_ns + (ROUNDS + 100) * 1_000_000;
@@ -168,12 +168,12 @@ fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
             });
         }
     });
-    Quantiles::of(&times).ok_or_else(|| FlightFailure::setup("nothing came through a bare hop"))
+    Quantiles::of(&times).ok_or_else(|| RunFailure::setup("nothing came through a bare hop"))
 }
 
 /// The laboratory's flight with its cameras and receiver here, as fast as it goes.
 fn connected(cameras: u16, device: &Path, seconds: u32) -> Result<Scenario> {
-    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
+    let mut flight: Scenario = toml::from_str(SCENARIO).map_err(RunFailure::setup)?;
     flight.duration = f64::from(seconds) + 60.0;
     flight.schedule = Timing::default();
     if let Some(stated) = &mut flight.motion_capture {
@@ -214,7 +214,7 @@ impl FlightUnderWay {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .spawn()
-            .map_err(FlightFailure::setup)?;
+            .map_err(RunFailure::setup)?;
         Ok(Self {
             name: format!("{}-0", child.id()),
             process: Members(vec![child]),
@@ -230,7 +230,7 @@ impl FlightUnderWay {
 
     /// Asks for arming, which is granted once all is well.
     fn arm(&mut self) -> Result<()> {
-        self.process.check().map_err(FlightFailure::setup)?;
+        self.process.check().map_err(RunFailure::setup)?;
         self.ask(&Question::Operate(Request::Arm));
         Ok(())
     }
@@ -241,7 +241,7 @@ impl FlightUnderWay {
             self.ask(&question);
         }
         for child in &mut self.process.0 {
-            child.wait().map_err(FlightFailure::setup)?;
+            child.wait().map_err(RunFailure::setup)?;
         }
         Ok(())
     }
@@ -280,9 +280,9 @@ impl Here {
         let link = scenario.rc_output.clone().ok_or_else(missing)?;
         let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
         Ok(Self {
-            cameras: CameraSender::open(system, stated, 1, 0).map_err(FlightFailure::setup)?,
+            cameras: CameraSender::open(system, stated, 1, 0).map_err(RunFailure::setup)?,
             noise: Noise::new(1, Stream::CameraNoise),
-            line: ReceiverInput::open(&receivers_end(scenario)?).map_err(FlightFailure::setup)?,
+            line: ReceiverInput::open(&receivers_end(scenario)?).map_err(RunFailure::setup)?,
             receiver: Receiver::new(&link, transmitter).ok_or_else(missing)?,
             link,
             asked: (0.0, false),
@@ -313,7 +313,7 @@ impl Here {
                 break;
             }
             if armed_ns.is_none() && now_ns - began_ns > PATIENCE_NS {
-                return Err(FlightFailure::setup("nobody could arm the flight"));
+                return Err(RunFailure::setup("nobody could arm the flight"));
             }
             if armed_ns.is_none() && number % BETWEEN_REQUESTS == 0 {
                 flight.arm()?;

@@ -13,7 +13,7 @@ use crate::arguments::BenchLatency;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use metrics::summary::timing::Quantiles;
-use supervisor::FlightFailure;
+use supervisor::RunFailure;
 
 /// Rounds of the bare chain in a second: as many as frames.
 const ROUNDS_PER_SECOND: u64 = 1000;
@@ -149,7 +149,7 @@ fn measure(arguments: &BenchLatency) -> Result<Measured> {
 
 /// Fig. 1 of so many seconds, without the changes of the vehicle.
 fn flight_of(seconds: u32) -> Result<Scenario> {
-    let scenario: Scenario = toml::from_str(SCENARIO).map_err(FlightFailure::setup)?;
+    let scenario: Scenario = toml::from_str(SCENARIO).map_err(RunFailure::setup)?;
     let mut flight = Scenario {
         duration: f64::from(seconds),
         ..scenario
@@ -183,7 +183,7 @@ impl Place<'_> {
     }
 
     fn floor(&self, scheduler: Scheduler) -> Result<Quantiles> {
-        chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(FlightFailure::setup)
+        chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(RunFailure::setup)
     }
 
     /// Returns the timing in the summary of a flight. On a machine that is away for too long the vehicle may be lost;
@@ -274,7 +274,7 @@ impl Series {
 /// Returns a part of a summary.
 fn stated<T: DeserializeOwned>(part: &serde_json::Value) -> Result<T> {
     T::deserialize(part).map_err(|error| {
-        FlightFailure::setup(format!(
+        RunFailure::setup(format!(
             "a flight's summary says too little of its timing: {error}"
         ))
     })

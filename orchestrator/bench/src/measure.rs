@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 
 use host::in_process::TickSink;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,14 +18,14 @@ use super::{Measured, Row, ring};
 use crate::arguments::RingWait;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
-use command_line::progress::Progress;
+use flight::interrupt::Interrupt;
+use flight::recording_sink::RecordingSink;
+use flight::{Ending, Outcome, in_process};
 use live::run_root::RunRoot;
 use run_log::{Compression, Manifest, RunLogWriter};
-use supervisor::recording_sink::RecordingSink;
-use supervisor::{Ending, FlightFailure, Outcome, in_process};
+use supervisor::RunFailure;
 
-pub(super) type Result<T> = std::result::Result<T, FlightFailure>;
+pub(super) type Result<T> = std::result::Result<T, RunFailure>;
 
 /// Rounds of a ring in one measurement.
 const RING_ROUNDS: u64 = 20_000;
@@ -114,16 +115,16 @@ impl Series {
         self.restart_milliseconds.extend(restarts(flight, DEATHS_APART)?);
         self.quick_restart_milliseconds
             .extend(restarts(flight, QUICK_DEATHS_APART)?);
-        let schedule = supervisor::schedule_of(whole)?;
+        let schedule = flight::schedule_of(whole)?;
         for _ in 0..IN_PROCESS_FLIGHTS {
-            let services = registry::build_all(whole).map_err(FlightFailure::setup)?;
+            let services = registry::build_all(whole).map_err(RunFailure::setup)?;
             self.in_a_row.push(InARow::new(&schedule, services).fly());
             let ending = in_process::fly(whole, &mut Nowhere, &Interrupt::never())?;
             self.in_process.push(rate(&ending)?);
         }
         self.in_process_recorded
             .push(recorded(whole, &flight.folder, |sink| {
-                in_process::fly(whole, sink, &Interrupt::never())
+                Ok(in_process::fly(whole, sink, &Interrupt::never())?)
             })?);
         Ok(())
     }
@@ -186,14 +187,14 @@ impl Series {
 }
 
 fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
-    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS).map_err(FlightFailure::setup)
+    ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS).map_err(RunFailure::setup)
 }
 
 /// Flies in lock-step and says how fast.
 fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
     summary_of_flight(flight, options)?["real_time_factor"]
         .as_f64()
-        .ok_or_else(|| FlightFailure::setup("the summary states no real-time factor".to_owned()))
+        .ok_or_else(|| RunFailure::setup("the summary states no real-time factor".to_owned()))
 }
 
 /// Lets each service in turn die some times, so many ticks apart, and says how long each time nobody flew in its
@@ -250,19 +251,19 @@ pub(super) fn fly_by_command(
         .arg(&flight.scenario)
         .stdin(Stdio::null())
         .output()
-        .map_err(FlightFailure::setup)?;
+        .map_err(RunFailure::setup)?;
     let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
         return Err(complaint(&output));
     };
     let looked = look(&out);
-    std::fs::remove_dir_all(&out).map_err(FlightFailure::setup)?;
+    std::fs::remove_dir_all(&out).map_err(RunFailure::setup)?;
     looked?;
-    Ok((output, serde_json::from_str(&text).map_err(FlightFailure::setup)?))
+    Ok((output, serde_json::from_str(&text).map_err(RunFailure::setup)?))
 }
 
 /// Returns a command's message about its failure.
-pub(super) fn complaint(output: &Output) -> FlightFailure {
-    FlightFailure::setup(String::from_utf8_lossy(&output.stderr).into_owned())
+pub(super) fn complaint(output: &Output) -> RunFailure {
+    RunFailure::setup(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
 /// The flight that is measured.
@@ -283,8 +284,8 @@ impl FlightCommand {
             folder: folder.path(),
             scenario: folder.path().join("fig1.toml"),
         };
-        let text = toml::to_string(flight).map_err(FlightFailure::setup)?;
-        result_file::write(&command.scenario, text, &[]).map_err(FlightFailure::setup)?;
+        let text = toml::to_string(flight).map_err(RunFailure::setup)?;
+        result_file::write(&command.scenario, text, &[]).map_err(RunFailure::setup)?;
         Ok(command)
     }
 }
@@ -294,11 +295,10 @@ fn recorded(
     folder: &Path,
     fly: impl FnOnce(&mut RecordingSink<'_>) -> Result<Ending>,
 ) -> Result<f64> {
-    let schedule = supervisor::schedule_of(scenario)?;
+    let schedule = flight::schedule_of(scenario)?;
     let path = folder.join("run.mcap");
     let log = RunLogWriter::create(&path, &Manifest::new(scenario), Compression::None)?;
-    let mut progress = Progress::hidden();
-    let mut sink = RecordingSink::new(scenario, &schedule, Some(log), &mut progress);
+    let mut sink = RecordingSink::new(scenario, &schedule, Some(log), Arc::default());
     let ending = fly(&mut sink)?;
     sink.finish().1?;
     // Overwritten by the next measurement at the latest.
@@ -314,9 +314,7 @@ fn rate(ending: &Ending) -> Result<f64> {
             #[expect(clippy::cast_precision_loss, reason = "few ticks")]
             Ok(ending.ticks as f64 / 1000.0 / ending.wall_time.as_secs_f64())
         }
-        outcome => Err(FlightFailure::setup(format!(
-            "a measurement ended early: {outcome}"
-        ))),
+        outcome => Err(RunFailure::setup(format!("a measurement ended early: {outcome}"))),
     }
 }
 
@@ -349,9 +347,9 @@ pub(super) struct Scratch {
 
 impl Scratch {
     pub(super) fn create() -> Result<Self> {
-        let root = RunRoot::create().map_err(FlightFailure::setup)?;
+        let root = RunRoot::create().map_err(RunFailure::setup)?;
         let scratch = Self { root };
-        std::fs::create_dir_all(scratch.path()).map_err(FlightFailure::setup)?;
+        std::fs::create_dir_all(scratch.path()).map_err(RunFailure::setup)?;
         Ok(scratch)
     }
 
@@ -374,7 +372,7 @@ impl Load {
             .map(|child| Self {
                 _process: Members(vec![child]),
             })
-            .map_err(FlightFailure::setup)
+            .map_err(RunFailure::setup)
     }
 }
 

@@ -27,10 +27,11 @@ use super::clipped;
 use super::measure::{Result, Scratch, median, progress_of};
 use crate::arguments::BenchRecorder;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use command_line::output::{print, write_json};
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use run_log::{Compression, LogError, Manifest, RunLogWriter, partial_path};
-use supervisor::{FlightFailure, Outcome, in_process};
+use supervisor::RunFailure;
 
 /// Simulated time of the flight whose samples are written over and over, s.
 const FLIGHT_SECONDS: f64 = 2.0;
@@ -98,11 +99,7 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
     let bar = progress_of("repetition", u64::from(arguments.repetitions));
     for repetition in 0..arguments.repetitions {
         let record = || messages.record(RunLogWriter::create(&path, &manifest, Compression::None)?, ROUNDS);
-        let write = || {
-            messages
-                .write_plainly(&path, ROUNDS)
-                .map_err(FlightFailure::setup)
-        };
+        let write = || messages.write_plainly(&path, ROUNDS).map_err(RunFailure::setup);
         // The second one finds the memory of the file warm.
         if repetition.is_multiple_of(2) {
             ours.measure(|| Ok(record()?))?;
@@ -181,7 +178,7 @@ impl Messages {
         let ending = in_process::fly(flight, &mut messages, &Interrupt::never())?;
         match ending.outcome {
             Outcome::Completed => Ok(messages),
-            outcome => Err(FlightFailure::setup(format!(
+            outcome => Err(RunFailure::setup(format!(
                 "the flight to be recorded ended early: {outcome}"
             ))),
         }
@@ -266,9 +263,9 @@ impl TickSink for Messages {
 
 /// Records so many minutes of flight to nowhere and watches how much memory this process has.
 fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -> Result<Memory> {
-    symlink("/dev/null", partial_path(path)).map_err(FlightFailure::setup)?;
+    symlink("/dev/null", partial_path(path)).map_err(RunFailure::setup)?;
     let nowhere = File::options().write(true).open("/dev/null");
-    let nowhere = nowhere.map_err(FlightFailure::setup)?;
+    let nowhere = nowhere.map_err(RunFailure::setup)?;
     let mut log = RunLogWriter::over(nowhere, path, manifest, Compression::None)?;
     let ticks_of_round = messages.ticks.len() as u64;
     let rounds = ((60.0 * minutes / FLIGHT_SECONDS) as u64).max(10);
@@ -284,7 +281,7 @@ fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -
     }
     bar.finish_and_clear();
     log.finish()?;
-    std::fs::remove_file(path).map_err(FlightFailure::setup)?;
+    std::fs::remove_file(path).map_err(RunFailure::setup)?;
     Ok(Memory {
         samples: rounds * messages.all.len() as u64,
         peak_of_first_tenth,
@@ -295,11 +292,11 @@ fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -
 /// Memory of this process that is in use at the moment, bytes.
 fn resident_bytes() -> Result<u64> {
     const KIB: u64 = 1024;
-    let status = std::fs::read_to_string("/proc/self/status").map_err(FlightFailure::setup)?;
+    let status = std::fs::read_to_string("/proc/self/status").map_err(RunFailure::setup)?;
     let stated = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let kib = stated.and_then(|stated| stated.trim().strip_suffix(" kB")?.parse::<u64>().ok());
     kib.map(|kib| KIB * kib)
-        .ok_or_else(|| FlightFailure::setup("/proc/self/status does not state VmRSS"))
+        .ok_or_else(|| RunFailure::setup("/proc/self/status does not state VmRSS"))
 }
 
 fn table(measured: &Measured) -> Table {

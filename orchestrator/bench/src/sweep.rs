@@ -17,9 +17,11 @@ use super::in_a_row::InARow;
 use super::measure::{Nowhere, Result, median, progress_of};
 use crate::arguments::{BenchSweep, Peer};
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use command_line::output::{print, write_json};
-use supervisor::{FlightFailure, Outcome, in_process};
+use flight::failure::FlightFailure;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
+use supervisor::RunFailure;
 
 /// Flights of each thread in one measurement.
 const FLIGHTS: u32 = 10;
@@ -70,7 +72,7 @@ const KINDS: [(Kind, &str); 3] = [
 ];
 
 fn measure(scenario: &Scenario, arguments: &BenchSweep) -> Result<Vec<Row>> {
-    let schedule = supervisor::schedule_of(scenario)?;
+    let schedule = flight::schedule_of(scenario)?;
     let mut numbers = vec![1, parallel::cores()];
     numbers.dedup();
     let ours = numbers
@@ -139,7 +141,7 @@ fn steps_per_second(scenario: &Scenario, schedule: &Schedule, kind: Kind, thread
         for thread in threads {
             thread.join().expect("flights do not panic")?;
         }
-        Ok::<_, FlightFailure>(begun.elapsed().as_secs_f64())
+        Ok::<_, RunFailure>(begun.elapsed().as_secs_f64())
     });
     let steps = (schedule.last_tick() + 1) * u64::from(FLIGHTS) * threads as u64;
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
@@ -149,7 +151,7 @@ fn steps_per_second(scenario: &Scenario, schedule: &Schedule, kind: Kind, thread
 fn fly(scenario: &Scenario, schedule: &Schedule, kind: Kind) -> Result<()> {
     match kind {
         Kind::InARow => {
-            let services = registry::build_all(scenario).map_err(FlightFailure::setup)?;
+            let services = registry::build_all(scenario).map_err(RunFailure::setup)?;
             InARow::new(schedule, services).fly();
             Ok(())
         }
@@ -164,9 +166,7 @@ where
 {
     match in_process::fly(scenario, sink, &Interrupt::never())?.outcome {
         Outcome::Completed => Ok(()),
-        outcome => Err(FlightFailure::setup(format!(
-            "a measurement ended early: {outcome}"
-        ))),
+        outcome => Err(RunFailure::setup(format!("a measurement ended early: {outcome}"))),
     }
 }
 
@@ -177,11 +177,11 @@ fn beside(peer: &Peer) -> Result<f64> {
         .stdin(Stdio::null())
         .stderr(Stdio::inherit())
         .output()
-        .map_err(FlightFailure::setup)?;
+        .map_err(RunFailure::setup)?;
     let text = String::from_utf8_lossy(&output.stdout);
     let number = text.lines().last().and_then(|line| line.trim().parse().ok());
     number.filter(|_| output.status.success()).ok_or_else(|| {
-        FlightFailure::setup(format!(
+        RunFailure::setup(format!(
             "`{}` ended with {} and did not print its steps a second as its last line",
             peer.command, output.status
         ))

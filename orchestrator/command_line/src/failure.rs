@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::iter::successors;
 
+use flight::failure::FlightFailure;
 use miette::Report;
 use run_log::{HostReadError, LogReadError};
 use scenario_file::ScenarioError;
@@ -67,6 +68,16 @@ impl From<ScenarioError> for Failure {
             report: error.into(),
             exit: Exit::BadInput,
         }
+    }
+}
+
+impl From<FlightFailure> for Failure {
+    fn from(failure: FlightFailure) -> Self {
+        let exit = match failure {
+            FlightFailure::Refused(_) => Exit::BadInput,
+            _ => Exit::Trouble,
+        };
+        Self::new(exit, failure)
     }
 }
 

@@ -1,8 +1,9 @@
 //! Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) end a run in good order: the log is closed, nothing is left behind.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
+use flight::interrupt::Interrupt;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 
 /// Lets a file that grows beyond its limit (SIGXFSZ) no longer end the process: the write fails, as on a full disk, and is
@@ -14,67 +15,31 @@ pub fn survive_full_files() -> std::io::Result<()> {
     signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1).map(drop)
 }
 
-/// Request to end the run.
-#[derive(Clone, Debug)]
-pub struct Interrupt(Arc<AtomicUsize>);
+/// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn install() -> std::io::Result<Interrupt> {
+    let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+    let numbers: Vec<i32> = [SIGINT, SIGTERM].into_iter().chain(hang_up).collect();
+    listen_to(&numbers)
+}
 
-impl Interrupt {
-    /// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on.
-    ///
-    /// # Errors
-    /// If the system does not permit it.
-    pub fn install() -> std::io::Result<Self> {
-        let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
-        let numbers: Vec<i32> = [SIGINT, SIGTERM].into_iter().chain(hang_up).collect();
-        Self::listen_to(&numbers)
-    }
+/// Listens to all signals that end a program at a terminal: also SIGHUP and SIGQUIT.
+///
+/// # Errors
+/// If the system does not permit it.
+pub fn install_in_terminal() -> std::io::Result<Interrupt> {
+    listen_to(&[SIGINT, SIGTERM, SIGHUP, SIGQUIT])
+}
 
-    /// Listens to all signals that end a program at a terminal: also SIGHUP and SIGQUIT.
-    ///
-    /// # Errors
-    /// If the system does not permit it.
-    pub fn install_in_terminal() -> std::io::Result<Self> {
-        Self::listen_to(&[SIGINT, SIGTERM, SIGHUP, SIGQUIT])
+fn listen_to(numbers: &[i32]) -> std::io::Result<Interrupt> {
+    let signal = Arc::new(AtomicUsize::new(0));
+    for &number in numbers {
+        let value = usize::try_from(number).expect("signal numbers are positive");
+        signal_hook::flag::register_usize(number, Arc::clone(&signal), value)?;
     }
-
-    fn listen_to(numbers: &[i32]) -> std::io::Result<Self> {
-        let signal = Arc::new(AtomicUsize::new(0));
-        for &number in numbers {
-            let value = usize::try_from(number).expect("signal numbers are positive");
-            signal_hook::flag::register_usize(number, Arc::clone(&signal), value)?;
-        }
-        Ok(Self(signal))
-    }
-
-    /// Raised by no signal: for flights that end by themselves, or by [`Self::raise`].
-    #[must_use]
-    pub fn never() -> Self {
-        Self(Arc::new(AtomicUsize::new(0)))
-    }
-
-    /// Asks for the end as a signal of this number would.
-    pub fn raise(&self, signal: i32) {
-        // Relaxed: the number is all that is handed over.
-        self.0
-            .store(usize::try_from(signal).unwrap_or_default(), Ordering::Relaxed);
-    }
-
-    /// Number of the signal that asked for the end, once: a later one is another one.
-    #[must_use]
-    pub fn take(&self) -> Option<i32> {
-        i32::try_from(self.0.swap(0, Ordering::Relaxed))
-            .ok()
-            .filter(|&number| number != 0)
-    }
-
-    /// Number of the signal that asked for the end.
-    #[must_use]
-    pub fn signal(&self) -> Option<i32> {
-        match self.0.load(Ordering::Relaxed) {
-            0 => None,
-            number => i32::try_from(number).ok(),
-        }
-    }
+    Ok(Interrupt::of(signal))
 }
 
 /// Returns whether this process has been started with a signal ignored.

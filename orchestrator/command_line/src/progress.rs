@@ -140,6 +140,12 @@ impl Progress {
         self.tick.store(tick, Ordering::Relaxed);
     }
 
+    /// Returns where a flight may store its last tick by itself.
+    #[must_use]
+    pub fn shared_tick(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.tick)
+    }
+
     /// Takes the bar away, once all messages are shown; not later than a stopped terminal permits.
     pub fn clear(&mut self) {
         self.messages.send(Said::End);

@@ -10,15 +10,16 @@ use shared_types::{Schedule, Topic};
 
 use super::plan::MatrixCell;
 use super::undisturbed::{NotFlown, Undisturbed};
-use command_line::interrupt::Interrupt;
 use command_line::progress::Messages;
+use flight::in_process;
+use flight::interrupt::Interrupt;
 use metrics::loss::{Loss, LossWatch};
 use metrics::summary::faults::{FaultReport, FaultWatch};
 use metrics::tracker::{Moment, Tracker};
 use supervisor::deployment::Deployment;
 use supervisor::supervision::SupervisionObserver;
 use supervisor::supervision::Supervisor;
-use supervisor::{FlightFailure, Outcome, in_process, lock_step};
+use supervisor::{Ending, Outcome, RunFailure, lock_step};
 
 /// The result of a flight.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +68,7 @@ pub fn fly(
     interrupt: &Interrupt,
 ) -> Result<FlightResult, NotFlown> {
     let scenario = &cell.scenario;
-    let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
+    let schedule = flight::schedule_of(scenario).map_err(RunFailure::from)?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
     let tracker = Tracker::new(&schedule, scenario.flight.is_some());
     let mut observer = Observer {
@@ -86,7 +87,7 @@ pub fn fly(
         Some(Outcome::Failed(failure)) if failure.not_finite_at().is_some() => {
             Some(Ended::NotFinite(failure.to_string()))
         }
-        Some(Outcome::Failed(failure)) if !matches!(failure.itself(), FlightFailure::Died { .. }) => {
+        Some(Outcome::Failed(failure)) if !matches!(failure.itself(), RunFailure::Died { .. }) => {
             return Err(failure.into());
         }
         None | Some(Outcome::Failed(_)) => Some(Ended::Died),
@@ -100,11 +101,11 @@ fn in_this_process(
     scenario: &Scenario,
     observer: &mut Observer,
     interrupt: &Interrupt,
-) -> Result<Option<Outcome>, FlightFailure> {
+) -> Result<Option<Outcome>, RunFailure> {
     // What it leaves half done is its own; the observer has had whole ticks.
     let flight = AssertUnwindSafe(|| in_process::fly(scenario, observer, interrupt));
     match catch_unwind(flight) {
-        Ok(ending) => Ok(Some(ending?.outcome)),
+        Ok(ending) => Ok(Some(Ending::from(ending?).outcome)),
         Err(_) => Ok(None),
     }
 }
@@ -113,7 +114,7 @@ fn as_processes(
     scenario: &Scenario,
     observer: &mut Observer,
     interrupt: &Interrupt,
-) -> Result<Option<Outcome>, FlightFailure> {
+) -> Result<Option<Outcome>, RunFailure> {
     let deployment = Deployment::default();
     let quiet = Messages::default();
     let ending = lock_step::fly(

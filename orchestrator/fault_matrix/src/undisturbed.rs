@@ -9,16 +9,17 @@ use shared_types::service::nanoseconds;
 use shared_types::{Schedule, Topic};
 
 use super::BESIDE;
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use metrics::tracker::{Moment, Tracker};
-use supervisor::{FlightFailure, Outcome, in_process};
+use supervisor::RunFailure;
 
 /// Reason why a flight could not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFlown {
     /// The flight failed, and not of the fault.
     #[error(transparent)]
-    Failed(#[from] FlightFailure),
+    Failed(#[from] RunFailure),
     /// The user asked for the end, by this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
@@ -37,9 +38,9 @@ impl Undisturbed {
     pub fn fly(scenario: &Scenario, end: f64, interrupt: &Interrupt) -> Result<Self, NotFlown> {
         let mut scenario = scenario.clone();
         scenario.duration = scenario.duration.min(end);
-        let schedule = supervisor::schedule_of(&scenario).map_err(FlightFailure::from)?;
+        let schedule = flight::schedule_of(&scenario).map_err(RunFailure::from)?;
         let mut distances = Distances::new(&schedule, scenario.flight.is_some());
-        let ending = in_process::fly(&scenario, &mut distances, interrupt)?;
+        let ending = in_process::fly(&scenario, &mut distances, interrupt).map_err(RunFailure::from)?;
         if let Outcome::Interrupted { signal } = ending.outcome {
             return Err(NotFlown::Interrupted(signal));
         }

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
 use evaluation::reproduce::measure::Measured;
 use evaluation::reproduce::{parallel, row};
+use flight::in_process;
+use flight::interrupt::Interrupt;
 use scenario::Scenario;
 use scenario_file::{ReadFile, ScenarioError, files_of};
 use serde::Serialize;
-use supervisor::in_process;
 
 use crate::conditions::Condition;
 use crate::laws::ControlLaw;

@@ -22,7 +22,7 @@ pub mod report;
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{print, write, write_json};
 use command_line::progress;
 use evaluation::text_table::latex_file;
@@ -57,7 +57,7 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
         let along: Result<Vec<_>, _> = laws.iter().map(|law| law.along_bandwidth(&base)).collect();
         laws = along?.concat();
     }
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let jobs = flights::jobs(&base, &laws, &conditions, &seeds)?;
     let folder = RunFolder::create(arguments.out.as_deref(), "grid").map_err(Failure::not_written)?;
     let bar = progress::flights(jobs.len());

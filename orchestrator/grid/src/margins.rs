@@ -5,9 +5,9 @@
 //! was survived and one that was not it halves the distance, down to the quantity's step.
 
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use evaluation::reproduce::flight::measure;
 use evaluation::reproduce::parallel;
+use flight::interrupt::Interrupt;
 use scenario_file::ScenarioError;
 use serde::Serialize;
 

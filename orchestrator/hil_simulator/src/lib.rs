@@ -36,7 +36,7 @@ use self::autopilot::{Autopilot, AutopilotCommands};
 use self::cameras::CameraSender;
 use self::record::{Record, RecordedTick};
 use self::vehicle::SimulatedVehicle;
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
 use run_log::LogError;
 
 /// Longest lateness that is told apart, ns.

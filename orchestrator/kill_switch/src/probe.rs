@@ -2,7 +2,7 @@
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::print;
 use rustix::event::Timespec;
 
@@ -22,7 +22,7 @@ const WAIT: Timespec = Timespec {
 /// [`Failure`] if the device cannot be read, with the next step, or is gone.
 pub fn probe(arguments: &OperatorProbe) -> Result<Exit, Failure> {
     let mut device = Device::open(&arguments.device, arguments.baud).map_err(Failure::trouble)?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let shown = arguments.device.display();
     print(format!("{shown}: press the button; Ctrl-C ends this.\n"));
     loop {

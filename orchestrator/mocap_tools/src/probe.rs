@@ -17,8 +17,9 @@ use shared_types::rotation::roll_pitch_yaw;
 use crate::arguments::MocapProbe;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{print, write};
+use flight::interrupt::Interrupt;
 use received::{Body, ReceivedPackets};
 
 /// Longest sleep, ns.
@@ -43,7 +44,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         None => None,
     };
     let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let mut heard = ReceivedPackets::new(system);
     let signal = listen(
         arguments.seconds,

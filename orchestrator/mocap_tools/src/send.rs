@@ -16,8 +16,9 @@ use shared_types::samples::VehicleTruth;
 use crate::arguments::MocapSend;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::log_path;
+use flight::interrupt::Interrupt;
 use run_log::LogReader;
 
 /// Longest time between checks for new listeners, ns.
@@ -44,7 +45,7 @@ pub(super) fn send(arguments: &MocapSend) -> Result<Exit, Failure> {
         let fix = "give another --at or --port";
         Failure::trouble(format!("cannot serve at {}: {error}; {fix}", plan.at))
     })?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     fly(arguments, &flight, system, server, &interrupt)
 }
 

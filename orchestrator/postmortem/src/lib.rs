@@ -23,7 +23,7 @@ use std::ptr::{null, null_mut};
 use std::sync::Once;
 use std::sync::atomic::{AtomicI32, AtomicPtr, Ordering};
 
-use runtime::watchdog;
+use host::watchdog;
 use rustix::fs::{Mode, OFlags};
 use shared_types::ExternalServices;
 use shared_types::ServiceId;
@@ -99,7 +99,9 @@ impl Postmortem {
         handle_panics();
         static WATCHED: Once = Once::new();
         let mut watched = Ok(());
-        WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|work| give_up(&work.complaint())));
+        WATCHED.call_once(|| {
+            watched = watchdog::watch(|too_long| too_long.iter().for_each(|work| give_up(&work.complaint())));
+        });
         watched?;
         Ok(Self(()))
     }

@@ -15,7 +15,7 @@ use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
 use live::run_root::RunRoot;
 use supervisor::supervision::process::Process;
 

@@ -39,10 +39,10 @@ use service_replay::ServiceReplay;
 use stepper::{InThisProcess, Stepper};
 use tuning::RecordedTuning;
 
-use command_line::interrupt::Interrupt;
 use command_line::progress::Progress;
+use flight::in_process::with_plugins;
+use flight::interrupt::Interrupt;
 use run_log::{HostReadError, LogReadError, LogReader};
-use supervisor::in_process::with_plugins;
 
 /// Reason why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -302,7 +302,7 @@ fn unknown_input(service: ServiceId, recorded: &[Recorded; Topic::ALL.len()]) ->
 }
 
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, ReplayError> {
-    supervisor::schedule_of(scenario).map_err(|error| ReplayError::Scenario(error.into()))
+    flight::schedule_of(scenario).map_err(|error| ReplayError::Scenario(error.into()))
 }
 
 struct Replay<'a> {

@@ -22,7 +22,7 @@ use super::ReplayError;
 use super::comparator::Comparator;
 use super::history::History;
 use super::stepper::{Step, Stepper};
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
 use supervisor::supervision::process::Process;
 use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 

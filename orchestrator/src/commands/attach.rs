@@ -8,13 +8,13 @@ use super::{Failure, host_record, run_log};
 use crate::cli::{Attach, Host};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::note;
 use command_line::progress::Progress;
+use flight::recording_sink::RecordingSink;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::real_time::{self, Clients, TakeOver};
-use supervisor::recording_sink::RecordingSink;
 
 /// The name of the results: that of the scenario's file died with the orchestrator.
 const NAME: &str = "attached";
@@ -24,7 +24,7 @@ const NAME: &str = "attached";
 /// # Errors
 /// [`Failure`] if there is no such flight.
 pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let place = live::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
@@ -50,7 +50,7 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
-    let mut sink = RecordingSink::new(&scenario, flight.schedule(), Some(log), &mut progress)
+    let mut sink = RecordingSink::new(&scenario, flight.schedule(), Some(log), progress.shared_tick())
         .from_tick(flight.first_tick());
     let ending = real_time::take_over(flight, &mut sink, &people, &mut record).map_err(Failure::trouble)?;
     let ending = ending.with_record(record.finish());
@@ -61,5 +61,5 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
         kept,
         quiet: arguments.quiet,
     };
-    flown.conclude(sink, ending)
+    flown.conclude(sink, &mut progress, ending)
 }

@@ -7,11 +7,13 @@ use crate::cli::Host;
 use command_line::exit::Exit;
 use command_line::failure::report_of;
 use command_line::output::complain;
+use command_line::progress::Progress;
+use flight::failure::FlightFailure;
+use flight::recording_sink::RecordingSink;
 use metrics::summary::{self, RunFacts, Summary};
 use run_log::run_folder::{RunFolder, log_meant_by};
 use run_log::{files_of_log, inspect};
-use supervisor::recording_sink::RecordingSink;
-use supervisor::{Ending, FlightFailure, Outcome};
+use supervisor::{Ending, Outcome, RunFailure};
 
 /// A flight that is over.
 pub(super) struct FlightResult<'a> {
@@ -27,13 +29,22 @@ pub(super) struct FlightResult<'a> {
 
 impl FlightResult<'_> {
     /// Closes the log, keeps the summary and shows it; the exit code of the command that flew.
-    pub(super) fn conclude(&self, sink: RecordingSink<'_>, ending: Ending) -> Result<Exit, Failure> {
-        let log_lost = matches!(&ending.outcome, Outcome::Failed(FlightFailure::Log(_)));
+    pub(super) fn conclude(
+        &self,
+        sink: RecordingSink<'_>,
+        progress: &mut Progress,
+        ending: Ending,
+    ) -> Result<Exit, Failure> {
+        let log_lost = matches!(
+            &ending.outcome,
+            Outcome::Failed(RunFailure::Flight(FlightFailure::Log(_)))
+        );
         let (flown, written) = if log_lost {
             (sink.abandon(), Ok(None))
         } else {
             sink.finish()
         };
+        progress.clear();
         let ending = match written {
             Ok(_) => ending,
             Err(error) => Ending {
@@ -76,7 +87,7 @@ impl FlightResult<'_> {
                 _ => None,
             },
             in_log: match &ending.outcome {
-                Outcome::Failed(FlightFailure::Log(_)) => Some(self.samples_in_log()),
+                Outcome::Failed(RunFailure::Flight(FlightFailure::Log(_))) => Some(self.samples_in_log()),
                 _ => None,
             },
             wall_seconds: ending.wall_time.as_secs_f64(),
@@ -122,7 +133,9 @@ fn was_refused(outcome: &Outcome) -> bool {
     matches!(
         outcome,
         Outcome::Failed(
-            FlightFailure::Setup(_) | FlightFailure::NotReady { .. } | FlightFailure::NotPermitted { .. }
+            RunFailure::Flight(FlightFailure::Setup(_))
+                | RunFailure::NotReady { .. }
+                | RunFailure::NotPermitted { .. }
         )
     )
 }
@@ -134,8 +147,10 @@ fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
         Outcome::Completed if summary.lost.is_some() => Exit::Lost,
         Outcome::Completed => Exit::Success,
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
-        Outcome::Failed(FlightFailure::Log(_) | FlightFailure::Record(_)) => Exit::NotWritten,
-        Outcome::Failed(FlightFailure::Refused(_)) => Exit::BadInput,
+        Outcome::Failed(RunFailure::Flight(FlightFailure::Log(_)) | RunFailure::Record(_)) => {
+            Exit::NotWritten
+        }
+        Outcome::Failed(RunFailure::Flight(FlightFailure::Refused(_))) => Exit::BadInput,
         outcome if was_refused(outcome) => Exit::Trouble,
         Outcome::Failed(_) => Exit::FlightFailed,
     }

@@ -6,10 +6,11 @@ use std::time::Duration;
 use super::{Failure, print, print_as_it_is, schedule_of};
 use crate::cli::Doctor;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::progress;
 use doctor::report::MachineReport;
 use doctor::{CheckOutcome, HostFacts, Needs, disk, examine, runs, wake_up};
+use flight::interrupt::Interrupt;
 use live::run_root;
 
 /// `gerono doctor`.
@@ -18,7 +19,7 @@ use live::run_root;
 /// [`Failure`] if the scenario cannot be flown; a machine that is not fit for it is an [`Exit`].
 pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
     let needs = needs(arguments)?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let bar = progress::waiting("measuring the disk and the wake-ups");
     let report = report(arguments, &needs, &interrupt);
     bar.finish_and_clear();

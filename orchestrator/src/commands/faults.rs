@@ -6,7 +6,7 @@ use shared_types::ServiceId;
 use super::{Failure, load, print, scenario_name, write, write_json};
 use crate::cli::Faults;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::progress;
 use evaluation::reproduce::parallel;
 use fault_matrix::fault_kind::MatrixFault;
@@ -14,6 +14,7 @@ use fault_matrix::flight::{FlightResult, Way, fly};
 use fault_matrix::plan::{self, MatrixCase, MatrixCell, Times};
 use fault_matrix::undisturbed::{NotFlown, Undisturbed};
 use fault_matrix::{injection_times, report, table};
+use flight::interrupt::Interrupt;
 use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.
@@ -34,7 +35,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     let times = times(arguments, &scenario)?;
     let cells = plan::cells(&scenario, &cases(arguments)?, &times)
         .map_err(|problem| Failure::bad_input(problem.to_string()))?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &format!("faults-{name}"))
         .map_err(Failure::not_written)?;

@@ -14,7 +14,7 @@ use shared_types::service::nanoseconds;
 use super::{Failure, load, log_path, print};
 use crate::cli::{RcIdentify, RcProbe};
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use link_identification::{Calibration, EXPLAINS, Identification, STICKS};
 
 /// The period at which the sticks are moved on and given to the sender, s.
@@ -34,7 +34,7 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     let opened = RadioLink::open(link).map_err(Failure::trouble)?;
     let opened = opened.ok_or_else(no_link)?;
     let (map, units) = (opened.encoder().map().clone(), opened.encoder().units());
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let period_ns = nanoseconds(1.0 / transmitter.frame_rate_on(link.link));
     let sender = Sender::start(opened, period_ns).map_err(Failure::trouble)?;
 

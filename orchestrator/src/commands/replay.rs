@@ -6,7 +6,7 @@ use shared_types::ServiceId;
 use super::{Failure, log_path, print, schedule_of};
 use crate::cli::{Diff, Replay};
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::progress::Progress;
 use replay::diff::{self, TopicDiff};
 use replay::{
@@ -30,7 +30,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
         Some(scenario.map_err(Failure::from)?)
     };
     let schedule = schedule_of(recorded)?;
-    let interrupt = || Interrupt::install().map_err(Failure::trouble);
+    let interrupt = || interrupt::install().map_err(Failure::trouble);
     let options = Options {
         services: arguments.services.clone(),
         changed,

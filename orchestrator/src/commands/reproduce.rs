@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Failure, print, write, write_json};
 use crate::cli::Reproduce;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::progress;
 use evaluation::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use evaluation::reproduce::figures::Figure;
@@ -16,8 +16,9 @@ use evaluation::reproduce::plan::Plan;
 use evaluation::reproduce::report::{self, ReproductionReport};
 use evaluation::reproduce::traces::{Tracer, Traces};
 use evaluation::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use run_log::run_folder::RunFolder;
-use supervisor::{Outcome, in_process};
 
 /// `gerono reproduce`.
 ///
@@ -28,7 +29,7 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
         .seeds
         .unwrap_or(if arguments.quick { QUICK_SEEDS } else { SEEDS });
     let seeds = seeds(count);
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let folder = RunFolder::create(arguments.out.as_deref(), "reproduce").map_err(Failure::not_written)?;
     let end = if arguments.ablation {
         show_ablation(&seeds, &folder, &interrupt)?
@@ -186,7 +187,7 @@ fn draw(
 
 /// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.
 fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
-    let schedule = supervisor::schedule_of(&job.scenario).ok()?;
+    let schedule = flight::schedule_of(&job.scenario).ok()?;
     let mut tracer = Tracer::new(&job.scenario, &schedule);
     let ending = in_process::fly(&job.scenario, &mut tracer, interrupt).ok()?;
     matches!(ending.outcome, Outcome::Completed).then(|| tracer.finish())

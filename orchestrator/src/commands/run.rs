@@ -12,15 +12,16 @@ use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run, ServiceCrash};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::progress::Progress;
+use flight::in_process;
+use flight::recording_sink::RecordingSink;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::deployment::{Deployment, Placement};
 use supervisor::real_time::Clients;
-use supervisor::recording_sink::RecordingSink;
 use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
-use supervisor::{Ending, FlightFailure, Outcome, in_process, lock_step, real_time};
+use supervisor::{Ending, Outcome, RunFailure, lock_step, real_time};
 
 /// Returns the first option that concerns processes of services.
 fn of_processes(deployment: &DeploymentArguments) -> Option<&'static str> {
@@ -62,7 +63,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         )));
     }
     refuse_crashes(&scenario, &schedule, &arguments.deployment.crash)?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let kept = super::keep_plugins(&mut scenario, &folder)?;
@@ -77,7 +78,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
-    let mut sink = RecordingSink::new(&scenario, &schedule, Some(log), &mut progress);
+    let mut sink = RecordingSink::new(&scenario, &schedule, Some(log), progress.shared_tick());
     let ending = fly(arguments, &scenario, &folder, &mut sink, &people);
     let flown = FlightResult {
         name: &name,
@@ -86,7 +87,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         kept,
         quiet: arguments.quiet,
     };
-    flown.conclude(sink, ending)
+    flown.conclude(sink, &mut progress, ending)
 }
 
 /// A crash that never comes shows nothing.
@@ -114,9 +115,9 @@ fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCr
 fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
         Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),
-        Host::Lockstep => supervisor::unsimulated_poses(scenario),
+        Host::Lockstep => flight::unsimulated_poses(scenario),
         Host::Inprocess => {
-            supervisor::unsimulated_poses(scenario).or_else(|| supervisor::programs_of_its_own(scenario))
+            flight::unsimulated_poses(scenario).or_else(|| flight::programs_of_its_own(scenario))
         }
     };
     reason.map_or(Ok(()), |reason| Err(Failure::bad_input(reason)))
@@ -130,7 +131,9 @@ fn fly(
     people: &Clients<'_>,
 ) -> Ending {
     let result = match arguments.host {
-        Host::Inprocess => in_process::fly(scenario, sink, people.interrupt),
+        Host::Inprocess => in_process::fly(scenario, sink, people.interrupt)
+            .map(Ending::from)
+            .map_err(RunFailure::from),
         Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, sink, people),
     };
     result.unwrap_or_else(|failure| Ending {
@@ -150,10 +153,10 @@ fn fly_processes(
     folder: &RunFolder,
     sink: &mut RecordingSink<'_>,
     people: &Clients<'_>,
-) -> Result<Ending, FlightFailure> {
+) -> Result<Ending, RunFailure> {
     let mut record = host_record(folder, scenario, arguments.recording)?;
     let _postmortem = Postmortem::prepare(arguments.host.name(), folder.path(), scenario.external_services())
-        .map_err(FlightFailure::setup)?;
+        .map_err(RunFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {
         real_time::fly(scenario, &deployment, sink, people, &mut record)?

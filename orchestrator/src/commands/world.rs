@@ -12,7 +12,7 @@ use shared_types::service::{nanoseconds, seconds};
 use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::HilSimulator as Arguments;
 use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use hil_simulator::autopilot::Autopilot;
 use hil_simulator::betaflight::{Betaflight, Rotors};
 use hil_simulator::cameras::CameraSender;
@@ -40,7 +40,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let cameras = cameras(&scenario, &timing)?;
     let onboard = onboard(arguments, &scenario, &timing)?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));

@@ -8,7 +8,7 @@ use shared_types::schedule::{Edge, Publication, Rate};
 use shared_types::service::header_of;
 use shared_types::{Header, Schedule, ServiceId};
 
-use super::FlightFailure;
+use super::RunFailure;
 
 /// Least number of samples that are kept before those that the log is waiting for.
 const LEAST_HISTORY: u64 = 64;
@@ -72,9 +72,9 @@ impl Archive {
     /// Keeps a sample. A restarted service may repeat one, which must be the same.
     ///
     /// # Errors
-    /// [`FlightFailure::Lost`] if samples are missing before it, [`FlightFailure::Diverged`] if it is not the same.
+    /// [`RunFailure::Lost`] if samples are missing before it, [`RunFailure::Diverged`] if it is not the same.
     #[inline]
-    pub fn keep(&mut self, bytes: &[u8]) -> Result<(), FlightFailure> {
+    pub fn keep(&mut self, bytes: &[u8]) -> Result<(), RunFailure> {
         let header = header_of(bytes);
         let Header { tick, seq: place, .. } = header;
         if self.is_external {
@@ -92,12 +92,12 @@ impl Archive {
     }
 
     /// Returns whether a sample is the one that is due.
-    fn check(&self, header: Header) -> Result<(), FlightFailure> {
+    fn check(&self, header: Header) -> Result<(), RunFailure> {
         let due = self.next_due();
         if self.publication.header(due) == header {
             return Ok(());
         }
-        Err(FlightFailure::NotDue {
+        Err(RunFailure::NotDue {
             service: self
                 .publication
                 .topic
@@ -116,11 +116,11 @@ impl Archive {
     }
 
     #[cold]
-    fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), FlightFailure> {
+    fn compare(&self, tick: u64, place: u64, bytes: &[u8]) -> Result<(), RunFailure> {
         let topic = self.publication.topic.to_string();
         if place > self.count {
             let due = self.next_due();
-            return Err(FlightFailure::Lost {
+            return Err(RunFailure::Lost {
                 topic,
                 due,
                 got: tick,
@@ -129,7 +129,7 @@ impl Archive {
         if self.at(place).is_none_or(|first| first == bytes) {
             Ok(())
         } else {
-            Err(FlightFailure::Diverged { topic, tick })
+            Err(RunFailure::Diverged { topic, tick })
         }
     }
 
@@ -243,7 +243,7 @@ mod tests {
             wrong.header = header;
             let failure = archive.keep(wrong.as_bytes()).unwrap_err();
             assert!(
-                matches!(failure, FlightFailure::NotDue { due: 5, got, .. } if got == header),
+                matches!(failure, RunFailure::NotDue { due: 5, got, .. } if got == header),
                 "{failure}"
             );
         }
@@ -259,11 +259,11 @@ mod tests {
         assert!(archive.keep(sample(3, 1.0).as_bytes()).is_ok());
         assert!(matches!(
             archive.keep(sample(3, 2.0).as_bytes()),
-            Err(FlightFailure::Diverged { tick: 3, .. })
+            Err(RunFailure::Diverged { tick: 3, .. })
         ));
         assert!(matches!(
             archive.keep(sample(6, 1.0).as_bytes()),
-            Err(FlightFailure::Lost { due: 5, got: 6, .. })
+            Err(RunFailure::Lost { due: 5, got: 6, .. })
         ));
         assert!(archive.keep(sample(5, 1.0).as_bytes()).is_ok());
     }

@@ -1,36 +1,33 @@
-//! Flying a scenario: the hosts, what they have in common, and how a flight ends.
+//! Runs of a scenario in processes of their own: the hosts, what they have in common, and how a run ends.
 
 pub mod archive;
 mod control_server;
 pub mod deployment;
 pub mod host_kind;
 pub mod host_record;
-pub mod in_process;
 pub mod lock_step;
 pub mod real_time;
 pub mod recorder;
-pub mod recording_sink;
 pub mod reserve;
 mod run_context;
 pub mod subscription;
 pub mod supervision;
 
 use std::error::Error;
-use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use command_line::exit::Exit;
 use command_line::failure::Failure;
+use flight::failure::{FlightFailure, Suspects};
 use host::step::NonFinite;
 use scenario::{Scenario, Unflyable};
-use shared_types::{Header, Schedule, ServiceId};
+use shared_types::{Header, ServiceId};
 use system_limits::resource_limits;
 
 use metrics::summary::laboratory::LaboratoryReport;
 use metrics::summary::timing::TimingReport;
 
-/// The end of a flight.
+/// The end of a run.
 #[derive(Debug)]
 pub struct Ending {
     /// Why.
@@ -50,7 +47,7 @@ pub struct Ending {
 }
 
 impl Ending {
-    /// The ending of a flight whose record of the machine was closed so. What failed before counts.
+    /// The ending of a run whose record of the machine was closed so. What failed before counts.
     #[must_use]
     pub fn with_record(mut self, closed: Result<(), run_log::LogError>) -> Self {
         if let (Err(error), Outcome::Completed | Outcome::Interrupted { .. }) = (closed, &self.outcome) {
@@ -60,45 +57,40 @@ impl Ending {
     }
 }
 
-/// Reason why a flight ended.
-#[derive(Debug)]
-pub enum Outcome {
-    /// The last tick was flown.
-    Completed,
-    /// The user asked for the end, by this signal.
-    Interrupted {
-        /// Number of the signal.
-        signal: i32,
-    },
-    /// It could not go on.
-    Failed(FlightFailure),
-}
-
-impl Display for Outcome {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Completed => formatter.write_str("completed"),
-            Self::Interrupted { signal } => write!(formatter, "interrupted by signal {signal}"),
-            Self::Failed(failure) => failure.fmt(formatter),
+impl From<flight::Ending> for Ending {
+    fn from(ending: flight::Ending) -> Self {
+        Self {
+            outcome: match ending.outcome {
+                flight::Outcome::Completed => Outcome::Completed,
+                flight::Outcome::Interrupted { signal } => Outcome::Interrupted { signal },
+                flight::Outcome::Failed(failure) => Outcome::Failed(failure.into()),
+            },
+            ticks: ending.ticks,
+            wall_time: ending.wall_time,
+            warnings: ending.warnings,
+            restarts: Vec::new(),
+            timing: None,
+            laboratory: None,
         }
     }
 }
 
-/// Reason why a flight could not go on.
+/// Reason why a run ended.
+pub type Outcome = flight::Outcome<RunFailure>;
+
+/// Reason why a run could not go on.
 #[derive(Debug, thiserror::Error)]
-pub enum FlightFailure {
-    /// A service computed a number that is not finite.
+pub enum RunFailure {
+    /// One that a flight in one process may have, too.
     #[error(transparent)]
-    NonFinite(#[from] NonFinite),
+    Flight(#[from] FlightFailure),
     /// It failed at Gerono's own code, in a flight in which other code publishes, too.
-    #[error(
-        "{failure}; other code than Gerono's flies in place of {suspects}: look first at what it published"
-    )]
+    #[error("{failure}{suspects}")]
     Suspected {
         /// The failure.
         failure: Box<Self>,
         /// The services in whose place other code flies.
-        suspects: String,
+        suspects: Suspects,
     },
     /// A service process died again and again without getting any further.
     #[error(
@@ -129,9 +121,6 @@ pub enum FlightFailure {
         /// Tick of the sample.
         tick: u64,
     },
-    /// A plug-in failed in its step.
-    #[error("{0}; the log ends with the last whole tick")]
-    Plugin(String),
     /// A service could not do its work and said so.
     #[error("the service `{service}` gave up: {reason}")]
     GaveUp {
@@ -202,53 +191,31 @@ pub enum FlightFailure {
         /// Tick that came.
         got: u64,
     },
-    /// The log cannot be written.
-    #[error(transparent)]
-    Log(#[from] run_log::LogError),
     /// The record of the machine, `host.mcap`, cannot be written.
     #[error("the record of the machine cannot be kept: {0}")]
     Record(#[source] run_log::LogError),
-    /// No services are made of the scenario: it names a plug-in that cannot fly, for example.
-    #[error("{0}")]
-    Refused(#[source] Box<dyn Error + Send + Sync>),
-    /// The machine refused something that every run needs.
-    #[error("cannot set the run up: {0}")]
-    Setup(#[source] Box<dyn Error + Send + Sync>),
 }
 
-impl FlightFailure {
-    /// Returns whether nothing was flown: the scenario or the machine is at fault, and not the flight.
-    #[must_use]
-    pub fn is_of_setup(&self) -> bool {
-        matches!(
-            self,
-            Self::Refused(_) | Self::Setup(_) | Self::NotReady { .. } | Self::NotPermitted { .. }
-        )
-    }
-
-    /// Names the services in whose place other code flies, if the flight has failed at another service and the failure
-    /// names none of them: what they publish reaches every service, and an absurd number ends in one that is not finite.
+impl RunFailure {
+    /// Names the services in whose place other code flies, if the run has failed at another service and the failure
+    /// names none of them.
     #[must_use]
     pub fn suspecting(self, foreign: impl IntoIterator<Item = ServiceId>) -> Self {
-        let suspects: Vec<_> = foreign
-            .into_iter()
-            .map(|service| format!("`{service}`"))
-            .collect();
         let is_by_samples = matches!(
             self,
-            Self::NonFinite(_)
+            Self::Flight(FlightFailure::NonFinite(..))
                 | Self::Died { .. }
                 | Self::Diverged { .. }
                 | Self::GaveUp { .. }
                 | Self::Lost { .. }
         );
-        let told = self.to_string();
-        if !is_by_samples || suspects.is_empty() || suspects.iter().any(|name| told.contains(name)) {
+        let suspects = Suspects::of(foreign, &self);
+        if !is_by_samples || suspects.is_empty() {
             return self;
         }
         Self::Suspected {
             failure: Box::new(self),
-            suspects: suspects.join(", "),
+            suspects,
         }
     }
 
@@ -271,7 +238,7 @@ impl FlightFailure {
     #[must_use]
     pub fn not_finite_at(&self) -> Option<u64> {
         match self.itself() {
-            Self::NonFinite(found) => Some(found.tick),
+            Self::Flight(failure) => failure.not_finite_at(),
             _ => None,
         }
     }
@@ -279,77 +246,46 @@ impl FlightFailure {
     /// A flight that cannot begin, and the error or the sentence that says why.
     pub fn setup(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let error = error.into();
-        match resource_limits::advice(&*error) {
-            Some(_) => Self::Setup(resource_limits::in_words(&*error).into()),
-            None => Self::Setup(error),
+        Self::Flight(match resource_limits::advice(&*error) {
+            Some(_) => FlightFailure::setup(resource_limits::in_words(&*error)),
+            None => FlightFailure::Setup(error),
+        })
+    }
+}
+
+impl From<RunFailure> for Failure {
+    fn from(failure: RunFailure) -> Self {
+        match failure {
+            RunFailure::Flight(failure) => failure.into(),
+            failure => Self::trouble(failure),
         }
     }
 }
 
-impl From<FlightFailure> for Failure {
-    fn from(failure: FlightFailure) -> Self {
-        let exit = match failure {
-            FlightFailure::Refused(_) => Exit::BadInput,
-            _ => Exit::Trouble,
-        };
-        Self::new(exit, failure)
+impl From<NonFinite> for RunFailure {
+    fn from(found: NonFinite) -> Self {
+        Self::Flight(FlightFailure::NonFinite(found, Suspects::default()))
     }
 }
 
-/// Returns when everybody steps in a flight of `scenario`.
-///
-/// # Errors
-/// [`Unflyable`]; never for a checked scenario.
-pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
-    scenario.schedule().map_err(Unflyable)
+impl From<run_log::LogError> for RunFailure {
+    fn from(error: run_log::LogError) -> Self {
+        Self::Flight(error.into())
+    }
 }
 
-impl From<Unflyable> for FlightFailure {
+impl From<Unflyable> for RunFailure {
     fn from(scenario: Unflyable) -> Self {
         Self::setup(scenario)
     }
 }
 
-/// Returns why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
-#[must_use]
-pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
-    if scenario.recorded_captures().is_some() {
-        return Some(
-            "recorded captures come in real time only; fly with --host realtime, or with --set \
-             motion_capture.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
-                .to_owned(),
-        );
-    }
-    let name = scenario.capture_system()?.0.name();
-    Some(format!(
-        "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
-         motion_capture.source=simulated, or look at what comes with `gerono mocap probe`"
-    ))
-}
-
-/// Reason why a scenario with external services cannot be flown in one process.
-#[must_use]
-pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
-    let external_services = scenario.external_services();
-    let external_service = ServiceId::ALL
-        .into_iter()
-        .find(|service| external_services[service.index()])?;
-    Some(format!(
-        "a program of its own is to fly in place of `{external_service}` (`programs.{external_service}`), and here all fly in one process; fly \
-         with --host lockstep or --host realtime, or with --set 'programs={{}}'"
-    ))
-}
-
-fn refuse_programs(scenario: &Scenario) -> Result<(), FlightFailure> {
-    programs_of_its_own(scenario).map_or(Ok(()), |reason| Err(FlightFailure::setup(reason)))
-}
-
-fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), FlightFailure> {
-    unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(FlightFailure::setup(reason)))
-}
-
-impl From<std::convert::Infallible> for FlightFailure {
+impl From<std::convert::Infallible> for RunFailure {
     fn from(never: std::convert::Infallible) -> Self {
         match never {}
     }
+}
+
+fn refuse_unsimulated_poses(scenario: &Scenario) -> Result<(), RunFailure> {
+    flight::unsimulated_poses(scenario).map_or(Ok(()), |reason| Err(RunFailure::setup(reason)))
 }

@@ -16,9 +16,10 @@ use super::deployment::Deployment;
 use super::recorder::{Progress, Recorder};
 use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver, Supervisor};
-use super::{Ending, FlightFailure, Outcome};
-use command_line::interrupt::Interrupt;
+use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
+use flight::failure::FlightFailure;
+use flight::interrupt::Interrupt;
 use stall::StallWatch;
 use watchers::Watchers;
 
@@ -28,7 +29,7 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`. `messages` are shown at once.
 ///
 /// # Errors
-/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
 pub fn fly<S: TickSink>(
     scenario: &Scenario,
     deployment: &Deployment,
@@ -36,9 +37,9 @@ pub fn fly<S: TickSink>(
     interrupt: &Interrupt,
     messages: &Messages,
     observer: &mut dyn SupervisionObserver,
-) -> Result<Ending, FlightFailure>
+) -> Result<Ending, RunFailure>
 where
-    FlightFailure: From<S::Error>,
+    RunFailure: From<S::Error>,
 {
     super::refuse_unsimulated_poses(scenario)?;
     let context = RunContext::prepare(scenario, deployment)?;
@@ -55,7 +56,7 @@ where
 
     let started = Instant::now();
     // First: what services publish that are gone before it is connected is lost.
-    recorder.connect().map_err(FlightFailure::setup)?;
+    recorder.connect().map_err(RunFailure::setup)?;
     supervisor.go()?;
     observer.changed(&supervisor);
     let mut flight = Flight {
@@ -95,13 +96,9 @@ struct Flight<'a> {
 
 impl Flight<'_> {
     /// Records, watches and restarts until the flight is over.
-    fn supervise<S: TickSink>(
-        &mut self,
-        sink: &mut S,
-        interrupt: &Interrupt,
-    ) -> Result<Outcome, FlightFailure>
+    fn supervise<S: TickSink>(&mut self, sink: &mut S, interrupt: &Interrupt) -> Result<Outcome, RunFailure>
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         loop {
@@ -143,7 +140,7 @@ impl Flight<'_> {
     }
 
     /// Takes note of how far external services have come, and of those that have finished without having flown to the end.
-    fn look_after_external_services(&self, progress: Progress) -> Result<(), FlightFailure> {
+    fn look_after_external_services(&self, progress: Progress) -> Result<(), RunFailure> {
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         for external_service in self.supervisor.external_services() {
@@ -170,7 +167,7 @@ impl Flight<'_> {
         }
     }
 
-    fn attend_to(&mut self, event: ServiceEvent) -> Result<(), FlightFailure> {
+    fn attend_to(&mut self, event: ServiceEvent) -> Result<(), RunFailure> {
         match event {
             ServiceEvent::Lost(failure) => return Err(failure),
             ServiceEvent::Died => {
@@ -201,14 +198,14 @@ fn wind_up<S: TickSink>(
     outcome: Outcome,
 ) -> Outcome
 where
-    FlightFailure: From<S::Error>,
+    RunFailure: From<S::Error>,
 {
     supervisor.stop();
-    let takes_no_more = |failure: &FlightFailure| {
-        use FlightFailure::{Diverged, Log, Lost, NotDue};
+    let takes_no_more = |failure: &RunFailure| {
+        use RunFailure::{Diverged, Flight, Lost, NotDue};
         matches!(
             failure.itself(),
-            Log(_) | Lost { .. } | Diverged { .. } | NotDue { .. }
+            Flight(FlightFailure::Log(_)) | Lost { .. } | Diverged { .. } | NotDue { .. }
         )
     };
     match outcome {

@@ -51,9 +51,9 @@ use super::control_server::ControlServer;
 use super::deployment::Deployment;
 use super::run_context::RunContext;
 use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, SupervisionObserver, Supervisor};
-use super::{Ending, FlightFailure, Outcome};
-use command_line::interrupt::Interrupt;
+use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
+use flight::interrupt::Interrupt;
 use live::live_events::LiveEvents;
 use live::newest::Newest;
 use metrics::summary::timing::{TimingReport, Unrecorded};
@@ -91,28 +91,28 @@ pub trait StepObserver: SupervisionObserver {
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
 ///
 /// # Errors
-/// [`FlightFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
 pub fn fly<S: TickSink>(
     scenario: &Scenario,
     deployment: &Deployment,
     sink: &mut S,
     people: &Clients<'_>,
     observer: &mut dyn StepObserver,
-) -> Result<Ending, FlightFailure>
+) -> Result<Ending, RunFailure>
 where
-    FlightFailure: From<S::Error>,
+    RunFailure: From<S::Error>,
 {
     let kill_device = kill_switch::open(scenario)?;
     let context = RunContext::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(context.subscribe(Delivery::NewestWins)?, 0);
-    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
+    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(RunFailure::setup)?;
     let mut supervisor = context.start_supervisor(deployment, Host::RealTime)?;
     let warnings = context.await_ready(&mut supervisor)?;
     observer.ready(&supervisor, context.cores.ring);
-    recorder.connect().map_err(FlightFailure::setup)?;
+    recorder.connect().map_err(RunFailure::setup)?;
     let start = |stated| KillSwitch::start(stated, kill_device, supervisor.page());
     let kill_switch = context.scenario.operator.as_ref().map(start).transpose();
-    let kill_switch = kill_switch.map_err(FlightFailure::setup)?;
+    let kill_switch = kill_switch.map_err(RunFailure::setup)?;
 
     let clock = FlightClock::starting_in(COUNTDOWN, context.schedule.tick_ns());
     supervisor
@@ -144,15 +144,15 @@ where
 /// Takes over a flight whose orchestrator is gone, and hands everything from then on to `sink`.
 ///
 /// # Errors
-/// [`FlightFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
 pub fn take_over<S: TickSink>(
     take_over: TakeOver,
     sink: &mut S,
     people: &Clients<'_>,
     observer: &mut dyn StepObserver,
-) -> Result<Ending, FlightFailure>
+) -> Result<Ending, RunFailure>
 where
-    FlightFailure: From<S::Error>,
+    RunFailure: From<S::Error>,
 {
     let TakeOver {
         only_one: _only_one,
@@ -164,8 +164,8 @@ where
         first_tick,
     } = take_over;
     let mut recorder = Recorder::new(context.listen_in()?, first_tick);
-    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(FlightFailure::setup)?;
-    recorder.connect().map_err(FlightFailure::setup)?;
+    let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(RunFailure::setup)?;
+    recorder.connect().map_err(RunFailure::setup)?;
     // Only now: if it failed before, they would not be restarted. From here on nothing fails without a landing.
     let killed = take_over::end_the_others(&place, &survivors)?;
     let supervisor = context.adopt_supervisor(shared, survivors)?;
@@ -218,7 +218,7 @@ struct Flight<'a> {
     /// The operator's kill switch, if the scenario states one.
     kill_switch: Option<KillSwitch>,
     /// The first failure, with which the flight ends once the vehicle is on the ground.
-    failure: Option<FlightFailure>,
+    failure: Option<RunFailure>,
     /// Events that are not in the log yet: tick, kind and text.
     happened: Vec<(u64, u32, Cow<'static, str>)>,
     /// The scenario with the gains that the operator has changed; `None` before the first change.
@@ -286,7 +286,7 @@ impl<'a> Flight<'a> {
         mut warnings: Vec<String>,
     ) -> Ending
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         let from = self.recorder.ticks();
         self.supervise(sink, server);
@@ -300,7 +300,7 @@ impl<'a> Flight<'a> {
     /// Records, watches and restarts until the flight is over, one way or the other.
     fn supervise<S: TickSink>(&mut self, sink: &mut S, server: &mut ControlServer)
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         let mut next_health = Instant::now() + Duration::from_secs(1);
         while !self.is_over() {
@@ -328,7 +328,7 @@ impl<'a> Flight<'a> {
             }
             self.observer.progressed(&self.supervisor, self.recorder.ticks());
             if let Some(error) = self.observer.failure() {
-                self.fail(FlightFailure::Record(error));
+                self.fail(RunFailure::Record(error));
             }
             self.replace_the_hung();
             self.land_before_the_end();
@@ -336,7 +336,7 @@ impl<'a> Flight<'a> {
             if Instant::now() >= next_health {
                 self.supervisor.remove_unfinished();
                 if matches!(self.place.try_exists(), Ok(false)) {
-                    self.fail(FlightFailure::PlaceRemoved(self.place.to_owned()));
+                    self.fail(RunFailure::PlaceRemoved(self.place.to_owned()));
                 }
                 self.observer.health(&self.supervisor);
                 self.observe_laboratory();
@@ -382,7 +382,7 @@ impl<'a> Flight<'a> {
                 ));
             } else {
                 let reason = format!("it had not done its last step {limit} s after the end of the flight");
-                self.failure = Some(FlightFailure::GaveUp {
+                self.failure = Some(RunFailure::GaveUp {
                     service: name,
                     reason,
                 });
@@ -396,7 +396,7 @@ impl<'a> Flight<'a> {
     }
 
     /// Takes note of a failure, the first of which ends the flight on the ground.
-    fn fail(&mut self, failure: FlightFailure) {
+    fn fail(&mut self, failure: RunFailure) {
         if self.failure.is_some() {
             return;
         }
@@ -491,9 +491,9 @@ impl<'a> Flight<'a> {
     }
 
     /// Takes what has been published and told, and writes the ticks that have settled.
-    fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
+    fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), RunFailure>
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         let received = self.recorder.receive();
         let frame = self.recorder.newest::<RcFrame>();
@@ -512,9 +512,9 @@ impl<'a> Flight<'a> {
     }
 
     /// Writes the ticks before `tick`, and what has happened at them.
-    fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), FlightFailure>
+    fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), RunFailure>
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         for (at, kind, text) in self.happened.extract_if(.., |(at, ..)| *at < tick) {
             sink.event(at, kind, &text);
@@ -574,7 +574,7 @@ impl<'a> Flight<'a> {
     /// Ends the services and records what they had published.
     fn wind_up<S: TickSink>(&mut self, sink: &mut S)
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         self.supervisor.stop();
         for service in ServiceId::ALL {

@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use host::in_process::TickSink;
+use host::watchdog::{self, Work};
 use runtime::ports::PortError;
 use runtime::shared_page::ControlBlock;
-use runtime::watchdog::{self, Work};
 use shared_types::ExternalServices;
 use shared_types::schedule::OutageSchedule;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::FlightFailure;
+use super::RunFailure;
 use super::archive::Archive;
 use super::subscription::Subscription;
 use live::newest::Newest;
@@ -146,9 +146,9 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Self::drain`].
-    pub fn drain_all<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightFailure>
+    pub fn drain_all<S: TickSink>(&mut self, sink: &mut S) -> Result<(), RunFailure>
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         while self.drain(sink)? == Progress::Behind {}
         Ok(())
@@ -157,10 +157,10 @@ impl Recorder {
     /// Hands over the ticks that are whole by now, up to some hundred.
     ///
     /// # Errors
-    /// [`FlightFailure`] if a sample is missing or differs from an earlier one, a port failed or the sink did.
-    pub fn drain<S: TickSink>(&mut self, sink: &mut S) -> Result<Progress, FlightFailure>
+    /// [`RunFailure`] if a sample is missing or differs from an earlier one, a port failed or the sink did.
+    pub fn drain<S: TickSink>(&mut self, sink: &mut S) -> Result<Progress, RunFailure>
     where
-        FlightFailure: From<S::Error>,
+        RunFailure: From<S::Error>,
     {
         let pause = self.tick + TICKS_IN_A_ROW;
         while self.tick <= self.last_tick {
@@ -186,7 +186,7 @@ impl Recorder {
     ///
     /// # Errors
     /// As [`Self::drain`].
-    pub fn receive(&mut self) -> Result<(), FlightFailure> {
+    pub fn receive(&mut self) -> Result<(), RunFailure> {
         let tick = self.tick;
         self.feeds
             .iter_mut()
@@ -194,7 +194,7 @@ impl Recorder {
     }
 
     /// Has the sample of every topic that is due at the tick; `false` if one is still missing.
-    fn collect(&mut self) -> Result<bool, FlightFailure> {
+    fn collect(&mut self) -> Result<bool, RunFailure> {
         let tick = self.tick;
         let mut is_whole = true;
         // Also those behind one that is missing: what is wrong with them may be why it is.
@@ -214,10 +214,10 @@ impl Newest for Recorder {
 }
 
 impl Feed {
-    fn receive_while(&mut self, wanted: impl Fn(&Archive) -> bool) -> Result<(), FlightFailure> {
+    fn receive_while(&mut self, wanted: impl Fn(&Archive) -> bool) -> Result<(), RunFailure> {
         while wanted(&self.archive) {
             let received = watchdog::during(Work::Receive, || self.subscription.receiver.receive());
-            if !received.map_err(FlightFailure::setup)? {
+            if !received.map_err(RunFailure::setup)? {
                 break;
             }
             self.archive

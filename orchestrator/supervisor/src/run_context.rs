@@ -8,7 +8,7 @@ use runtime::ports::{Delivery, RECORDER_BUFFER, RunNode};
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::FlightFailure;
+use super::RunFailure;
 use super::deployment::{Cores, Deployment};
 use super::reserve::{self, Reserve};
 use super::subscription::Subscription;
@@ -33,16 +33,16 @@ impl RunContext {
     /// Makes the place of a run and joins it; from then on this process keeps off the services' cores.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
-    pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, FlightFailure> {
-        let schedule = super::schedule_of(scenario)?;
-        let root = RunRoot::create().map_err(FlightFailure::setup)?;
+    /// [`RunFailure::setup`].
+    pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, RunFailure> {
+        let schedule = flight::schedule_of(scenario)?;
+        let root = RunRoot::create().map_err(RunFailure::setup)?;
         // What dead runs had has just been removed.
-        reserve::check().map_err(FlightFailure::setup)?;
+        reserve::check().map_err(RunFailure::setup)?;
         let scenario = deployment.stated_over(scenario);
         let cores = Cores::choose(deployment.placement, &scenario);
         cores.keep_off();
-        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
         Ok(Self {
             schedule,
             scenario,
@@ -57,13 +57,13 @@ impl RunContext {
     /// place, which one of them has handed over.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
-    pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, FlightFailure> {
-        let schedule = super::schedule_of(&start.scenario)?;
+    /// [`RunFailure::setup`].
+    pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, RunFailure> {
+        let schedule = flight::schedule_of(&start.scenario)?;
         let root = RunRoot::adopt(start.place(), lock);
         let cores = Cores::around(start.core, &start.scenario);
         cores.keep_off();
-        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(FlightFailure::setup)?;
+        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
         member.clean_up_after_the_dead();
         Ok(Self {
             schedule,
@@ -78,8 +78,8 @@ impl RunContext {
     /// Makes every topic of the run and subscribes to it.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
-    pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, FlightFailure> {
+    /// [`RunFailure::setup`].
+    pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, RunFailure> {
         let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
         let external_services = self.scenario.external_services();
         let is_external = |topic: Topic| {
@@ -94,15 +94,15 @@ impl RunContext {
             true => RECORDER_BUFFER / 2,
             false => RECORDER_BUFFER,
         };
-        Subscription::to_all(&self.schedule, make, places).map_err(FlightFailure::setup)
+        Subscription::to_all(&self.schedule, make, places).map_err(RunFailure::setup)
     }
 
     /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
     /// have them open, and has died.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
-    pub(super) fn listen_in(&self) -> Result<Vec<Subscription>, FlightFailure> {
+    /// [`RunFailure::setup`].
+    pub(super) fn listen_in(&self) -> Result<Vec<Subscription>, RunFailure> {
         let enter = |topic| {
             let open = self.member.open_topic(topic, &self.schedule);
             open.or_else(|_| {
@@ -110,18 +110,18 @@ impl RunContext {
                     .create_topic(topic, &self.schedule, Delivery::NewestWins)
             })
         };
-        Subscription::to_all(&self.schedule, enter, |_| RECORDER_BUFFER).map_err(FlightFailure::setup)
+        Subscription::to_all(&self.schedule, enter, |_| RECORDER_BUFFER).map_err(RunFailure::setup)
     }
 
     /// Starts the services' processes.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
+    /// [`RunFailure::setup`].
     pub(super) fn start_supervisor(
         &self,
         deployment: &Deployment,
         host: Host,
-    ) -> Result<Supervisor<'_>, FlightFailure> {
+    ) -> Result<Supervisor<'_>, RunFailure> {
         let start = self.start(host);
         let crashes = deployment.crashes.clone();
         Supervisor::start(
@@ -137,12 +137,12 @@ impl RunContext {
     /// Takes over the services of a flight in real time.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
+    /// [`RunFailure::setup`].
     pub(super) fn adopt_supervisor(
         &self,
         shared: Shared,
         survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
-    ) -> Result<Supervisor<'_>, FlightFailure> {
+    ) -> Result<Supervisor<'_>, RunFailure> {
         // Those that have just been killed have ports that others need.
         self.member.clean_up_after_the_dead();
         let start = self.start(Host::RealTime);
@@ -173,11 +173,11 @@ impl RunContext {
     /// Waits until everybody is ready; what could not be had of the deployment, if the flight may do without it.
     ///
     /// # Errors
-    /// [`FlightFailure::NotPermitted`] if the scenario says that it may not; else that of the supervisor.
-    pub(super) fn await_ready(&self, supervisor: &mut Supervisor<'_>) -> Result<Vec<String>, FlightFailure> {
+    /// [`RunFailure::NotPermitted`] if the scenario says that it may not; else that of the supervisor.
+    pub(super) fn await_ready(&self, supervisor: &mut Supervisor<'_>) -> Result<Vec<String>, RunFailure> {
         let refusals = supervisor.await_ready()?;
-        let mut reserve = Reserve::new(self.root.prefix()).map_err(FlightFailure::setup)?;
-        reserve.settle().map_err(FlightFailure::setup)?;
+        let mut reserve = Reserve::new(self.root.prefix()).map_err(RunFailure::setup)?;
+        reserve.settle().map_err(RunFailure::setup)?;
         supervisor.keep_reserve(reserve);
         let is_strict = self
             .scenario
@@ -185,7 +185,7 @@ impl RunContext {
             .as_ref()
             .is_some_and(|stated| stated.strict);
         if is_strict && !refusals.is_empty() {
-            return Err(FlightFailure::NotPermitted { refusals });
+            return Err(RunFailure::NotPermitted { refusals });
         }
         Ok(refusals)
     }

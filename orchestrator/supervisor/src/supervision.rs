@@ -42,7 +42,7 @@ use standby::Standby;
 pub use take_over::OrphanedService;
 
 use super::reserve::Reserve;
-use super::{FlightFailure, Outcome};
+use super::{Outcome, RunFailure};
 
 /// Time for which a service that was told to stop may take before it is killed.
 pub const STOP_LIMIT: Duration = Duration::from_secs(2);
@@ -128,14 +128,14 @@ pub enum ServiceEvent {
     /// It died, or the standby process did, and will be started again.
     Died,
     /// It cannot go on.
-    Lost(FlightFailure),
+    Lost(RunFailure),
 }
 
 impl<'a> Supervisor<'a> {
     /// Starts one process a service and tells each what to fly. Each holds `lock`, that of the run's place.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
+    /// [`RunFailure::setup`].
     pub fn start(
         member: &'a RunNode,
         lock: BorrowedFd<'a>,
@@ -143,8 +143,8 @@ impl<'a> Supervisor<'a> {
         start: Start,
         crashes: Vec<(ServiceId, Crash)>,
         restart_policies: RestartPolicies,
-    ) -> Result<Self, FlightFailure> {
-        let shared = Shared::create().map_err(FlightFailure::setup)?;
+    ) -> Result<Self, RunFailure> {
+        let shared = Shared::create().map_err(RunFailure::setup)?;
         let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
         supervisor.crashes = crashes;
         supervisor.restart_policies = restart_policies;
@@ -160,11 +160,9 @@ impl<'a> Supervisor<'a> {
         schedule: &'a Schedule,
         start: Start,
         shared: Shared,
-    ) -> Result<Self, FlightFailure> {
+    ) -> Result<Self, RunFailure> {
         let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
-        let doorbells = doorbells
-            .collect::<Result<_, _>>()
-            .map_err(FlightFailure::setup)?;
+        let doorbells = doorbells.collect::<Result<_, _>>().map_err(RunFailure::setup)?;
         Ok(Self {
             member,
             lock,
@@ -187,7 +185,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Starts the first process of the next service and tells it what to fly.
-    fn start_service(&mut self, service: ServiceId) -> Result<(), FlightFailure> {
+    fn start_service(&mut self, service: ServiceId) -> Result<(), RunFailure> {
         let name = self.name_of(service);
         let process = self.spawn(name)?;
         // Kept before it is spoken to, so that it is ended whatever happens next.
@@ -221,7 +219,7 @@ impl<'a> Supervisor<'a> {
         own.nth(lives as usize).map(|(_, crash)| *crash)
     }
 
-    fn spawn(&self, name: &str) -> Result<Process, FlightFailure> {
+    fn spawn(&self, name: &str) -> Result<Process, RunFailure> {
         let shared = [
             self.page.file(),
             self.checkpoints.file(),
@@ -229,11 +227,11 @@ impl<'a> Supervisor<'a> {
             self.lock,
         ];
         let label = live::runs::label(self.start.place(), self.start.host);
-        Process::start(name, label, shared, &self.doorbells).map_err(FlightFailure::setup)
+        Process::start(name, label, shared, &self.doorbells).map_err(RunFailure::setup)
     }
 
     /// Tells a process that has just been started what to fly, and which service it is, if that is known.
-    fn instruct(&self, process: &Process, role: Option<Role>) -> Result<(), FlightFailure> {
+    fn instruct(&self, process: &Process, role: Option<Role>) -> Result<(), RunFailure> {
         let start = Start {
             role,
             ..self.start.clone()
@@ -295,8 +293,8 @@ impl<'a> Supervisor<'a> {
     /// Waits until every service has made its ports; their warnings.
     ///
     /// # Errors
-    /// [`FlightFailure`] if one of them fails or takes too long.
-    pub fn await_ready(&mut self) -> Result<Vec<String>, FlightFailure> {
+    /// [`RunFailure`] if one of them fails or takes too long.
+    pub fn await_ready(&mut self) -> Result<Vec<String>, RunFailure> {
         let mut notes = Vec::new();
         while self.members.iter().any(|member| member.phase != Phase::Ready) {
             self.restart_dead()?;
@@ -319,8 +317,8 @@ impl<'a> Supervisor<'a> {
     /// Lets everybody fly, in the order of the ring.
     ///
     /// # Errors
-    /// [`FlightFailure`] if the system refuses.
-    pub fn go(&mut self) -> Result<(), FlightFailure> {
+    /// [`RunFailure`] if the system refuses.
+    pub fn go(&mut self) -> Result<(), RunFailure> {
         self.is_in_flight = true;
         for service in ServiceId::ALL {
             self.members[service.index()].phase = Phase::Flying;
@@ -329,7 +327,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    fn say_go(&self, service: ServiceId, restarted: bool) -> Result<(), FlightFailure> {
+    fn say_go(&self, service: ServiceId, restarted: bool) -> Result<(), RunFailure> {
         let block = self.page.control_block();
         // Before `Go`, which the service acts upon: a consumer that waits for it again finds it flying, or soon to be.
         block.cells[service.index()].gone.store(0, Ordering::SeqCst);
@@ -490,7 +488,7 @@ impl<'a> Supervisor<'a> {
                     break;
                 }
                 Err(error) => {
-                    events.push(ServiceEvent::Lost(FlightFailure::GaveUp {
+                    events.push(ServiceEvent::Lost(RunFailure::GaveUp {
                         service: self.members[at].name.to_owned(),
                         reason: error.to_string(),
                     }));
@@ -548,7 +546,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Tells a service something. One that is gone is found so when the supervisor is watched.
-    fn say(&self, service: ServiceId, message: &ToService) -> Result<(), FlightFailure> {
+    fn say(&self, service: ServiceId, message: &ToService) -> Result<(), RunFailure> {
         tell(&self.members[service.index()].process, message)
     }
 }
@@ -561,13 +559,13 @@ impl Drop for Supervisor<'_> {
 
 /// Tells a process something. One that is gone is found so when the supervisor is watched, and one that has not read anything
 /// for so long that its line is full is killed.
-fn tell(process: &Process, message: &ToService) -> Result<(), FlightFailure> {
+fn tell(process: &Process, message: &ToService) -> Result<(), RunFailure> {
     match process.channel.try_send(message) {
         Ok(true) | Err(ControlError::Closed) => Ok(()),
         Ok(false) => {
             process.signal(Signal::KILL);
             Ok(())
         }
-        Err(error) => Err(FlightFailure::setup(error)),
+        Err(error) => Err(RunFailure::setup(error)),
     }
 }

@@ -4,8 +4,11 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use ::flight::failure::FlightFailure;
+use ::flight::interrupt::Interrupt;
+use ::flight::recording_sink::planned_events;
+use ::flight::{Outcome as HostOutcome, in_process};
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use host::in_process::TickSink;
 use metrics::summary::{FlightSummary, RunFacts};
 use metrics::view;
@@ -15,8 +18,6 @@ use sha2::{Digest, Sha256};
 use shared_types::samples::{RunEvent, VehicleTruth};
 use shared_types::service::{ErasedService, nanoseconds};
 use shared_types::{Schedule, ServiceId, Topic};
-use supervisor::recording_sink::planned_events;
-use supervisor::{FlightFailure, Outcome as HostOutcome, in_process};
 use zerocopy::IntoBytes;
 
 use crate::definition::{Entry, hexadecimal};
@@ -237,7 +238,7 @@ fn fly_as(
         }
         scenario.programs = Some(Programs::own_controller(own.name.clone()));
     }
-    let schedule = match supervisor::schedule_of(&scenario) {
+    let schedule = match ::flight::schedule_of(&scenario) {
         Ok(schedule) => schedule,
         Err(error) => return Ok(Some(refused(one_line(&error.to_string())))),
     };
@@ -269,7 +270,7 @@ fn fly_as(
     flown(judge, outcome)
 }
 
-fn flown(judge: Judge, ending: HostOutcome) -> Result<Option<Flown>, Failure> {
+fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flown>, Failure> {
     let mut facts = RunFacts::default();
     let (mut outcome, mut reason) = (Outcome::Completed, String::new());
     match ending {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{note, print};
 use run_log::run_folder::RunFolder;
 
@@ -44,7 +44,7 @@ pub(crate) fn fly(arguments: &Fly) -> Result<Exit, Failure> {
                 ))
             })?,
     };
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = format!("sample-{}", arguments.sample);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let sample = plan.sample(arguments.sample);

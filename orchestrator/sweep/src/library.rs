@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use ::flight::interrupt::Interrupt;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
 use evaluation::reproduce::parallel;
 
 use crate::definition::{Entry, Source};

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use ::flight::interrupt::Interrupt;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{note, print};
 use command_line::progress;
 use evaluation::reproduce::parallel;
@@ -50,7 +51,7 @@ pub(crate) fn run(arguments: &Run) -> Result<Exit, Failure> {
         .unwrap_or_else(|| default_folder(&arguments.sweep));
     std::fs::create_dir_all(&folder)
         .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let threads = arguments.jobs.map_or_else(parallel::cores, usize::from);
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
     if is_complete(&folder, &prepared.header(shard))? {

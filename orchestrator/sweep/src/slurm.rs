@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{print, print_as_it_is};
 
 use crate::arguments::Plan as Arguments;
@@ -29,7 +29,7 @@ pub(crate) fn plan(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     }
     let flights = plan.samples * plan.entries.len() as u64;
-    let interrupt = Interrupt::install().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let begun = Instant::now();
     let (mut tried, mut refused) = (0, 0);
     for index in (0..plan.samples).take(usize::try_from(TRIED).expect("a few")) {

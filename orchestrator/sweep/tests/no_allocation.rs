@@ -5,7 +5,7 @@ mod allocations;
 
 use std::path::Path;
 
-use command_line::interrupt::Interrupt;
+use ::flight::interrupt::Interrupt;
 use sweep::definition::Source;
 use sweep::flight;
 use sweep::plan::Plan;

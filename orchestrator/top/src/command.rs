@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::print;
 use live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
 
@@ -29,7 +29,7 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     if arguments.once {
         return print_once(arguments, &run);
     }
-    let interrupt = Interrupt::install_in_terminal().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install_in_terminal().map_err(Failure::trouble)?;
     match watch(&run, arguments.allow_faults, &interrupt).map_err(Failure::trouble)? {
         Leaving::Wanted => Ok(Exit::Success),
         Leaving::Signal(signal) => Ok(Exit::Signal(signal)),

@@ -24,7 +24,7 @@ use self::history::History;
 use self::keys::{Action, Controls, Key};
 use self::screen::Screen;
 use self::view::View;
-use command_line::interrupt::Interrupt;
+use flight::interrupt::Interrupt;
 use live::{Answer, LiveError, LiveRun, Question, Snapshot};
 
 /// Period at which the run is asked how it is; its numbers are those of whole seconds.

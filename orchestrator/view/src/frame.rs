@@ -59,7 +59,7 @@ impl Encoder {
     #[must_use]
     pub fn new(description: Description) -> Option<Self> {
         let schedule = description.scenario.schedule().ok()?;
-        let mut planned = supervisor::recording_sink::planned_events(&description.scenario, &schedule);
+        let mut planned = flight::recording_sink::planned_events(&description.scenario, &schedule);
         planned.reverse();
         Some(Self {
             source: StateSource::of(&schedule),

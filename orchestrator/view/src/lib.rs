@@ -42,9 +42,10 @@ use std::time::Duration;
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
-use command_line::interrupt::Interrupt;
+use command_line::interrupt;
 use command_line::output::{log_path, note, print, print_as_it_is};
 use evaluation::report;
+use flight::interrupt::Interrupt;
 use live::LiveError;
 use live::runs::MachineRun;
 
@@ -65,7 +66,7 @@ const FAREWELL: Duration = Duration::from_secs(2);
 /// # Errors
 /// [`Failure`] if there is no such flight, or the port is taken.
 pub fn view(arguments: &View) -> Result<Exit, Failure> {
-    let interrupt = Interrupt::install_in_terminal().map_err(Failure::trouble)?;
+    let interrupt = interrupt::install_in_terminal().map_err(Failure::trouble)?;
     match &arguments.log {
         Some(log) => show(log, arguments, &interrupt),
         None => watch(arguments, &interrupt),

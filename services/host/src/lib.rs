@@ -1,9 +1,10 @@
 //! Pure part of the hosts: one step of a service, and all services of a flight in one thread. It uses neither iceoryx2
-//! nor the operating system: it is a function of the scenario alone.
+//! nor the operating system: a flight is a function of the scenario alone.
 //!
 //! * [`step`]: one step, the same in every host;
 //! * [`in_process`]: all services in one thread, and the [`TickSink`](in_process::TickSink) that receives their
 //!   samples;
+//! * [`watchdog`]: the watch over work in code of others that does not end;
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: samples that are kept for later.
 
 pub mod edge_store;
@@ -11,3 +12,4 @@ pub mod in_process;
 pub mod owned_sample;
 pub mod sample_ring;
 pub mod step;
+pub mod watchdog;

@@ -12,7 +12,7 @@ use shared_types::ServiceId;
 
 use crate::float_mode::FloatMode;
 
-/// Time within which `destroy` must return: that of a step (`runtime::watchdog`).
+/// Time within which `destroy` must return: that of a step (`host::watchdog`).
 const DESTROY_LIMIT: Duration = Duration::from_secs(20);
 
 /// Exit codes of `gerono` (`gerono --help`): a scenario that cannot be flown, and a flight that failed.

@@ -16,8 +16,8 @@ use shared_types::{Gains, Now, ServiceId};
 
 use crate::crash::Crash;
 use crate::deployment::Scheduler;
-use crate::watchdog;
 use host::step::NonFinite;
+use host::watchdog;
 use system_limits::packet::{self, PacketError};
 
 /// Order to execute a step, with its inputs: one bit per input, in the order of the wiring table.

@@ -22,8 +22,8 @@ use crate::step_log::StepLog;
 use crate::take_over::{HandOver, Hello};
 use crate::tuning::TuningReader;
 use crate::wait::Waiter;
-use crate::watchdog::{self, Work};
 use host::step::Timetable;
+use host::watchdog::{self, Work};
 
 /// Parts of a service that knows its role and may make its ports.
 pub struct Launch<'a> {

@@ -24,8 +24,8 @@ use crate::ports::{PortError, Topics};
 use crate::shared_page::{Cell, SharedPage};
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::Waiter;
-use crate::watchdog::{self, Work};
 use host::step::{self, Slots, Timetable, Views};
+use host::watchdog::{self, Work};
 
 /// Most ticks whose steps are repeated after a death. A checkpoint is a copy of some kilobytes and takes a twentieth of
 /// a tick in which each service writes one; ten ticks of steps take less than the start of a process.

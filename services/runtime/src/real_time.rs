@@ -37,8 +37,9 @@ use crate::step_log::{StepLog, StepRecord, TUNING_SHIFT};
 use crate::tuning::TuningReader;
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::announcement;
-use crate::watchdog::{self, Work};
+use crate::watchdog::take_off;
 use host::step::{self, Slots, Timetable, Views};
+use host::watchdog::{self, Work};
 
 /// Longest sleep between two checks for the end of the run, ns.
 const LONGEST_SLEEP_NS: u64 = 100_000_000;
@@ -177,7 +178,7 @@ pub fn fly(
 ) -> Result<(), FlightError> {
     // Its predecessor may have died while it published.
     context.step_log.finish_for_the_dead(service.id());
-    watchdog::take_off();
+    take_off();
     let timetable = Timetable::new(schedule, service.id());
     let mut previous = None;
     let mut first_tick = 0;

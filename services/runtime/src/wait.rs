@@ -22,7 +22,7 @@ use crate::doorbell::Doorbell;
 use crate::ring_order::RingOrder;
 use crate::shared_page::{Cell, SharedPage};
 use crate::wait_policy::{self, WaitPolicy};
-use crate::watchdog;
+use host::watchdog;
 
 /// The turn passes through the five processes of the ring within fewer yields, whatever their order.
 const YIELDS: u32 = 16;

@@ -44,7 +44,7 @@ impl Curve {
     pub(super) fn read(log: &Path, span: Span) -> Result<Self, PlotError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
-        let schedule = supervisor::schedule_of(&scenario).map_err(|source| PlotError::Scenario {
+        let schedule = flight::schedule_of(&scenario).map_err(|source| PlotError::Scenario {
             path: log.to_owned(),
             source,
         })?;

@@ -42,7 +42,7 @@ impl Flight {
     pub(super) fn read(log: &Path, buckets: u64) -> Result<Self, ReportError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
-        let schedule = supervisor::schedule_of(&scenario).map_err(|source| ReportError::Scenario {
+        let schedule = flight::schedule_of(&scenario).map_err(|source| ReportError::Scenario {
             path: log.to_owned(),
             source,
         })?;

@@ -8,10 +8,11 @@ use scenario::Scenario;
 use super::column::Column;
 use super::measure::{Measured, Meter};
 use super::parallel;
-use command_line::interrupt::Interrupt;
+use flight::failure::FlightFailure;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
 use metrics::loss::Loss;
 use scenario_file::ScenarioError;
-use supervisor::{FlightFailure, Outcome, in_process};
 
 /// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
 /// make every error small.
@@ -205,7 +206,7 @@ impl SeedResults<'_> {
 /// # Errors
 /// [`NotMeasured`] if it came to nothing.
 pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
-    let schedule = supervisor::schedule_of(scenario).map_err(FlightFailure::from)?;
+    let schedule = flight::schedule_of(scenario).map_err(FlightFailure::from)?;
     let mut meter = Meter::new(scenario, &schedule);
     match in_process::fly(scenario, &mut meter, interrupt)?.outcome {
         Outcome::Completed => {}

@@ -3,6 +3,7 @@
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use host::in_process::TickSink;
 use scenario::Scenario;
@@ -12,11 +13,11 @@ use super::drawings::DRAWINGS;
 use super::figures::Figure;
 use super::traces::{Tracer, Traces};
 use crate::report::{self, ReportError};
-use command_line::interrupt::Interrupt;
-use command_line::progress::Progress;
+use flight::failure::FlightFailure;
+use flight::interrupt::Interrupt;
+use flight::recording_sink::RecordingSink;
+use flight::{Outcome, in_process};
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
-use supervisor::recording_sink::RecordingSink;
-use supervisor::{FlightFailure, Outcome, in_process};
 
 /// Reason why there is no page.
 #[derive(Debug, thiserror::Error)]
@@ -96,13 +97,12 @@ impl FlightPage {
 
 /// Flies to a log and to what is drawn.
 fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Option<Traces>, LogError> {
-    let Ok(schedule) = supervisor::schedule_of(scenario) else {
+    let Ok(schedule) = flight::schedule_of(scenario) else {
         return Ok(None);
     };
     let log = RunLogWriter::create_result(log, &Manifest::new(scenario), Compression::None)?;
-    let mut progress = Progress::hidden();
     let mut sink = Both {
-        sink: RecordingSink::new(scenario, &schedule, Some(log), &mut progress),
+        sink: RecordingSink::new(scenario, &schedule, Some(log), Arc::default()),
         tracer: Tracer::new(scenario, &schedule),
     };
     let outcome = in_process::fly(scenario, &mut sink, interrupt).map(|ending| ending.outcome);

@@ -1,7 +1,7 @@
 //! Report of a flight in simulated time that does not advance, and of the service for which it waits.
 //!
 //! A stopped service is waited for without a limit: a debugger needs any time, and the other services lose nothing.
-//! A service that runs and does not end its step ends itself ([`runtime::watchdog`]).
+//! A service that runs and does not end its step ends itself ([`host::watchdog`]).
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};

@@ -10,7 +10,7 @@ use scenario::{KillSwitchLoss, OperatorDevices, Scenario};
 use shared_types::samples::RunEvent;
 
 use super::Flight;
-use crate::FlightFailure;
+use crate::RunFailure;
 
 /// The kill switch that the scenario states.
 pub(super) struct KillSwitch {
@@ -25,10 +25,10 @@ pub(super) struct KillSwitch {
 /// Opens the kill switch of a scenario, if it has one: nobody takes off without it.
 ///
 /// # Errors
-/// [`FlightFailure::Setup`], with the fix.
-pub(super) fn open(scenario: &Scenario) -> Result<Option<Device>, FlightFailure> {
+/// [`RunFailure::setup`], with the fix.
+pub(super) fn open(scenario: &Scenario) -> Result<Option<Device>, RunFailure> {
     let device = scenario.operator.as_ref().map(watch::open).transpose();
-    device.map_err(|error| FlightFailure::setup(format!("operator.kill_device: {error}")))
+    device.map_err(|error| RunFailure::setup(format!("operator.kill_device: {error}")))
 }
 
 impl KillSwitch {
@@ -69,7 +69,7 @@ impl Flight<'_> {
         let missing = opened.as_ref().err().map(ToString::to_string);
         match KillSwitch::start(stated, opened.ok(), self.supervisor.page()) {
             Ok(switch) => self.kill_switch = Some(switch),
-            Err(error) => self.fail(FlightFailure::setup(error)),
+            Err(error) => self.fail(RunFailure::setup(error)),
         }
         if missing.is_some() {
             self.note_kill_switch(missing);

@@ -9,15 +9,15 @@ use std::collections::{BTreeMap, VecDeque};
 use host::in_process::TickSink;
 use host::owned_sample::OwnedSample;
 use host::step::Timetable;
+use host::watchdog::{self, Work};
 use runtime::flight_clock::FlightClock;
 use runtime::input_queue::CATCHING_UP;
 use runtime::ports::{PortError, RECORDER_BUFFER};
-use runtime::watchdog::{self, Work};
 use shared_types::ExternalServices;
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use crate::FlightFailure;
+use crate::RunFailure;
 use crate::subscription::Subscription;
 use live::newest::Newest;
 
@@ -191,8 +191,8 @@ impl Recorder {
     /// Takes all that has come, by ports that work also if another one fails.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`] if a port failed.
-    pub fn receive(&mut self) -> Result<(), FlightFailure> {
+    /// [`RunFailure::setup`] if a port failed.
+    pub fn receive(&mut self) -> Result<(), RunFailure> {
         let mut received = Ok(());
         for at in 0..self.feeds.len() {
             let of_feed = self.receive_of(at);
@@ -209,12 +209,12 @@ impl Recorder {
         feeds.any(|feed| feed.subscription.topic == topic && !feed.has_failed)
     }
 
-    fn receive_of(&mut self, at: usize) -> Result<(), FlightFailure> {
+    fn receive_of(&mut self, at: usize) -> Result<(), RunFailure> {
         let feed = &mut self.feeds[at];
         // A publisher without a pause does not keep this process from everything else.
         for _ in 0..RECORDER_BUFFER {
             let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
-            if !received.map_err(FlightFailure::setup)? {
+            if !received.map_err(RunFailure::setup)? {
                 break;
             }
             let bytes = feed.subscription.receiver.held().expect("just received");

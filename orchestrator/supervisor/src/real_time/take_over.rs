@@ -12,7 +12,7 @@ use rustix::fs::{FlockOperation, flock};
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
-use crate::FlightFailure;
+use crate::RunFailure;
 use crate::run_context::RunContext;
 use crate::supervision::{OrphanedService, Shared};
 
@@ -37,16 +37,16 @@ impl TakeOver {
     /// Waits at the place of a run for its services, alone: a second one is refused.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`] if none comes, or if one is of another build.
-    pub fn prepare(place: &Path) -> Result<Self, FlightFailure> {
+    /// [`RunFailure::setup`] if none comes, or if one is of another build.
+    pub fn prepare(place: &Path) -> Result<Self, RunFailure> {
         let only_one = only_one(place)?;
-        let listener = TakeOverListener::listen(place).map_err(FlightFailure::setup)?;
+        let listener = TakeOverListener::listen(place).map_err(RunFailure::setup)?;
         let mut survivors = [const { None }; ServiceId::ALL.len()];
         let mut first: Option<InheritedDescriptors> = None;
         let deadline = Instant::now() + PATIENCE;
         while survivors.iter().any(Option::is_none) {
             let left = deadline.saturating_duration_since(Instant::now());
-            let Some(inheritance) = listener.accept(left).map_err(FlightFailure::setup)? else {
+            let Some(inheritance) = listener.accept(left).map_err(RunFailure::setup)? else {
                 break;
             };
             let InheritedDescriptors {
@@ -55,7 +55,7 @@ impl TakeOver {
                 channel,
                 files,
             } = inheritance;
-            let line = channel.try_clone().map_err(FlightFailure::setup)?;
+            let line = channel.try_clone().map_err(RunFailure::setup)?;
             survivors[hello.service.index()] = Some((pid, channel));
             first.get_or_insert(InheritedDescriptors {
                 hello,
@@ -66,16 +66,16 @@ impl TakeOver {
         }
         let first = first.ok_or_else(|| {
             let limit = PATIENCE.as_secs_f64();
-            FlightFailure::setup(format!(
+            RunFailure::setup(format!(
                 "none of the run's services has come within {limit} s: they have ended, their orchestrator lives, or \
                  signals have stopped them, which `gerono clean` ends"
             ))
         })?;
         let [page, checkpoints, step_log, lock] = first.files;
         let context = RunContext::take_over(&first.hello.start, lock)?;
-        let shared = Shared::inherit(page, checkpoints, step_log).map_err(FlightFailure::setup)?;
+        let shared = Shared::inherit(page, checkpoints, step_log).map_err(RunFailure::setup)?;
         if shared.page().control_block().stopping.load(Ordering::Acquire) != 0 {
-            return Err(FlightFailure::setup(
+            return Err(RunFailure::setup(
                 "the vehicle has landed, and its services are about to end: `gerono recover` reads what was recorded",
             ));
         }
@@ -118,16 +118,16 @@ impl TakeOver {
 pub(super) fn end_the_others(
     place: &Path,
     survivors: &[Option<OrphanedService>],
-) -> Result<Vec<u32>, FlightFailure> {
+) -> Result<Vec<u32>, RunFailure> {
     let came = survivors.iter().flatten();
     let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
-    live::runs::end_services_except(place, &came).map_err(FlightFailure::setup)
+    live::runs::end_services_except(place, &came).map_err(RunFailure::setup)
 }
 
 /// Takes the lock of those that take a run over, which is one on its folder.
-fn only_one(place: &Path) -> Result<File, FlightFailure> {
-    let folder = File::open(place).map_err(FlightFailure::setup)?;
+fn only_one(place: &Path) -> Result<File, RunFailure> {
+    let folder = File::open(place).map_err(RunFailure::setup)?;
     flock(&folder, FlockOperation::NonBlockingLockExclusive)
-        .map_err(|_| FlightFailure::setup("another `gerono attach` takes this run over"))?;
+        .map_err(|_| RunFailure::setup("another `gerono attach` takes this run over"))?;
     Ok(folder)
 }

@@ -15,7 +15,7 @@ use super::managed_service::Phase;
 use super::presentable::presentable;
 use super::restart_policy::{EXTERNAL_LIMIT, Verdict, doubled, external_start_limit};
 use super::{Exit, ServiceEvent, Supervisor};
-use crate::FlightFailure;
+use crate::RunFailure;
 
 impl Supervisor<'_> {
     pub(super) fn is_external_service(&self, at: usize) -> bool {
@@ -87,7 +87,7 @@ impl Supervisor<'_> {
     }
 
     /// Why the flight cannot go on after the end of a process, if it was that of an external service that none can follow.
-    pub(super) fn external_services_last_end(&self, at: usize, exit: &Exit) -> Option<FlightFailure> {
+    pub(super) fn external_services_last_end(&self, at: usize, exit: &Exit) -> Option<RunFailure> {
         if !self.is_external_service(at) || self.can_be_followed() {
             return None;
         }
@@ -109,12 +109,12 @@ impl Supervisor<'_> {
     }
 
     /// # Errors
-    /// [`FlightFailure::ExternalService`] if an external service in flight has not connected to the birth of this number for too long.
+    /// [`RunFailure::ExternalService`] if an external service in flight has not connected to the birth of this number for too long.
     pub(super) fn limit_external_services_silence(
         &self,
         birth: u32,
         announced_at: Instant,
-    ) -> Result<(), FlightFailure> {
+    ) -> Result<(), RunFailure> {
         let is_deaf = |&at: &usize| {
             let member = &self.members[at];
             let seen = &self.page.control_block().cells[member.service.index()].restarts_seen;
@@ -136,12 +136,12 @@ impl Supervisor<'_> {
     /// Ends an external service that has taken too long to make its ports.
     ///
     /// # Errors
-    /// [`FlightFailure::ExternalService`] if no other one may take its place.
+    /// [`RunFailure::ExternalService`] if no other one may take its place.
     pub(super) fn limit_external_services_patience(
         &mut self,
         at: usize,
         now: Instant,
-    ) -> Result<(), FlightFailure> {
+    ) -> Result<(), RunFailure> {
         let starting = self.starting_process(at, now);
         match starting.verdict_on_external_service() {
             Verdict::Wait | Verdict::Hedge => Ok(()),
@@ -172,8 +172,8 @@ impl Supervisor<'_> {
     /// Lets external services in flight connect to a restarted service.
     ///
     /// # Errors
-    /// [`FlightFailure`] if the system refuses.
-    pub(super) fn connect_external_services(&self, birth: u32) -> Result<(), FlightFailure> {
+    /// [`RunFailure`] if the system refuses.
+    pub(super) fn connect_external_services(&self, birth: u32) -> Result<(), RunFailure> {
         let mut external_services = self.external_services();
         external_services
             .try_for_each(|external_service| self.say(external_service, &ToService::Connect { birth }))
@@ -181,7 +181,7 @@ impl Supervisor<'_> {
 
     /// Returns the fault of an external service that says to have flown its last step, and of which samples are
     /// missing.
-    pub(crate) fn blame_for_missing(&self, external_service: ServiceId) -> FlightFailure {
+    pub(crate) fn blame_for_missing(&self, external_service: ServiceId) -> RunFailure {
         let what = "says that it has finished, and has not published all its samples";
         self.external_service_failure(external_service.index(), what.to_owned())
     }
@@ -204,8 +204,8 @@ impl Supervisor<'_> {
         }
     }
 
-    fn external_service_failure(&self, at: usize, what: String) -> FlightFailure {
-        FlightFailure::ExternalService {
+    fn external_service_failure(&self, at: usize, what: String) -> RunFailure {
+        RunFailure::ExternalService {
             service: self.members[at].name.to_owned(),
             pid: self.members[at].process.id(),
             what,

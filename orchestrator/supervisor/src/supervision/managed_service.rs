@@ -12,7 +12,9 @@ use super::ServiceEvent;
 use super::presentable::presentable;
 use super::process::Process;
 use super::starting::SlowStart;
-use crate::FlightFailure;
+use flight::failure::FlightFailure;
+
+use crate::RunFailure;
 
 /// A service of the supervisor.
 pub(super) struct ManagedService {
@@ -159,7 +161,7 @@ impl ManagedService {
             }
             ToOrchestrator::NonFinite(found) => {
                 self.phase = Phase::GivenUp;
-                ServiceEvent::Lost(FlightFailure::NonFinite(found))
+                ServiceEvent::Lost(found.into())
             }
             ToOrchestrator::Dying { reason } => {
                 self.last_words = LastWords(Some((presentable(&reason), steps_until)));
@@ -168,11 +170,11 @@ impl ManagedService {
             // Of a later process it is a failure in flight: the first one was made of the same scenario.
             ToOrchestrator::Refused { reason } if self.lives == 1 => {
                 self.phase = Phase::GivenUp;
-                ServiceEvent::Lost(FlightFailure::Refused(presentable(&reason).into()))
+                ServiceEvent::Lost(FlightFailure::Refused(presentable(&reason).into()).into())
             }
             ToOrchestrator::Failed { reason } | ToOrchestrator::Refused { reason } => {
                 self.phase = Phase::GivenUp;
-                ServiceEvent::Lost(FlightFailure::GaveUp {
+                ServiceEvent::Lost(RunFailure::GaveUp {
                     service: self.name.to_owned(),
                     reason: presentable(&reason),
                 })

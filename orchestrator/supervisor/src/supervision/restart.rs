@@ -13,7 +13,7 @@ use shared_types::{ServiceId, Topic};
 use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
 use super::{Exit, Restart, ServiceEvent, Supervisor};
-use crate::FlightFailure;
+use crate::RunFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
 
@@ -79,7 +79,7 @@ impl Supervisor<'_> {
         let Some(pause) = pause else {
             member.phase = Phase::GivenUp;
             let (name, times) = (member.name, member.fruitless);
-            let died = |exit: Exit| FlightFailure::Died {
+            let died = |exit: Exit| RunFailure::Died {
                 service: name.to_owned(),
                 pid,
                 tick: flown_until.saturating_sub(1),
@@ -87,7 +87,7 @@ impl Supervisor<'_> {
                 times,
             };
             return Some(ServiceEvent::Lost(
-                not_finite.map_or_else(|| died(exit), FlightFailure::NonFinite),
+                not_finite.map_or_else(|| died(exit), RunFailure::from),
             ));
         };
         let now = Instant::now();
@@ -116,8 +116,8 @@ impl Supervisor<'_> {
     /// in every sample, is given the `remembered` samples that it needs first, as its line has room for them.
     ///
     /// # Errors
-    /// [`FlightFailure`] if the system refuses.
-    pub fn resume_in_real_time(&mut self, remembered: &Remembered<'_>) -> Result<(), FlightFailure> {
+    /// [`RunFailure`] if the system refuses.
+    pub fn resume_in_real_time(&mut self, remembered: &Remembered<'_>) -> Result<(), RunFailure> {
         for at in 0..self.members.len() {
             if self.members[at].phase == Phase::Ready && self.tell_of_missed(at, remembered) {
                 let service = self.members[at].service;
@@ -168,8 +168,8 @@ impl Supervisor<'_> {
     /// again.
     ///
     /// # Errors
-    /// The first [`FlightFailure`], if a service cannot be started or does not become ready.
-    pub fn restart_dead(&mut self) -> Result<(), FlightFailure> {
+    /// The first [`RunFailure`], if a service cannot be started or does not become ready.
+    pub fn restart_dead(&mut self) -> Result<(), RunFailure> {
         let now = Instant::now();
         let mut outcome = Ok(());
         for at in 0..self.members.len() {
@@ -178,7 +178,7 @@ impl Supervisor<'_> {
         outcome
     }
 
-    fn restart_one(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+    fn restart_one(&mut self, at: usize, now: Instant) -> Result<(), RunFailure> {
         let phase = self.members[at].phase;
         match phase {
             // A killed process that has not ended yet has its ports, which the next one could not make.
@@ -219,7 +219,7 @@ impl Supervisor<'_> {
     }
 
     /// Gives a service another process: the standby one, or one that is started now.
-    fn respawn(&mut self, at: usize) -> Result<(), FlightFailure> {
+    fn respawn(&mut self, at: usize) -> Result<(), RunFailure> {
         let service = self.members[at].service;
         let role = Role {
             service,
@@ -258,8 +258,8 @@ impl Supervisor<'_> {
     /// published before might be lost to a consumer that is not.
     ///
     /// # Errors
-    /// [`FlightFailure`] if the system refuses.
-    pub fn resume(&mut self, recorder: &mut Recorder) -> Result<(), FlightFailure> {
+    /// [`RunFailure`] if the system refuses.
+    pub fn resume(&mut self, recorder: &mut Recorder) -> Result<(), RunFailure> {
         for at in 0..self.members.len() {
             if self.members[at].phase != Phase::Ready {
                 continue;
@@ -270,7 +270,7 @@ impl Supervisor<'_> {
                 let birth = 1 + block.births.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_external_services(birth)?;
-                recorder.connect().map_err(FlightFailure::setup)?;
+                recorder.connect().map_err(RunFailure::setup)?;
                 self.wake_all();
                 continue;
             };
@@ -289,7 +289,7 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), FlightFailure> {
+    fn resume_one(&mut self, service: ServiceId, recorder: &Recorder) -> Result<(), RunFailure> {
         let next_tick = self.next_tick(service);
         let first_tick = self.schedule.steps(service).first_at_or_after(next_tick);
         let tick = first_tick.unwrap_or_default();
@@ -340,8 +340,8 @@ impl Supervisor<'_> {
     /// Hands over what restarted services have missed, as far as it is recorded by now.
     ///
     /// # Errors
-    /// [`FlightFailure`] if it is not recorded any more.
-    pub fn hand_over(&mut self, recorder: &Recorder) -> Result<(), FlightFailure> {
+    /// [`RunFailure`] if it is not recorded any more.
+    pub fn hand_over(&mut self, recorder: &Recorder) -> Result<(), RunFailure> {
         for member in &mut self.members {
             let Phase::CatchingUp(places) = &mut member.phase else {
                 continue;
@@ -374,7 +374,7 @@ impl Supervisor<'_> {
 
     /// Starts a process on the core on which it will fly: the others of the run wait for it there, while this process
     /// is busy on another one.
-    fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, FlightFailure> {
+    fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, RunFailure> {
         let own = deployment::allowed_cores();
         let moved = self.start.core.map(|core| deployment::pin_to(&[core]));
         let process = self.spawn(self.name_of(service));
@@ -394,11 +394,11 @@ fn give(
     archive: &Archive,
     input: usize,
     place: u64,
-) -> Result<bool, FlightFailure> {
+) -> Result<bool, RunFailure> {
     if place >= archive.count() {
         return Ok(false);
     }
-    let bytes = archive.at(place).ok_or_else(|| FlightFailure::GaveUp {
+    let bytes = archive.at(place).ok_or_else(|| RunFailure::GaveUp {
         service: service.to_string(),
         reason: format!("what it has missed of its input {input} is not kept any more"),
     })?;

@@ -10,7 +10,7 @@ use super::restart_policy::{READY_LIMIT, Situation, StartingProcess, Verdict};
 use runtime::activity::Activity;
 
 use super::{Exit, STOP_LIMIT, Supervisor};
-use crate::FlightFailure;
+use crate::RunFailure;
 
 /// Time for which a process may live after it has closed its line: one that ends closes it a little before.
 pub(super) const AFTER_CLOSING: Duration = Duration::from_millis(100);
@@ -48,8 +48,8 @@ impl Supervisor<'_> {
     /// become ready.
     ///
     /// # Errors
-    /// [`FlightFailure::NotReady`], while the run is set up.
-    pub(super) fn limit_start(&mut self, at: usize, now: Instant) -> Result<(), FlightFailure> {
+    /// [`RunFailure::NotReady`], while the run is set up.
+    pub(super) fn limit_start(&mut self, at: usize, now: Instant) -> Result<(), RunFailure> {
         let starting = self.starting_process(at, now);
         match starting.verdict() {
             Verdict::Wait => {}
@@ -60,7 +60,7 @@ impl Supervisor<'_> {
             }
             Verdict::Fail => {
                 self.members[at].process.kill_group();
-                return Err(FlightFailure::NotReady {
+                return Err(RunFailure::NotReady {
                     services: vec![self.members[at].name.to_owned()],
                     limit: READY_LIMIT,
                 });

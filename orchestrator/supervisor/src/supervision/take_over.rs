@@ -13,7 +13,7 @@ use shared_types::{Schedule, ServiceId};
 use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
 use super::{Shared, Supervisor};
-use crate::FlightFailure;
+use crate::RunFailure;
 
 /// A service process that was found in flight, and the line to it.
 pub type OrphanedService = (Pid, Channel);
@@ -36,7 +36,7 @@ impl<'a> Supervisor<'a> {
     /// Takes over the services that fly, and starts those that have died meanwhile.
     ///
     /// # Errors
-    /// [`FlightFailure::Setup`].
+    /// [`RunFailure::setup`].
     pub(crate) fn adopt(
         member: &'a RunNode,
         lock: BorrowedFd<'a>,
@@ -44,7 +44,7 @@ impl<'a> Supervisor<'a> {
         start: Start,
         shared: Shared,
         mut survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
-    ) -> Result<Self, FlightFailure> {
+    ) -> Result<Self, RunFailure> {
         let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
         supervisor.is_in_flight = true;
         for service in ServiceId::ALL {

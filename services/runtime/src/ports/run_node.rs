@@ -9,7 +9,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use super::topic::{Access, Enter};
 use super::{Delivery, PortError, TopicPorts, consumer_buffer};
 use crate::shared_memory;
-use crate::watchdog::{self, Work};
+use host::watchdog::{self, Work};
 
 /// Configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
 static RUN: OnceLock<PathBuf> = OnceLock::new();

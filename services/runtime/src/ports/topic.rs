@@ -19,7 +19,7 @@ use super::{
 use crate::doorbell::Doorbell;
 use crate::shared_memory;
 use crate::shared_page::{Owner, SharedPage};
-use crate::watchdog::{self, Work};
+use host::watchdog::{self, Work};
 
 /// Access of a process to a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,19 +1,22 @@
 //! Flies a scenario in this process.
 
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 use std::time::Instant;
 
 use host::in_process::{FlightError, InProcess, TickSink};
+use host::watchdog::{self, Work};
 use plugin::float_mode::StandardFloatMode;
-use runtime::watchdog::{self, Work};
 use scenario::Scenario;
 use shared_types::service::ErasedService;
 
-use super::{Ending, FlightFailure, Outcome};
-use command_line::exit::Exit;
-use command_line::interrupt::Interrupt;
-use command_line::output::complain;
+use crate::failure::{FlightFailure, Suspects};
+use crate::interrupt::Interrupt;
+use crate::{Ending, Outcome};
+
+/// Exit code of a process whose flight failed.
+const FLIGHT_FAILED: u8 = 3;
 
 /// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
 ///
@@ -27,7 +30,9 @@ pub fn fly<S: TickSink>(
 where
     FlightFailure: From<S::Error>,
 {
-    super::refuse_programs(scenario)?;
+    if let Some(reason) = crate::programs_of_its_own(scenario) {
+        return Err(FlightFailure::setup(reason));
+    }
     fly_with(scenario, None, sink, interrupt)
 }
 
@@ -74,7 +79,8 @@ where
         Err(Stop::Failed(failure)) => Outcome::Failed(failure),
         Err(Stop::Host(FlightError::NonFinite(found))) => {
             let foreign = scenario.foreign_services().chain(callers);
-            Outcome::Failed(FlightFailure::NonFinite(found).suspecting(foreign))
+            let suspects = Suspects::of(foreign, &found);
+            Outcome::Failed(FlightFailure::NonFinite(found, suspects))
         }
         Err(Stop::Host(FlightError::Sink(error))) => Outcome::Failed(error.into()),
         Ok(()) => match interrupt.signal() {
@@ -90,9 +96,6 @@ where
         ticks: sink.ticks,
         wall_time: started.elapsed(),
         warnings: warnings.into_iter().collect(),
-        restarts: Vec::new(),
-        timing: None,
-        laboratory: None,
     })
 }
 
@@ -101,8 +104,10 @@ where
 /// # Errors
 /// [`FlightFailure::Setup`] if the scenario cannot be flown at all.
 pub fn host(scenario: &Scenario) -> Result<InProcess, FlightFailure> {
-    super::refuse_unsimulated_poses(scenario)?;
-    let schedule = super::schedule_of(scenario)?;
+    if let Some(reason) = crate::unsimulated_poses(scenario) {
+        return Err(FlightFailure::setup(reason));
+    }
+    let schedule = crate::schedule_of(scenario)?;
     let services = registry::build_all(scenario).map_err(FlightFailure::Refused)?;
     Ok(InProcess::new(schedule, services))
 }
@@ -114,7 +119,12 @@ fn fly_plugins<S: TickSink>(
 ) -> Result<(), Stop<S::Error>> {
     static WATCHED: Once = Once::new();
     let mut watched = Ok(());
-    WATCHED.call_once(|| watched = watchdog::watch_orchestrator(|_| give_up()));
+    let check = |too_long: Option<Work>| {
+        if too_long.is_some() {
+            give_up();
+        }
+    };
+    WATCHED.call_once(|| watched = watchdog::watch(check));
     watched.map_err(|error| Stop::Failed(FlightFailure::setup(error)))?;
     watchdog::work(Work::Step);
     let flown = caught(|| host.fly(sink));
@@ -146,8 +156,12 @@ enum Stop<E> {
 
 /// Ends the process: the thread that flies is inside of the library, and no other way leads out of it.
 fn give_up() -> ! {
-    complain("a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)");
-    plugin::end_process(Exit::FlightFailed.code())
+    // A full disk behind standard error changes no exit code.
+    let _ = writeln!(
+        std::io::stderr(),
+        "a step of a plug-in has not returned for 20 s; the log ends before it (`gerono recover`)"
+    );
+    plugin::end_process(FLIGHT_FAILED)
 }
 
 /// Ends the flight on request.

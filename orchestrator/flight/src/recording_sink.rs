@@ -1,7 +1,9 @@
-//! Where a flight's samples go: into the log, into the summary, and as progress before the user's eyes.
+//! The samples of a flight, into its log and its summary.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use host::in_process::TickSink;
 use scenario::{ControllerChange, Fault, Flight, Scenario, Target, VehicleChange};
@@ -9,7 +11,6 @@ use shared_types::samples::RunEvent;
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 
-use command_line::progress::Progress;
 use metrics::summary::FlightSummary;
 use run_log::{LogError, RunLogWriter, Written};
 
@@ -25,7 +26,8 @@ pub struct RecordingSink<'a> {
     events: VecDeque<Event>,
     /// Number of the next event in the log.
     next_event: u64,
-    progress: &'a mut Progress,
+    /// The last tick that was flown, for a display.
+    progress: Arc<AtomicU64>,
     /// Takes a copy of every sample that is kept.
     copy: Option<Copier<'a>>,
     /// Says whether the flight is to end early.
@@ -42,13 +44,14 @@ struct Event {
 }
 
 impl<'a> RecordingSink<'a> {
-    /// A sink for a flight of `scenario`, recorded to `log` if there is one.
+    /// A sink for a flight of `scenario`, recorded to `log` if there is one; `progress` gets the
+    /// last tick that was flown.
     #[must_use]
     pub fn new(
         scenario: &Scenario,
         schedule: &Schedule,
         log: Option<RunLogWriter>,
-        progress: &'a mut Progress,
+        progress: Arc<AtomicU64>,
     ) -> Self {
         Self {
             log,
@@ -91,14 +94,12 @@ impl<'a> RecordingSink<'a> {
     /// [`LogError`] if the log cannot be closed: it then keeps the name of an incomplete one.
     pub fn finish(self) -> (FlightSummary, Result<Option<Written>, LogError>) {
         let written = self.log.map(RunLogWriter::finish).transpose();
-        self.progress.clear();
         (self.summary, written)
     }
 
     /// Leaves the log as it is, with the name of an incomplete one.
     #[must_use]
     pub fn abandon(self) -> FlightSummary {
-        self.progress.clear();
         self.summary
     }
 
@@ -158,7 +159,7 @@ impl TickSink for RecordingSink<'_> {
             let written = log.end_tick(tick);
             self.give_up_log_on_failure(written)?;
         }
-        self.progress.tick(tick);
+        self.progress.store(tick, Ordering::Relaxed);
         let is_lost = self.ends_when_lost && self.summary.loss().is_some();
         let is_over = is_lost || self.is_over.as_ref().is_some_and(|is_over| is_over());
         Ok(if is_over {

@@ -1,0 +1,94 @@
+//! Flights of a scenario in this process: no other process, no shared memory, no terminal.
+//!
+//! * [`in_process`]: flies the services of a scenario in the thread of the caller;
+//! * [`recording_sink`]: the log, the summary and the progress of a flight;
+//! * [`interrupt`]: the request to end a flight;
+//! * [`failure`]: why a flight could not go on.
+
+pub mod failure;
+pub mod in_process;
+pub mod interrupt;
+pub mod recording_sink;
+
+use std::fmt::{Display, Formatter};
+use std::time::Duration;
+
+use scenario::{Scenario, Unflyable};
+use shared_types::{Schedule, ServiceId};
+
+use failure::FlightFailure;
+
+/// The end of a flight.
+#[derive(Debug)]
+pub struct Ending {
+    /// Why.
+    pub outcome: Outcome<FlightFailure>,
+    /// Ticks that are whole in the log, from tick 0.
+    pub ticks: u64,
+    /// Wall time from the first tick to the last.
+    pub wall_time: Duration,
+    /// Warnings, once.
+    pub warnings: Vec<String>,
+}
+
+/// Reason why a flight ended.
+#[derive(Debug)]
+pub enum Outcome<F> {
+    /// The last tick was flown.
+    Completed,
+    /// The user asked for the end, by this signal.
+    Interrupted {
+        /// Number of the signal.
+        signal: i32,
+    },
+    /// It could not go on.
+    Failed(F),
+}
+
+impl<F: Display> Display for Outcome<F> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Completed => formatter.write_str("completed"),
+            Self::Interrupted { signal } => write!(formatter, "interrupted by signal {signal}"),
+            Self::Failed(failure) => failure.fmt(formatter),
+        }
+    }
+}
+
+/// Returns the steps of all services in a flight of `scenario`.
+///
+/// # Errors
+/// [`Unflyable`]; never for a checked scenario.
+pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
+    scenario.schedule().map_err(Unflyable)
+}
+
+/// Returns why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
+#[must_use]
+pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
+    if scenario.recorded_captures().is_some() {
+        return Some(
+            "recorded captures come in real time only; fly with --host realtime, or with --set \
+             motion_capture.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
+                .to_owned(),
+        );
+    }
+    let name = scenario.capture_system()?.0.name();
+    Some(format!(
+        "poses are to come from `{name}`, which sends them in real time only; fly with --host realtime, or with --set \
+         motion_capture.source=simulated, or look at what comes with `gerono mocap probe`"
+    ))
+}
+
+/// Returns why a scenario with external services cannot be flown in one process.
+#[must_use]
+pub fn programs_of_its_own(scenario: &Scenario) -> Option<String> {
+    let is_external = scenario.external_services();
+    let external = ServiceId::ALL
+        .into_iter()
+        .find(|service| is_external[service.index()])?;
+    Some(format!(
+        "a program of its own is to fly in place of `{external}` (`programs.{external}`), and here all fly in one process; fly \
+         with --host lockstep or --host realtime, or with --set 'programs={{}}'"
+    ))
+}
