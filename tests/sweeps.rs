@@ -413,7 +413,7 @@ fn a_file_that_is_changed_while_a_sweep_flies_ends_it() {
     let fly = |index| flight::fly(&plan, &plan.sample(index), &plan.entries[0], &Interrupt::never());
     fly(0).unwrap().unwrap();
     std::fs::write(&points, "t,x,y,z\n0,0,0,-1\n1,2,0,-1\n2,1,1,-1\n").unwrap();
-    let refused = format!("{:?}", fly(1).unwrap_err().report);
+    let refused = format!("{:?}", fly(1).unwrap_err());
     assert!(refused.contains("was changed since the sweep began"), "{refused}");
 }
 

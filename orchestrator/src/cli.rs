@@ -3,9 +3,11 @@
 mod campaigns;
 mod doctor;
 mod flight;
+mod grid;
 mod live;
 mod logs;
 mod rc;
+mod sweep;
 mod values;
 mod world;
 
@@ -17,18 +19,18 @@ use clap::{Args, Parser, Subcommand};
 pub use self::campaigns::*;
 pub use self::doctor::*;
 pub use self::flight::*;
+pub use self::grid::*;
 pub use self::live::*;
 pub use self::logs::*;
 pub use self::rc::*;
+pub use self::sweep::*;
 use self::values::service_process;
 pub use self::world::*;
 pub use bench::arguments::*;
 use command_line::exit::Exit;
-use grid::arguments::Grid;
 use kill_switch::arguments::OperatorCommand;
 pub use mocap_tools::arguments::*;
 use model_identification::arguments::Identify;
-use sweep::arguments::Sweep;
 use top::arguments::Top;
 use view::arguments::View;
 

@@ -7,6 +7,7 @@ mod conclusion;
 pub mod doctor;
 pub mod faults;
 pub mod generated;
+pub mod grid;
 pub mod logs;
 pub mod operate;
 pub mod postmortem;
@@ -16,6 +17,7 @@ pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod service;
+pub mod sweep;
 pub mod truth;
 pub mod world;
 

@@ -10,8 +10,8 @@ use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
 use orchestrator::commands::{
-    Failure, attach, check, clean, doctor, faults, generated, logs, operate, postmortem, rc, replay, report,
-    reproduce, run, service, truth, world,
+    Failure, attach, check, clean, doctor, faults, generated, grid, logs, operate, postmortem, rc, replay,
+    report, reproduce, run, service, sweep, truth, world,
 };
 use runtime::shared_page::Request;
 

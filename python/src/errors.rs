@@ -1,10 +1,12 @@
 //! Errors as Python sees them, with the words of the command.
 
-use command_line::failure::Failure;
+use flight::failure::FlightFailure;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use pyo3::PyErr;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use scenario_file::printable::report_of;
+use sweep::error::SweepError;
 
 create_exception!(
     gerono,
@@ -33,14 +35,16 @@ pub(crate) fn refused(message: &str) -> PyErr {
     ScenarioError::new_err(message.to_owned())
 }
 
-/// Error of a command.
-pub(crate) fn of_command(failure: &Failure) -> PyErr {
-    use command_line::exit::Exit;
-    let message = text(failure.report.as_ref());
-    match failure.exit {
-        Exit::BadInput => ScenarioError::new_err(message),
-        Exit::NotWritten => PyOSError::new_err(message),
-        _ => PyRuntimeError::new_err(message),
+/// Error of a sweep.
+pub(crate) fn of_sweep(error: &SweepError) -> PyErr {
+    let message = text(report_of(error).as_ref());
+    match error {
+        SweepError::Scenario(error) => of_scenario(error),
+        SweepError::Flight(FlightFailure::Refused(_)) | SweepError::BadInput(_) => {
+            ScenarioError::new_err(message)
+        }
+        SweepError::NotWritten(_) => PyOSError::new_err(message),
+        SweepError::Flight(_) | SweepError::Trouble(_) => PyRuntimeError::new_err(message),
     }
 }
 

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use command_line::failure::Failure;
 use pyo3::prelude::*;
 use sweep::definition::Entry;
+use sweep::error::SweepError;
 use sweep::flight::OwnController;
 
 use crate::controller::{Error, PythonController};
@@ -24,7 +24,7 @@ pub(crate) fn run_sweep(
     interruptible(py, |interrupt| {
         sweep::library::run(text, scenario_path, scenario_text, &folder, jobs, interrupt)
     })?
-    .map_err(|failure| errors::of_command(&failure))
+    .map_err(|error| errors::of_sweep(&error))
 }
 
 /// As [`run_sweep`], with controllers of the caller's: `make` makes that of a flight from the name of its law, and None for a
@@ -50,7 +50,7 @@ pub(crate) fn sweep_with(
             let made = made.map_err(|error| {
                 let message = error.to_string();
                 raised.get_or_insert(error);
-                Failure::trouble(message)
+                SweepError::trouble(message)
             })?;
             Ok(made.map(|(controller, name)| {
                 let error = controller.error();
@@ -67,7 +67,7 @@ pub(crate) fn sweep_with(
     let failed = last.and_then(|error| error.take());
     match (raised.or(failed), flown) {
         (Some(error), _) => Err(error),
-        (None, Err(failure)) => Err(errors::of_command(&failure)),
+        (None, Err(error)) => Err(errors::of_sweep(&error)),
         (None, Ok(())) => Ok(()),
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use command_line::values::between;
+use scenario_file::values::between;
 
 /// Arguments of `gerono bench`.
 #[derive(Debug, Args)]

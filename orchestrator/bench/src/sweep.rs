@@ -6,8 +6,8 @@ use std::sync::Barrier;
 use std::time::Instant;
 
 use comfy_table::{Table, presets};
-use evaluation::reproduce::parallel;
 use host::in_process::TickSink;
+use reproduce::parallel;
 use scenario::Scenario;
 use serde::Serialize;
 use shared_types::Schedule;

@@ -7,7 +7,7 @@ use flight::failure::FlightFailure;
 use miette::Report;
 use run_log::{HostReadError, LogReadError};
 use scenario_file::ScenarioError;
-use scenario_file::printable::printable_lines;
+use scenario_file::printable::report_of;
 
 use crate::exit::Exit;
 
@@ -78,45 +78,5 @@ impl From<FlightFailure> for Failure {
             _ => Exit::Trouble,
         };
         Self::new(exit, failure)
-    }
-}
-
-/// Returns the report of an error for a terminal: its message, and below it the causes that no message above has told.
-///
-/// Many messages tell their cause within the sentence, before they say what to do about it.
-#[must_use]
-pub fn report_of(error: &(dyn Error + 'static)) -> Report {
-    let mut told: Vec<String> = Vec::new();
-    for error in successors(Some(error), |&error| error.source()) {
-        let text = printable_lines(&error.to_string()).into_owned();
-        if !told.iter().any(|message| message.contains(&text)) {
-            told.push(text);
-        }
-    }
-    let innermost = Report::msg(told.pop().unwrap_or_default());
-    told.into_iter().rev().fold(innermost, Report::wrap_err)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[derive(Debug, thiserror::Error)]
-    enum Level {
-        #[error("the disk is full\x1b[2J")]
-        Disk,
-        #[error("cannot write z1.svg: {0}; make room")]
-        Write(#[source] Box<Level>),
-        #[error("no figure was drawn")]
-        Draw(#[source] Box<Level>),
-    }
-
-    #[test]
-    fn every_cause_is_told_once_and_harmless() {
-        let disk = Box::new(Level::Disk);
-        let report = report_of(&Level::Draw(Box::new(Level::Write(disk))));
-        let told: Vec<_> = report.chain().map(ToString::to_string).collect();
-        let cause = r"cannot write z1.svg: the disk is full\u001b[2J; make room";
-        assert_eq!(told, ["no figure was drawn", cause]);
     }
 }

@@ -6,4 +6,3 @@ pub mod interrupt;
 pub mod output;
 pub mod progress;
 pub mod terminal;
-pub mod values;

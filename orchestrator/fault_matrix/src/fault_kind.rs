@@ -2,9 +2,9 @@
 
 use std::str::FromStr;
 
-use command_line::values::ValueError;
 use scenario::suggest::known_names;
 use scenario::{Fault, FaultKind, FaultState, Scenario, Target};
+use scenario_file::values::ValueError;
 use serde::Serialize;
 use shared_types::Topic;
 

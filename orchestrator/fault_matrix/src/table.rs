@@ -4,9 +4,9 @@ use std::fmt::{self, Display, Formatter};
 
 use super::report::{CellReport, MatrixReport, Row};
 use super::{BESIDE, SURVIVES};
-use evaluation::text_table::TextTable;
 use metrics::SETTLED;
 use metrics::summary::faults::{BEFORE, Detection};
+use report::text_table::TextTable;
 
 /// The table: a line for every target and kind.
 #[must_use]

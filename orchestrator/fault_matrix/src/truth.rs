@@ -13,10 +13,10 @@ use shared_types::Topic;
 use shared_types::samples::{ControlAdaptation, PathReference, VehicleTruth};
 use shared_types::service::{nanoseconds, seconds};
 
-use evaluation::reproduce::windows::AVERAGED;
 use metrics::path_clock::PathClock;
 use metrics::statistics::Statistics;
 use metrics::{ULTIMATE_WINDOW, read};
+use reproduce::windows::AVERAGED;
 use run_log::{LogReadError, LogReader, flight_start, host_log_beside};
 
 /// Reason why there is nothing to compare.
@@ -248,7 +248,7 @@ fn add_each(statistics: &mut [Statistics; 3], values: &[f64; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use evaluation::reproduce::flight::ScenarioSource;
+    use reproduce::flight::ScenarioSource;
 
     fn spans(on_path: [f64; 2], last: f64) -> Vec<(&'static str, [f64; 2])> {
         let scenario = ScenarioSource::FIG7.load(&[], 1).unwrap();

@@ -4,11 +4,12 @@
 //! Factors and differences are to what that scenario states, such as its mass; wind, drag, drop-outs, lost frames and lever
 //! arms are the same for every scenario.
 
-use command_line::failure::Failure;
-use command_line::values::ValueError;
 use scenario::{Scenario, VehicleChange};
+use scenario_file::values::ValueError;
 use serde::Serialize;
 use shared_types::ServiceId;
+
+use crate::error::GridError;
 
 /// Drag of the paper's vehicle, and the wind that it then feels.
 const DRAG: &str = "vehicle.drag=[0.06, 0.06, 0.02]";
@@ -46,11 +47,11 @@ impl ConditionKind {
     /// Returns the condition of a scenario.
     ///
     /// # Errors
-    /// [`Failure`] if the scenario lacks what the condition changes.
-    pub fn of(&self, base: &Scenario) -> Result<Condition, Failure> {
+    /// [`GridError`] if the scenario lacks what the condition changes.
+    pub fn of(&self, base: &Scenario) -> Result<Condition, GridError> {
         let name = self.name;
         let settings = (self.settings)(base)
-            .map_err(|missing| Failure::bad_input(format!("the condition `{name}`: {missing}")))?;
+            .map_err(|missing| GridError::BadInput(format!("the condition `{name}`: {missing}")))?;
         Ok(Condition { name, settings })
     }
 }
@@ -260,10 +261,10 @@ impl Quantity {
     /// Returns the settings that give a scenario a value.
     ///
     /// # Errors
-    /// [`Failure`] if the scenario lacks what they change.
-    pub fn settings(&self, base: &Scenario, value: f64) -> Result<Vec<String>, Failure> {
+    /// [`GridError`] if the scenario lacks what they change.
+    pub fn settings(&self, base: &Scenario, value: f64) -> Result<Vec<String>, GridError> {
         let refused = |missing| {
-            Failure::bad_input(format!(
+            GridError::BadInput(format!(
                 "the margin `{}`: {missing}; or give --no-margins",
                 self.name
             ))
@@ -511,7 +512,7 @@ mod tests {
             .unwrap()
             .of(&base)
             .unwrap_err();
-        let refused = refused.report.to_string();
+        let refused = refused.to_string();
         assert!(refused.contains("[[vehicle.change]]"), "{refused}");
         assert!(quantity("mass step").settings(&base, 10.0).is_err());
     }

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use command_line::failure::Failure;
-use evaluation::reproduce::flight::{NotMeasured, ScenarioSource, measure};
-use evaluation::reproduce::measure::Measured;
-use evaluation::reproduce::{parallel, row};
 use flight::in_process;
 use flight::interrupt::Interrupt;
+use reproduce::flight::{NotMeasured, ScenarioSource, measure};
+use reproduce::measure::Measured;
+use reproduce::{parallel, row};
 use scenario::Scenario;
 use scenario_file::{ReadFile, ScenarioError, files_of};
 use serde::Serialize;
 
 use crate::conditions::Condition;
+use crate::error::GridError;
 use crate::laws::ControlLaw;
 
 /// Scenario that laws and conditions change. Its text is read once, so that all flights are of one experiment.
@@ -35,14 +35,14 @@ impl Base {
     /// Makes the base of a scenario file; without one, of `scenarios/fig3_6.toml`.
     ///
     /// # Errors
-    /// [`Failure`] if it cannot be flown.
-    pub fn load(path: Option<&Path>) -> Result<Self, Failure> {
+    /// [`GridError`] if it cannot be flown.
+    pub fn load(path: Option<&Path>) -> Result<Self, GridError> {
         let file = match path {
             None => None,
             Some(path) => {
                 // Says what is wrong with a file that cannot be read.
                 scenario_file::load(path, &[], Some(1))?;
-                let text = std::fs::read_to_string(path).map_err(Failure::trouble)?;
+                let text = std::fs::read_to_string(path).map_err(GridError::Unreadable)?;
                 Some((path.to_owned(), text))
             }
         };
@@ -71,14 +71,14 @@ impl Base {
     /// Returns the scenario with settings and a seed.
     ///
     /// # Errors
-    /// [`Failure`] if a setting does not fit, or a file that the scenario names has changed since it was first read.
-    pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, Failure> {
+    /// [`GridError`] if a setting does not fit, or a file that the scenario names has changed since it was first read.
+    pub fn scenario(&self, settings: &[String], seed: u64) -> Result<Scenario, GridError> {
         let scenario = scenario(self.file.as_ref(), settings, seed)?;
         let mut known = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         for ReadFile { path, sha256, .. } in files_of(&scenario) {
             let place = path.display().to_string();
             if known.entry(path).or_insert_with(|| sha256.clone()) != sha256 {
-                return Err(Failure::bad_input(format!(
+                return Err(GridError::BadInput(format!(
                     "{place} has changed since the grid began, which would compare flights of two files: fly the grid again"
                 )));
             }
@@ -105,25 +105,25 @@ fn scenario(
 /// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.
 ///
 /// # Errors
-/// [`Failure`] if the base does not know a setting.
+/// [`GridError`] if the base does not know a setting.
 pub fn jobs(
     base: &Base,
     laws: &[ControlLaw],
     conditions: &[Condition],
     seeds: &[u64],
-) -> Result<Vec<Scenario>, Failure> {
+) -> Result<Vec<Scenario>, GridError> {
     let mut jobs = Vec::new();
     for law in laws {
         for condition in conditions {
             let settings = [condition.settings.as_slice(), law.settings.as_slice()].concat();
             for &seed in seeds {
-                let scenario = base.scenario(&settings, seed).map_err(|failure| Failure {
-                    report: failure.report.wrap_err(format!(
-                        "`{}` cannot fly the condition `{}`",
-                        law.name, condition.name
-                    )),
-                    ..failure
-                });
+                let scenario = base
+                    .scenario(&settings, seed)
+                    .map_err(|source| GridError::Condition {
+                        law: law.name.clone(),
+                        condition: condition.name,
+                        source: Box::new(source),
+                    });
                 jobs.push(scenario?);
             }
         }
@@ -164,14 +164,14 @@ pub struct LostFlight {
 /// Flies all [`jobs`] on all cores, and returns the cells, laws first. Calls `flown` after each flight.
 ///
 /// # Errors
-/// [`Failure`] if a flight cannot begin, for a plug-in that cannot be read, for example: that is no loss of a vehicle.
+/// [`GridError`] if a flight cannot begin, for a plug-in that cannot be read, for example: that is no loss of a vehicle.
 pub fn fly(
     jobs: &[Scenario],
     laws: &[ControlLaw],
     conditions: &[Condition],
     interrupt: &Interrupt,
     flown: impl Fn() + Sync,
-) -> Result<Vec<Cell>, Failure> {
+) -> Result<Vec<Cell>, GridError> {
     // Of each law and condition one flight is made ready before any is flown.
     let seeds = jobs.len() / (laws.len() * conditions.len());
     for job in jobs.iter().step_by(seeds) {
@@ -269,10 +269,8 @@ mod tests {
 
         let missing: ControlLaw = "mine:plugins.controller=nothere.so".parse().unwrap();
         let refused = super::jobs(&base, &[missing], calm, &[1]).unwrap_err();
-        assert!(
-            format!("{:?}", refused.report).contains("nothere.so"),
-            "{refused:?}"
-        );
+        let refused = format!("{refused:?}");
+        assert!(refused.contains("nothere.so"), "{refused}");
     }
 
     #[test]
@@ -290,7 +288,7 @@ mod tests {
         std::fs::write(&scenario, text.replace("mass = 0.19", "mass = 0.25")).unwrap();
         assert_eq!(base.scenario(&[], 1).unwrap(), first);
         std::fs::write(&points, "x,y,z\n0,0,1\n2,0,1\n2,2,1\n0,2,1\n").unwrap();
-        let refused = base.scenario(&[], 1).unwrap_err().report.to_string();
+        let refused = base.scenario(&[], 1).unwrap_err().to_string();
         assert!(refused.contains("points.csv has changed"), "{refused}");
 
         let library = folder.path().join("libmine.so");
@@ -299,7 +297,7 @@ mod tests {
         let settings = [format!("plugins.controller={}", library.display())];
         base.scenario(&settings, 1).unwrap();
         std::fs::write(&library, "two").unwrap();
-        let refused = base.scenario(&settings, 1).unwrap_err().report.to_string();
+        let refused = base.scenario(&settings, 1).unwrap_err().to_string();
         assert!(refused.contains("libmine.so has changed"), "{refused}");
     }
 }

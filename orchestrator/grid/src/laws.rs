@@ -1,12 +1,12 @@
 //! The control laws of a grid: settings of a scenario, by name.
 
-use command_line::failure::Failure;
-use command_line::values::{ValueError, plain_name};
 use scenario::{Key, LawKind};
 use scenario_file::key_of_setting;
+use scenario_file::values::{ValueError, plain_name};
 use serde::Serialize;
 use shared_types::ServiceId;
 
+use crate::error::GridError;
 use crate::flights::Base;
 
 /// A control law.
@@ -130,11 +130,11 @@ impl ControlLaw {
     /// estimate or filter a disturbance stay as they are.
     ///
     /// # Errors
-    /// [`Failure`] if the base does not know a setting of the law, or a plug-in flies.
-    pub fn along_bandwidth(&self, base: &Base) -> Result<Vec<Self>, Failure> {
+    /// [`GridError`] if the base does not know a setting of the law, or a plug-in flies.
+    pub fn along_bandwidth(&self, base: &Base) -> Result<Vec<Self>, GridError> {
         let scenario = base.scenario(&self.settings, 1)?;
         if scenario.is_foreign(ServiceId::Controller) {
-            return Err(Failure::bad_input(format!(
+            return Err(GridError::BadInput(format!(
                 "--along-bandwidth changes the gains of the position loop, and those of the plug-in of `{}` are not known to \
                  gerono: leave it out, and give a law for each bandwidth by `plugins.parameters` of the plug-in",
                 self.name
@@ -376,7 +376,7 @@ mod tests {
         let law = format!("mine:plugins.controller={}", library.display());
         let law: ControlLaw = law.parse().unwrap();
         let base = Base::load(None).unwrap();
-        let refused = law.along_bandwidth(&base).unwrap_err().report.to_string();
+        let refused = law.along_bandwidth(&base).unwrap_err().to_string();
         assert!(refused.contains("those of the plug-in of `mine`"), "{refused}");
         let scenario = base.scenario(&law.settings, 1).unwrap();
         let margins = MARGINS.iter().filter(|quantity| quantity.is_of(&scenario));

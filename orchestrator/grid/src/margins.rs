@@ -4,14 +4,13 @@
 //! last 20 s. The search takes it that what a law survives it survives in a smaller dose as well; between a value that
 //! was survived and one that was not it halves the distance, down to the quantity's step.
 
-use command_line::failure::Failure;
-use evaluation::reproduce::flight::measure;
-use evaluation::reproduce::parallel;
 use flight::interrupt::Interrupt;
-use scenario_file::ScenarioError;
+use reproduce::flight::measure;
+use reproduce::parallel;
 use serde::Serialize;
 
 use crate::conditions::Quantity;
+use crate::error::GridError;
 use crate::flights::{Base, LostFlight};
 use crate::laws::ControlLaw;
 
@@ -44,7 +43,7 @@ pub struct Margin {
 /// Searches the margins of all laws in these quantities. Calls `found` after each.
 ///
 /// # Errors
-/// [`Failure`] if the base does not know a setting.
+/// [`GridError`] if the base does not know a setting.
 pub fn search(
     base: &Base,
     laws: &[ControlLaw],
@@ -52,7 +51,7 @@ pub fn search(
     seeds: &[u64],
     interrupt: &Interrupt,
     found: impl Fn() + Sync,
-) -> Result<Vec<Margin>, Failure> {
+) -> Result<Vec<Margin>, GridError> {
     let mut pairs = Vec::new();
     for law in laws {
         let scenario = base.scenario(&law.settings, 1)?;
@@ -74,7 +73,7 @@ fn margin(
     quantity: &Quantity,
     seeds: &[u64],
     interrupt: &Interrupt,
-) -> Result<Margin, Failure> {
+) -> Result<Margin, GridError> {
     let value = |step: u32| f64::from(step) * quantity.step;
     let fails = |step: u32| {
         let settings = settings(base, law, quantity, value(step))?;
@@ -96,19 +95,24 @@ fn margin(
 }
 
 /// The settings of a flight: those of the margin after those of the law, whose own limit of the error is another one.
-fn settings(base: &Base, law: &ControlLaw, quantity: &Quantity, value: f64) -> Result<Vec<String>, Failure> {
+fn settings(
+    base: &Base,
+    law: &ControlLaw,
+    quantity: &Quantity,
+    value: f64,
+) -> Result<Vec<String>, GridError> {
     let of_margin = quantity.settings(base.stated(), value)?;
     Ok([law.settings.clone(), vec![DURATION.to_owned()], of_margin].concat())
 }
 
 /// Takes a value that nothing can fly for one that is not survived: a mass that the link's thrust does not hold in the air.
-fn beyond_the_vehicle(failure: Failure, seeds: &[u64]) -> Result<LostFlight, Failure> {
-    match failure.report.downcast_ref::<ScenarioError>() {
-        Some(error) if error.is_of_values() => Ok(LostFlight {
+fn beyond_the_vehicle(failure: GridError, seeds: &[u64]) -> Result<LostFlight, GridError> {
+    match failure {
+        GridError::Scenario(error) if error.is_of_values() => Ok(LostFlight {
             seed: seeds[0],
             reason: error.without_places(),
         }),
-        _ => Err(failure),
+        failure => Err(failure),
     }
 }
 
@@ -117,7 +121,7 @@ fn first_failure(
     settings: &[String],
     seeds: &[u64],
     interrupt: &Interrupt,
-) -> Result<Option<LostFlight>, Failure> {
+) -> Result<Option<LostFlight>, GridError> {
     for &seed in seeds {
         let scenario = base.scenario(settings, seed)?;
         let reason = match measure(&scenario, interrupt) {

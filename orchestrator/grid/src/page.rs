@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use evaluation::plot::COLORS;
-use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout, LinePlot, Plot, ScatterPlot, TickFormat};
+use report::plot::COLORS;
+use report::text_table::escaped;
 
 use crate::front::MARGIN;
 use crate::laws::ControlLaw;

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use evaluation::text_table::TextTable;
+use report::text_table::TextTable;
 use serde::Serialize;
 
 use crate::conditions::{Condition, MARGINS};

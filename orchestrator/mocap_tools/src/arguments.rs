@@ -8,7 +8,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use motion_capture::natnet::Version;
 use scenario::CaptureSystem;
 
-use command_line::values::{ValueError, between};
+use scenario_file::values::{ValueError, between};
 
 /// Arguments of `gerono mocap`.
 #[derive(Debug, Args)]

@@ -5,7 +5,7 @@
 //! than their stamps make the same difference: what is found is the delay between both,
 //! and with it all lag of thrust and body rates beyond what the model states: an effective delay.
 
-use evaluation::reproduce::parallel;
+use reproduce::parallel;
 
 use crate::IdentifyError;
 use crate::recording::{Believed, Recording};

@@ -9,9 +9,9 @@
 
 use std::collections::VecDeque;
 
-use evaluation::reproduce::parallel;
 use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{SMatrix, SVector};
+use reproduce::parallel;
 use statistics::student;
 
 use crate::IdentifyError;

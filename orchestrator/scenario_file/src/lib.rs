@@ -19,6 +19,7 @@ mod snippet;
 mod sources;
 mod structure;
 pub mod tuning;
+pub mod values;
 pub mod warnings;
 
 use std::path::Path;

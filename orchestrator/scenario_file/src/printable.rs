@@ -6,7 +6,11 @@
 //! [`printable`], so that it cannot pass for further lines.
 
 use std::borrow::Cow;
+use std::error::Error;
 use std::fmt::Write;
+use std::iter::successors;
+
+use miette::Report;
 
 /// One line of text: every control character as `\u001b`, which means the same in JSON.
 #[must_use]
@@ -93,6 +97,22 @@ fn is_control(character: char) -> bool {
         )
 }
 
+/// Returns the report of an error for a terminal: its message, and below it the causes that no message above has told.
+///
+/// Many messages tell their cause within the sentence, before they say what to do about it.
+#[must_use]
+pub fn report_of(error: &(dyn Error + 'static)) -> Report {
+    let mut told: Vec<String> = Vec::new();
+    for error in successors(Some(error), |&error| error.source()) {
+        let text = printable_lines(&error.to_string()).into_owned();
+        if !told.iter().any(|message| message.contains(&text)) {
+            told.push(text);
+        }
+    }
+    let innermost = Report::msg(told.pop().unwrap_or_default());
+    told.into_iter().rev().fold(innermost, Report::wrap_err)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -152,5 +172,24 @@ mod tests {
                 prop_assert!(replaced[place..].starts_with(character));
             }
         }
+    }
+
+    #[derive(Debug, thiserror::Error)]
+    enum Level {
+        #[error("the disk is full\x1b[2J")]
+        Disk,
+        #[error("cannot write z1.svg: {0}; make room")]
+        Write(#[source] Box<Level>),
+        #[error("no figure was drawn")]
+        Draw(#[source] Box<Level>),
+    }
+
+    #[test]
+    fn every_cause_is_told_once_and_harmless() {
+        let disk = Box::new(Level::Disk);
+        let report = report_of(&Level::Draw(Box::new(Level::Write(disk))));
+        let told: Vec<_> = report.chain().map(ToString::to_string).collect();
+        let cause = r"cannot write z1.svg: the disk is full\u001b[2J; make room";
+        assert_eq!(told, ["no figure was drawn", cause]);
     }
 }

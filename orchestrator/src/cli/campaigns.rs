@@ -9,9 +9,9 @@ use shared_types::ServiceId;
 
 use super::flight::ScenarioArguments;
 use super::values::service;
-use command_line::values::ValueError;
-use evaluation::reproduce::figures::Figure;
 use fault_matrix::{fault_kind::MatrixFaults, plan};
+use reproduce::figures::Figure;
+use scenario_file::values::ValueError;
 
 /// Arguments of `gerono reproduce`.
 #[derive(Debug, Args)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use manual::completion::setting;
 
-use command_line::values::between;
+use scenario_file::values::between;
 
 /// Arguments of `gerono doctor`.
 #[derive(Debug, Args)]

@@ -13,8 +13,8 @@ use shared_types::ServiceId;
 pub use supervisor::host_kind::Host;
 
 use super::values::core;
-use command_line::values::{ValueError, between, value_between};
 use run_log::Compression;
+use scenario_file::values::{ValueError, between, value_between};
 use supervisor::supervision::restart_policy::PerService;
 
 /// The parts of a scenario: a file and the settings that change it.

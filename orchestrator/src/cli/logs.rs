@@ -9,7 +9,7 @@ use shared_types::ServiceId;
 use shared_types::Topic;
 
 use super::values::service;
-use command_line::values::{ValueError, between};
+use scenario_file::values::{ValueError, between};
 
 /// Arguments of `gerono diff`.
 #[derive(Debug, Args)]

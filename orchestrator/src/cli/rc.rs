@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::flight::ScenarioArguments;
-use command_line::values::{ValueError, between};
+use scenario_file::values::{ValueError, between};
 
 /// The commands of `gerono rc`.
 #[derive(Debug, Subcommand)]

@@ -1,7 +1,7 @@
 //! Arguments of several commands.
 
-use command_line::values::ValueError;
 use doctor::HostFacts;
+use scenario_file::values::ValueError;
 use shared_types::ServiceId;
 
 pub(super) fn service_process(name: &str) -> Result<String, ValueError> {

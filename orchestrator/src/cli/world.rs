@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flight::ScenarioArguments;
-use command_line::values::between;
+use scenario_file::values::between;
 
 /// Arguments of `gerono world`.
 #[derive(Debug, Args)]

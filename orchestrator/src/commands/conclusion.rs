@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use super::{Failure, note, print, write_json};
 use crate::cli::Host;
 use command_line::exit::Exit;
-use command_line::failure::report_of;
 use command_line::output::complain;
 use command_line::progress::Progress;
 use flight::failure::FlightFailure;
@@ -13,6 +12,7 @@ use flight::recording_sink::RecordingSink;
 use metrics::summary::{self, RunFacts, Summary};
 use run_log::run_folder::{RunFolder, log_meant_by};
 use run_log::{files_of_log, inspect};
+use scenario_file::printable::report_of;
 use supervisor::{Ending, Outcome, RunFailure};
 
 /// A flight that is over.

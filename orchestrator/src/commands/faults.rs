@@ -8,13 +8,13 @@ use crate::cli::Faults;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
-use evaluation::reproduce::parallel;
 use fault_matrix::fault_kind::MatrixFault;
 use fault_matrix::flight::{FlightResult, Way, fly};
 use fault_matrix::plan::{self, MatrixCase, MatrixCell, Times};
 use fault_matrix::undisturbed::{NotFlown, Undisturbed};
 use fault_matrix::{injection_times, report, table};
 use flight::interrupt::Interrupt;
+use reproduce::parallel;
 use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.

@@ -10,7 +10,7 @@ use crate::cli::{Digest, Export, Info, Plot, Recover};
 use command_line::exit::Exit;
 use command_line::output::note_omissions;
 use command_line::terminal::Terminal;
-use evaluation::{info, plot};
+use report::{info, plot};
 use result_file::ResultFile;
 use run_log::run_folder::log_meant_by;
 use run_log::{

@@ -3,7 +3,8 @@
 use super::{Failure, log_path, note, print};
 use crate::cli::ReportArguments;
 use command_line::exit::Exit;
-use evaluation::report::{self, ReportError};
+use report::ReportError;
+use reproduce::log_figures::LogFigures;
 
 /// `gerono report`.
 ///
@@ -11,10 +12,11 @@ use evaluation::report::{self, ReportError};
 /// [`Failure`]; a log that breaks off is none, as long as it holds a sample.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
-    let written = report::write(&logs, &arguments.output).map_err(|error| match error {
-        ReportError::Write { .. } => Failure::not_written(error),
-        _ => Failure::trouble(error),
-    })?;
+    let written =
+        report::write(&logs, &arguments.output, &mut LogFigures::default()).map_err(|error| match error {
+            ReportError::Write { .. } => Failure::not_written(error),
+            _ => Failure::trouble(error),
+        })?;
     for reason in &written.broken {
         note(format_args!("{reason}; the report shows that part"));
     }

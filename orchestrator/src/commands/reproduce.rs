@@ -7,17 +7,17 @@ use crate::cli::Reproduce;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
-use evaluation::reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
-use evaluation::reproduce::figures::Figure;
-use evaluation::reproduce::flight::{FlightResults, Job};
-use evaluation::reproduce::known_gaps::KnownGaps;
-use evaluation::reproduce::pages::{FlightPage, PageError};
-use evaluation::reproduce::plan::Plan;
-use evaluation::reproduce::report::{self, ReproductionReport};
-use evaluation::reproduce::traces::{Tracer, Traces};
-use evaluation::reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
 use flight::interrupt::Interrupt;
 use flight::{Outcome, in_process};
+use reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
+use reproduce::figures::Figure;
+use reproduce::flight::{FlightResults, Job};
+use reproduce::judgement::{self, ReproductionReport};
+use reproduce::known_gaps::KnownGaps;
+use reproduce::pages::{FlightPage, PageError};
+use reproduce::plan::Plan;
+use reproduce::traces::{Tracer, Traces};
+use reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
 use run_log::run_folder::RunFolder;
 
 /// `gerono reproduce`.
@@ -91,10 +91,10 @@ fn show_figures(
     let gaps = KnownGaps::committed();
     let judged = figures
         .iter()
-        .map(|&figure| report::judge(figure, &results, seeds, &gaps));
+        .map(|&figure| judgement::judge(figure, &results, seeds, &gaps));
     let report = ReproductionReport {
         seeds: seeds.to_vec(),
-        laboratories: report::laboratories(),
+        laboratories: judgement::laboratories(),
         figures: judged.collect(),
         observability: with_observability.then(|| observability::table(&results, seeds)),
     };

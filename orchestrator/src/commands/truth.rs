@@ -4,8 +4,8 @@ use comfy_table::{Table, presets};
 
 use super::{Failure, log_path, print};
 use crate::cli::TruthArguments as Arguments;
-use evaluation::reproduce::windows::AVERAGED;
 use fault_matrix::truth::{self, Truth};
+use reproduce::windows::AVERAGED;
 
 /// `gerono truth`.
 ///

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use command_line::failure::Failure;
-use command_line::values::plain_name;
+use scenario_file::values::plain_name;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use statistics::distribution::Distribution;
 use toml::{Table, Value};
 
+use crate::error::SweepError;
 use crate::expression::is_name;
 use crate::row::present_name;
 
@@ -201,8 +201,8 @@ impl Source {
     /// Reads a sweep and its scenario.
     ///
     /// # Errors
-    /// [`Failure`] with the place and the fix.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
+    /// [`SweepError`] with the place and the fix.
+    pub fn read(path: &Path) -> Result<Self, SweepError> {
         let text = read_text(
             path,
             "give the path of a sweep, such as scenarios/sweeps/vehicles.toml",
@@ -212,20 +212,20 @@ impl Source {
         let scenario_path = folder.join(scenario);
         let fix = "`scenario` is relative to the sweep's file";
         let scenario_text = read_text(&scenario_path, fix)?;
-        let scenario_path = scenario_path.canonicalize().map_err(Failure::trouble)?;
+        let scenario_path = scenario_path.canonicalize().map_err(SweepError::trouble)?;
         Self::new(path, text, scenario_path, scenario_text)
     }
 
     /// Makes a sweep of texts; `path` is what errors call it.
     ///
     /// # Errors
-    /// [`Failure`] with the place and the fix.
+    /// [`SweepError`] with the place and the fix.
     pub fn new(
         path: &Path,
         text: String,
         scenario_path: PathBuf,
         scenario_text: String,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, SweepError> {
         Ok(Self {
             definition: Definition::parse(&text, path)?,
             text,
@@ -252,15 +252,15 @@ pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn read_text(path: &Path, fix: &str) -> Result<String, Failure> {
+fn read_text(path: &Path, fix: &str) -> Result<String, SweepError> {
     std::fs::read_to_string(path)
-        .map_err(|error| Failure::bad_input(format!("cannot read {}: {error}; {fix}", path.display())))
+        .map_err(|error| SweepError::bad_input(format!("cannot read {}: {error}; {fix}", path.display())))
 }
 
 impl Definition {
     /// Reads the text of a sweep and checks what can be checked without its scenario.
-    fn parse(text: &str, path: &Path) -> Result<Self, Failure> {
-        let refused = |reason: String| Failure::bad_input(format!("{}: {reason}", path.display()));
+    fn parse(text: &str, path: &Path) -> Result<Self, SweepError> {
+        let refused = |reason: String| SweepError::bad_input(format!("{}: {reason}", path.display()));
         let mut definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
         definition.check().map_err(refused)?;
         let of_maps = definition.map.iter_mut().map(|map| &mut map.value);
@@ -460,7 +460,7 @@ mod tests {
 
     fn refused(text: &str) -> String {
         let error = Definition::parse(text, Path::new("s.toml")).unwrap_err();
-        format!("{:?}", error.report)
+        error.to_string()
     }
 
     #[test]

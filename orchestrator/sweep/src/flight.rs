@@ -8,7 +8,6 @@ use ::flight::failure::FlightFailure;
 use ::flight::interrupt::Interrupt;
 use ::flight::recording_sink::planned_events;
 use ::flight::{Outcome as HostOutcome, in_process};
-use command_line::failure::Failure;
 use host::in_process::TickSink;
 use metrics::summary::{FlightSummary, RunFacts};
 use metrics::view;
@@ -21,6 +20,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use zerocopy::IntoBytes;
 
 use crate::definition::{Entry, hexadecimal};
+use crate::error::SweepError;
 use crate::plan::{Plan, Sample};
 use crate::row::{Flown, Outcome};
 
@@ -168,41 +168,41 @@ pub struct OwnController {
 /// Flies a sample with an entry's settings; none if it was interrupted.
 ///
 /// # Errors
-/// [`Failure`] if the sweep is wrong.
+/// [`SweepError`] if the sweep is wrong.
 pub fn fly(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
     interrupt: &Interrupt,
-) -> Result<Option<Flown>, Failure> {
+) -> Result<Option<Flown>, SweepError> {
     fly_as(plan, sample, entry, None, None, interrupt)
 }
 
 /// As [`fly`], and records the flight in a log.
 ///
 /// # Errors
-/// [`Failure`] if the sweep is wrong, or the log cannot be written.
+/// [`SweepError`] if the sweep is wrong, or the log cannot be written.
 pub fn fly_recorded(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
     log: &Path,
     interrupt: &Interrupt,
-) -> Result<Option<Flown>, Failure> {
+) -> Result<Option<Flown>, SweepError> {
     fly_as(plan, sample, entry, Some(log), None, interrupt)
 }
 
 /// As [`fly`], with a controller of the caller's if the entry has one; none if that has failed, too.
 ///
 /// # Errors
-/// [`Failure`] if the sweep is wrong.
+/// [`SweepError`] if the sweep is wrong.
 pub fn fly_own(
     plan: &Plan,
     sample: &Sample,
     entry: &Entry,
     own: Option<OwnController>,
     interrupt: &Interrupt,
-) -> Result<Option<Flown>, Failure> {
+) -> Result<Option<Flown>, SweepError> {
     fly_as(plan, sample, entry, None, own, interrupt)
 }
 
@@ -213,9 +213,9 @@ fn fly_as(
     log: Option<&Path>,
     own: Option<OwnController>,
     interrupt: &Interrupt,
-) -> Result<Option<Flown>, Failure> {
+) -> Result<Option<Flown>, SweepError> {
     if let Some(identity) = entry.own.as_ref().filter(|_| own.is_none()) {
-        return Err(Failure::bad_input(format!(
+        return Err(SweepError::bad_input(format!(
             "`{}` is a controller of a program, {identity}: only that program can fly it, such as `gerono.sweep` of Python",
             entry.name
         )));
@@ -231,7 +231,7 @@ fn fly_as(
     plan.check_files(&scenario, entry)?;
     if let Some(own) = &own {
         if scenario.has_plugin(ServiceId::Controller) {
-            return Err(Failure::bad_input(format!(
+            return Err(SweepError::bad_input(format!(
                 "the plug-in of sample {} and `{}` cannot both fly: leave `plugins.controller` out",
                 sample.index, own.name
             )));
@@ -246,7 +246,7 @@ fn fly_as(
     if let Some(log) = log {
         judge = judge
             .recorded(&scenario, &schedule, log)
-            .map_err(Failure::not_written)?;
+            .map_err(SweepError::not_written)?;
     }
     let ending = match own {
         None => in_process::fly(&scenario, &mut judge, interrupt),
@@ -265,18 +265,18 @@ fn fly_as(
         return Ok(None);
     }
     if let Some(log) = judge.log.take() {
-        log.finish().map_err(Failure::not_written)?;
+        log.finish().map_err(SweepError::not_written)?;
     }
     flown(judge, outcome)
 }
 
-fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flown>, Failure> {
+fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flown>, SweepError> {
     let mut facts = RunFacts::default();
     let (mut outcome, mut reason) = (Outcome::Completed, String::new());
     match ending {
         HostOutcome::Completed => {}
         HostOutcome::Interrupted { .. } => return Ok(None),
-        HostOutcome::Failed(FlightFailure::Log(error)) => return Err(Failure::not_written(error)),
+        HostOutcome::Failed(FlightFailure::Log(error)) => return Err(SweepError::not_written(error)),
         HostOutcome::Failed(failure) => {
             facts.not_finite_at = failure.not_finite_at();
             outcome = facts.not_finite_at.map_or(Outcome::Failed, |_| Outcome::Lost);

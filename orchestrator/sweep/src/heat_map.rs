@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use evaluation::reproduce::gallery::escaped;
+use report::text_table::escaped;
 use statistics::quantile::{median, sorted};
 
 use crate::definition::Map;

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use ::flight::interrupt::Interrupt;
-use command_line::failure::Failure;
-use evaluation::reproduce::parallel;
+use reproduce::parallel;
 
 use crate::definition::{Entry, Source};
+use crate::error::{SweepError, make_folder};
 use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
 use crate::prepared::Prepared;
@@ -18,12 +18,11 @@ fn prepared(
     scenario_path: PathBuf,
     scenario_text: String,
     folder: &Path,
-) -> Result<Prepared, Failure> {
+) -> Result<Prepared, SweepError> {
     let source = Source::new(Path::new("sweep"), text, scenario_path, scenario_text)?;
     let prepared = Prepared::new(source)?;
     prepared.plan.check_flyable()?;
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Failure::not_written(format!("cannot make {}: {error}", folder.display())))?;
+    make_folder(folder)?;
     Ok(prepared)
 }
 
@@ -31,7 +30,7 @@ fn prepared(
 /// interrupted, and flies nothing where an earlier one has completed the same sweep.
 ///
 /// # Errors
-/// [`Failure`] if nothing can be flown or written, or if the folder holds another sweep.
+/// [`SweepError`] if nothing can be flown or written, or if the folder holds another sweep.
 pub fn run(
     text: String,
     scenario_path: PathBuf,
@@ -39,11 +38,11 @@ pub fn run(
     folder: &Path,
     jobs: Option<usize>,
     interrupt: &Interrupt,
-) -> Result<(), Failure> {
+) -> Result<(), SweepError> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
     if !is_complete(folder, &prepared.header(Shard::WHOLE))? {
         let threads = jobs.unwrap_or_else(parallel::cores);
-        fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt)?;
+        fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt, |_, _| ())?;
     }
     if interrupt.signal().is_some() {
         return Ok(());
@@ -55,14 +54,14 @@ pub fn run(
 /// other; a flight that was broken off leaves no row, and ends the sweep.
 ///
 /// # Errors
-/// [`Failure`] as [`run`], and that of `make`, which is asked before each flight.
+/// [`SweepError`] as [`run`], and that of `make`, which is asked before each flight.
 pub fn run_with(
     text: String,
     scenario_path: PathBuf,
     scenario_text: String,
     folder: &Path,
-    make: &mut dyn FnMut(&Entry) -> Result<Option<OwnController>, Failure>,
-) -> Result<(), Failure> {
+    make: &mut dyn FnMut(&Entry) -> Result<Option<OwnController>, SweepError>,
+) -> Result<(), SweepError> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
     let (plan, layout) = (&prepared.plan, &prepared.layout);
     if is_complete(folder, &prepared.header(Shard::WHOLE))? {

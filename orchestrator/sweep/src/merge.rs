@@ -1,15 +1,12 @@
-//! `gerono sweep merge`: one table, a summary and a page of all shards.
+//! One table, a summary and a page of all shards.
 
 use std::path::Path;
 
-use command_line::exit::Exit;
-use command_line::failure::Failure;
-use command_line::output::{note, print, write, write_json};
-use evaluation::text_table::latex_file;
 use parquet::errors::ParquetError;
+use serde::Serialize;
 
-use crate::arguments::Merge;
 use crate::definition::Source;
+use crate::error::SweepError;
 use crate::page;
 use crate::prepared::Prepared;
 use crate::report::{Report, Results};
@@ -17,37 +14,11 @@ use crate::row::Row;
 use crate::shard::{Shard, ShardReader, shards_in};
 use crate::table::TableWriter;
 
-/// `gerono sweep merge`.
+/// Merges the shards of a folder; returns the report and the number of flights that were refused.
 ///
 /// # Errors
-/// [`Failure`] if shards lack, differ or are damaged, or nothing can be written.
-pub(crate) fn merge(arguments: &Merge) -> Result<Exit, Failure> {
-    merge_and_tell(&arguments.results, arguments.mixed_builds, arguments.latex)
-}
-
-/// Merges the shards of a folder and prints the report.
-pub(crate) fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
-    let (report, refused) = merge_folder(folder, mixed_builds)?;
-    if latex {
-        write(&folder.join("sweep.tex"), &latex_file(&report.tables()))?;
-    }
-    print(format!("{report}results: {}\n", folder.display()));
-    if refused > 0 {
-        note(format_args!(
-            "{refused} flights were refused: their samples cannot be flown; see `reason` in the table"
-        ));
-    }
-    match report.laws.iter().find(|law| law.flown() == 0) {
-        Some(law) => Err(Failure::bad_input(format!(
-            "not one sample was flown with `{}`: all {} were refused, see `reason` in the table",
-            law.name, law.refused
-        ))),
-        None => Ok(Exit::Success),
-    }
-}
-
-/// Merges the shards of a folder; returns the report and the number of flights that were refused.
-pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), Failure> {
+/// [`SweepError`] if shards lack, differ or are damaged, or nothing can be written.
+pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), SweepError> {
     let shards = complete_shards(folder)?;
     let first = ShardReader::open(&shards[0].path(folder))?.header;
     let source = Source::new(
@@ -59,14 +30,14 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
     let prepared = Prepared::new(source)?;
     let names = prepared.layout.columns.iter().map(|column| column.name.as_str());
     if !names.eq(first.columns.iter().map(String::as_str)) {
-        return Err(Failure::bad_input(format!(
+        return Err(SweepError::bad_input(format!(
             "{}: its rows have other columns than this version of gerono writes; merge it with the one that flew it",
             folder.display()
         )));
     }
     let path = folder.join("results.parquet");
     let not_written =
-        |error: ParquetError| Failure::not_written(format!("cannot write {}: {error}", path.display()));
+        |error: ParquetError| SweepError::not_written(format!("cannot write {}: {error}", path.display()));
     let about = [
         ("gerono.sweep", first.sweep_text.as_str()),
         ("gerono.scenario", first.scenario_text.as_str()),
@@ -86,7 +57,7 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
             } else {
                 ""
             };
-            return Err(Failure::bad_input(format!(
+            return Err(SweepError::bad_input(format!(
                 "{}: {reason}{fix}",
                 shard.path(folder).display()
             )));
@@ -111,14 +82,24 @@ pub(crate) fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report,
     Ok((report, results.refused))
 }
 
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), SweepError> {
+    let text = serde_json::to_string_pretty(value).map_err(SweepError::trouble)?;
+    write(path, &(text + "\n"))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), SweepError> {
+    result_file::write(path, text, &[])
+        .map_err(|error| SweepError::not_written(format!("cannot write {}: {error}", path.display())))
+}
+
 /// Cells as their columns have them.
-fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, Failure> {
+fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, SweepError> {
     let cells = row
         .into_iter()
         .zip(&prepared.layout.columns)
         .map(|(cell, column)| {
             cell.of_kind(column.kind).ok_or_else(|| {
-                Failure::bad_input(format!(
+                SweepError::bad_input(format!(
                     "{}: a row has no such value in `{}`",
                     path.display(),
                     column.name
@@ -129,17 +110,17 @@ fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, Failure> {
 }
 
 /// The shards of a folder, if they are all there.
-fn complete_shards(folder: &Path) -> Result<Vec<Shard>, Failure> {
+fn complete_shards(folder: &Path) -> Result<Vec<Shard>, SweepError> {
     let shards = shards_in(folder)?;
     let Some((first, _)) = shards.first() else {
-        return Err(Failure::bad_input(format!(
+        return Err(SweepError::bad_input(format!(
             "there are no shards in {}; `gerono sweep run SWEEP --out {}` flies them",
             folder.display(),
             folder.display()
         )));
     };
     if let Some((other, _)) = shards.iter().find(|(shard, _)| shard.count != first.count) {
-        return Err(Failure::bad_input(format!(
+        return Err(SweepError::bad_input(format!(
             "{} holds shards of {} and of {}: move those of one away",
             folder.display(),
             first.count,
@@ -158,7 +139,7 @@ fn complete_shards(folder: &Path) -> Result<Vec<Shard>, Failure> {
         .map(|index| index.to_string())
         .collect();
     if !missing.is_empty() {
-        return Err(Failure::bad_input(format!(
+        return Err(SweepError::bad_input(format!(
             "{} of {} shards in {} are not complete, by number {}; `gerono sweep run SWEEP --shard {}/{} --out {}` flies one",
             missing.len(),
             first.count,

@@ -1,9 +1,9 @@
 //! The results of a sweep as a web page: one file without scripts.
 
-use evaluation::plot::COLORS;
-use evaluation::reproduce::gallery::escaped;
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
+use report::plot::COLORS;
+use report::text_table::escaped;
 use statistics::quantile::sorted;
 
 use crate::definition::{Map, part_of_file_name};

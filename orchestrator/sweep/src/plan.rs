@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use command_line::failure::Failure;
 use scenario::{Key, LawKind, Scenario};
 use scenario_file::{ReadFile, ScenarioError, files_of};
 use statistics::design::{Design, sample_seed};
 use toml::Value;
 
 use crate::definition::{Definition, Entry, Method, Source, Vary};
+use crate::error::SweepError;
 use crate::expression::Expression;
 
 /// Samples among which one must be that can be flown.
@@ -80,19 +80,20 @@ impl Plan {
     /// Makes the plan of a sweep.
     ///
     /// # Errors
-    /// [`Failure`] with the reason and the fix.
-    pub fn new(source: Source) -> Result<Self, Failure> {
+    /// [`SweepError`] with the reason and the fix.
+    pub fn new(source: Source) -> Result<Self, SweepError> {
         let definition = &source.definition;
-        let (parts, varied) = parts(definition).map_err(Failure::bad_input)?;
+        let (parts, varied) = parts(definition).map_err(SweepError::bad_input)?;
         let names = |name: &str| {
             let is_it = |varied: &&Varied| varied.name == name && !varied.is_array;
             varied.iter().find(is_it).map(|varied| varied.parts[0])
         };
         let requirement = |text: &String| Expression::parse(text, names);
         let requirements: Result<Vec<_>, _> = definition.require.iter().map(requirement).collect();
-        let requirements = requirements.map_err(|error| Failure::bad_input(format!("`require`: {error}")))?;
-        check_uses(definition, &parts, &varied, &requirements).map_err(Failure::bad_input)?;
-        check_settings(definition, &varied).map_err(Failure::bad_input)?;
+        let requirements =
+            requirements.map_err(|error| SweepError::bad_input(format!("`require`: {error}")))?;
+        check_uses(definition, &parts, &varied, &requirements).map_err(SweepError::bad_input)?;
+        check_settings(definition, &varied).map_err(SweepError::bad_input)?;
         let (design, samples) = design(definition, &parts)?;
         let mut plan = Self {
             phases: 1,
@@ -120,7 +121,7 @@ impl Plan {
                 return Err(error.into());
             }
         }
-        plan.check_gains(&laws).map_err(Failure::bad_input)?;
+        plan.check_gains(&laws).map_err(SweepError::bad_input)?;
         plan.files = plan.read_files()?;
         Ok(plan)
     }
@@ -228,15 +229,15 @@ impl Plan {
     /// Refuses a flight that would read another file than there was at the start.
     ///
     /// # Errors
-    /// [`Failure`] that says which one.
-    pub fn check_files(&self, scenario: &Scenario, entry: &Entry) -> Result<(), Failure> {
+    /// [`SweepError`] that says which one.
+    pub fn check_files(&self, scenario: &Scenario, entry: &Entry) -> Result<(), SweepError> {
         let is_known = |what: &str, sha256: &str| {
             let known = self.files.get(&format!("{what} of `{}`", entry.name));
             known.is_some_and(|known| known.contains(sha256))
         };
         match files_of(scenario).find(|file| !is_known(&file.what, file.sha256)) {
             None => Ok(()),
-            Some(ReadFile { what, .. }) => Err(Failure::bad_input(format!(
+            Some(ReadFile { what, .. }) => Err(SweepError::bad_input(format!(
                 "{what} of `{}` was changed since the sweep began: its rows would be of two experiments; the rows so far are \
                  those of the first one",
                 entry.name
@@ -284,8 +285,8 @@ impl Plan {
     /// Refuses a law that no sample flies with.
     ///
     /// # Errors
-    /// [`Failure`] with the reason of the first sample.
-    pub fn check_flyable(&self) -> Result<(), Failure> {
+    /// [`SweepError`] with the reason of the first sample.
+    pub fn check_flyable(&self) -> Result<(), SweepError> {
         for entry in &self.entries {
             let mut first = None;
             let is_flyable = (0..self.samples.min(TRIED)).any(|index| {
@@ -299,7 +300,7 @@ impl Plan {
                 is_flyable
             });
             if !is_flyable && self.samples <= TRIED {
-                return Err(Failure::bad_input(format!(
+                return Err(SweepError::bad_input(format!(
                     "none of the {} samples can be flown with `{}`; sample 0: {}",
                     self.samples,
                     entry.name,
@@ -570,7 +571,7 @@ fn place_expressions(
 }
 
 /// Returns the design, and the number of samples.
-fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), Failure> {
+fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), SweepError> {
     let levels: Vec<u32> = parts
         .iter()
         .filter_map(|part| match &part.origin {
@@ -580,7 +581,7 @@ fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), Fail
         })
         .collect();
     let (seed, samples) = (definition.seed, definition.samples.unwrap_or(0));
-    let refused = |error: statistics::design::DesignError| Failure::bad_input(error.to_string());
+    let refused = |error: statistics::design::DesignError| SweepError::bad_input(error.to_string());
     match definition.method {
         Method::Random => Ok((Design::random(seed, levels.len()), samples)),
         Method::Sobol => Ok((
@@ -595,7 +596,7 @@ fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), Fail
             let count = levels
                 .iter()
                 .try_fold(1_u64, |count, &levels| count.checked_mul(u64::from(levels)));
-            let count = count.ok_or_else(|| Failure::bad_input("the grid has more than 2^64 samples"))?;
+            let count = count.ok_or_else(|| SweepError::bad_input("the grid has more than 2^64 samples"))?;
             Ok((Design::grid(levels).map_err(refused)?, count))
         }
     }

@@ -5,28 +5,36 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
 
-use command_line::failure::Failure;
 use sha2::{Digest, Sha256};
 
 use crate::definition::{Source, hexadecimal};
+use crate::error::SweepError;
 use crate::plan::Plan;
 use crate::row::{Kind, Layout};
 use crate::shard::{Header, Shard};
 
 /// A sweep with the layout of its rows and the program that flies it.
-pub(crate) struct Prepared {
-    pub(crate) plan: Plan,
-    pub(crate) layout: Layout,
-    pub(crate) program: String,
+pub struct Prepared {
+    /// The samples.
+    pub plan: Plan,
+    /// The columns of a row.
+    pub layout: Layout,
+    /// SHA-256 of the program, in hexadecimal.
+    pub program: String,
 }
 
 impl Prepared {
-    pub(crate) fn new(source: Source) -> Result<Self, Failure> {
+    /// Checks a sweep.
+    ///
+    /// # Errors
+    /// [`SweepError`] with the reason and the fix.
+    pub fn new(source: Source) -> Result<Self, SweepError> {
         let plan = Plan::new(source)?;
-        let layout = Layout::new(&plan).map_err(|error| Failure::bad_input(format!("`judge`: {error}")))?;
+        let layout =
+            Layout::new(&plan).map_err(|error| SweepError::bad_input(format!("`judge`: {error}")))?;
         check_columns(&layout)?;
         check_names(&plan, &layout)?;
-        let program = program_hash().map_err(Failure::trouble)?;
+        let program = program_hash().map_err(SweepError::trouble)?;
         Ok(Self {
             plan,
             layout,
@@ -34,18 +42,20 @@ impl Prepared {
         })
     }
 
-    pub(crate) fn header(&self, shard: Shard) -> Header {
+    /// Returns the first line of a shard's file.
+    #[must_use]
+    pub fn header(&self, shard: Shard) -> Header {
         Header::new(shard, self)
     }
 }
 
 /// Refuses two columns of one name, which most readers of tables do not tell apart; some take capital letters for small ones.
-fn check_columns(layout: &Layout) -> Result<(), Failure> {
+fn check_columns(layout: &Layout) -> Result<(), SweepError> {
     let mut names = BTreeSet::new();
     let mut columns = layout.columns.iter().map(|column| column.name.as_str());
     match columns.find(|name| !names.insert(name.to_lowercase())) {
         None => Ok(()),
-        Some(name) => Err(Failure::bad_input(format!(
+        Some(name) => Err(SweepError::bad_input(format!(
             "a row has two columns `{name}`: give what is varied or judged under this name another one, such as \
              `{name}_{}`",
             if layout.criteria().any(|criterion| criterion == name) {
@@ -58,7 +68,7 @@ fn check_columns(layout: &Layout) -> Result<(), Failure> {
 }
 
 /// Refuses ranks and maps of what no row has.
-fn check_names(plan: &Plan, layout: &Layout) -> Result<(), Failure> {
+fn check_names(plan: &Plan, layout: &Layout) -> Result<(), SweepError> {
     let definition = &plan.source.definition;
     let columns = |kinds: &[Kind]| -> Vec<&str> {
         let of_kind = layout
@@ -83,7 +93,7 @@ fn check_names(plan: &Plan, layout: &Layout) -> Result<(), Failure> {
         .find(|(_, name, known)| !known.contains(&name.as_str()))
     {
         None => Ok(()),
-        Some((key, name, known)) => Err(Failure::bad_input(format!(
+        Some((key, name, known)) => Err(SweepError::bad_input(format!(
             "`{key}`: a row has no `{name}`; it has {}",
             known.join(", ")
         ))),

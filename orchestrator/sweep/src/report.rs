@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use evaluation::text_table::TextTable;
+use report::text_table::TextTable;
 use scenario_file::unit_of_key;
 use serde::Serialize;
 use statistics::interval::{clopper_pearson, lower_bound, wilson};
@@ -360,7 +360,8 @@ pub struct LawReport {
 
 impl LawReport {
     /// Returns the number of flights that were flown.
-    pub(crate) fn flown(&self) -> u64 {
+    #[must_use]
+    pub fn flown(&self) -> u64 {
         self.completed + self.lost + self.failed
     }
 }

@@ -11,7 +11,6 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -244,7 +243,7 @@ impl ShardWriter {
             .open(&path);
         let mut file = file.map_err(failed)?;
         // Between the opening and the lock another process may have completed the shard, which has its final name then.
-        let is_locked = flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok();
+        let is_locked = file.try_lock().is_ok();
         let number = file.metadata().map_err(failed)?.ino();
         if !is_locked || std::fs::metadata(&path).map_or(true, |found| found.ino() != number) {
             return Err(ShardError::Locked { path });
@@ -367,7 +366,7 @@ fn check_header(path: &Path, line: &[u8], expected: &Header) -> Result<(), Shard
 ///
 /// # Errors
 /// [`ShardError`] if it is damaged, or if the folder holds something else.
-pub(crate) fn is_complete(folder: &Path, expected: &Header) -> Result<bool, ShardError> {
+pub fn is_complete(folder: &Path, expected: &Header) -> Result<bool, ShardError> {
     check_folder(folder, expected)?;
     let is_there = expected.shard.path(folder).exists();
     if is_there {

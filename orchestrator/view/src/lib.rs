@@ -44,10 +44,11 @@ use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::{log_path, note, print, print_as_it_is};
-use evaluation::report;
+
 use flight::interrupt::Interrupt;
 use live::LiveError;
 use live::runs::MachineRun;
+use reproduce::log_figures::LogFigures;
 
 use arguments::View;
 use board::Board;
@@ -75,7 +76,8 @@ pub fn view(arguments: &View) -> Result<Exit, Failure> {
 
 /// Serves the page of a finished flight.
 fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
-    let (html, broken) = report::page(&log_path(log)).map_err(Failure::trouble)?;
+    let (html, broken) =
+        report::page(&log_path(log), &mut LogFigures::default()).map_err(Failure::trouble)?;
     if let Some(reason) = &broken {
         note(format_args!("{reason}; the page shows that part"));
     }

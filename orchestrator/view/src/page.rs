@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use evaluation::report::assets::{self, filled_in};
+use report::assets::{self, filled_in};
 use sha2::{Digest, Sha256};
 
 /// The page of a flight that goes on, with marks `{{name}}` where the parts belong.

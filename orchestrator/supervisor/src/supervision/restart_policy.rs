@@ -3,8 +3,8 @@
 use std::str::FromStr;
 use std::time::Duration;
 
-use command_line::values::ValueError;
 use scenario::suggest::known_names;
+use scenario_file::values::ValueError;
 use shared_types::ServiceId;
 
 /// Number of deaths in a row at the same place that are followed by a restart at once; later restarts come after a growing pause.

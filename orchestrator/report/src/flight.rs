@@ -1,0 +1,219 @@
+//! The page's data of a log, gathered in one pass over it.
+
+use std::path::Path;
+
+use scenario::Scenario;
+use shared_types::samples::{ControlAdaptation, ControlTelemetry, VehicleTruth};
+use shared_types::{Schedule, Topic};
+
+use super::figures::Figures;
+use super::latency::Histogram;
+use super::marks::{Mark, Marks};
+use super::run_facts::RunFacts;
+use super::table::{PageTable, Table};
+use super::track::{PageTrack, Track};
+use super::{ReportError, channels, latency, run_facts};
+use crate::plot::label;
+use metrics::read;
+use metrics::summary::{self, FlightSummary, Summary};
+use metrics::tracker::{Moment, StateSource, Tracker};
+use run_log::{LogReadError, LogReader};
+
+/// The page's data of a flight.
+pub(super) struct Flight {
+    /// Its name in legends.
+    pub(super) label: String,
+    pub(super) scenario: Scenario,
+    /// Reason why only a part of the log could be read, if so.
+    pub(super) broken: Option<String>,
+    pub(super) tables: Vec<(Topic, PageTable)>,
+    pub(super) track: PageTrack,
+    pub(super) marks: Vec<Mark>,
+    pub(super) summary: Summary,
+    pub(super) facts: Option<RunFacts>,
+    pub(super) histograms: Vec<Histogram>,
+}
+
+impl Flight {
+    /// Reads a log; of each topic at most `buckets` buckets are kept. Hands its samples to `figures` too.
+    pub(super) fn read(log: &Path, buckets: u64, figures: &mut dyn Figures) -> Result<Self, ReportError> {
+        let mut reader = LogReader::open(log)?;
+        let scenario = reader.manifest().scenario.clone();
+        let schedule = flight::schedule_of(&scenario).map_err(|source| ReportError::Scenario {
+            path: log.to_owned(),
+            source,
+        })?;
+        figures.begin(&scenario, &schedule);
+        let mut gatherer = Gatherer::new(&scenario, &schedule, figures, buckets);
+        let broken = gather(&mut reader, &mut gatherer)?;
+        let Some(_) = gatherer.tick else {
+            return Err(ReportError::Empty(log.to_owned()));
+        };
+        let facts = run_facts::beside(log);
+        let is_timed = facts.as_ref().is_some_and(|facts| facts.timing.is_some());
+        let (tables, track, marks, summary) = gatherer.finish();
+        let marks = marks.finish(&scenario, summary.simulated_seconds);
+        let (histograms, unread) = if is_timed {
+            latency::histograms(log, &scenario, &schedule)
+        } else {
+            (Vec::new(), None)
+        };
+        Ok(Self {
+            label: label(log),
+            broken: broken.or(unread.map(|error| error.to_string())),
+            tables,
+            track,
+            marks,
+            summary,
+            facts,
+            histograms,
+            scenario,
+        })
+    }
+}
+
+/// Reads to the end, or to where the log breaks off: then, why.
+fn gather(reader: &mut LogReader, gatherer: &mut Gatherer<'_>) -> Result<Option<String>, LogReadError> {
+    loop {
+        match reader.next_sample() {
+            Ok(Some(sample)) => gatherer.observe(sample.header.tick, sample.topic, sample.bytes),
+            Ok(None) => return Ok(None),
+            Err(error) if gatherer.tick.is_none() => return Err(error),
+            Err(error) => return Ok(Some(error.to_string())),
+        }
+    }
+}
+
+/// Gathers while the log is read.
+struct Gatherer<'a> {
+    last_tick: u64,
+    /// The tick that is being read.
+    tick: Option<u64>,
+    tracker: Tracker,
+    /// The truth of the moment that is not whole yet; none of a flight in a laboratory, whose way is the estimator's.
+    truth: Option<VehicleTruth>,
+    /// `true` if something is to be followed, as far as it is known.
+    is_led: bool,
+    /// `true` if the controller goes by its law.
+    goes_by_law: bool,
+    has_observer: bool,
+    truths: Table,
+    states: Table,
+    errors: Table,
+    commands: Table,
+    adaptations: Table,
+    references: Table,
+    telemetry: Table,
+    track: Track,
+    marks: Marks,
+    summary: FlightSummary,
+    figures: &'a mut dyn Figures,
+}
+
+type Gathered = (Vec<(Topic, PageTable)>, PageTrack, Marks, Summary);
+
+impl<'a> Gatherer<'a> {
+    fn new(scenario: &Scenario, schedule: &Schedule, figures: &'a mut dyn Figures, buckets: u64) -> Self {
+        let table = |topic, names: &[&'static str]| Table::new(topic, names, schedule, buckets);
+        Self {
+            last_tick: schedule.last_tick(),
+            tick: None,
+            tracker: Tracker::new(schedule, scenario.flight.is_some()),
+            truth: None,
+            is_led: true,
+            goes_by_law: true,
+            has_observer: scenario.controller.observer_gain.is_some(),
+            truths: table(Topic::VehicleTruth, &channels::TRUTH),
+            states: table(Topic::VehicleState, &channels::STATE),
+            errors: table(Topic::ControlErrors, &channels::ERRORS),
+            commands: table(Topic::ControlCommand, &channels::COMMAND),
+            adaptations: table(Topic::ControlAdaptation, &channels::ADAPTATION),
+            references: table(Topic::PathReference, &channels::REFERENCE),
+            telemetry: Table::new(
+                Topic::ControlTelemetry,
+                &scenario.controller.telemetry,
+                schedule,
+                buckets,
+            ),
+            track: Track::new(schedule),
+            marks: Marks::default(),
+            summary: FlightSummary::new(scenario, schedule),
+            figures,
+        }
+    }
+
+    /// Takes a sample into account; one of a tick that the flight cannot have is none of it.
+    fn observe(&mut self, tick: u64, topic: Topic, bytes: &[u8]) {
+        if tick > self.last_tick {
+            return;
+        }
+        self.tick = Some(tick);
+        if let Some(moment) = self.tracker.observe(topic, bytes) {
+            self.keep(&moment);
+        }
+        match topic {
+            Topic::VehicleTruth => self.truth = Some(read(bytes)),
+            Topic::PathReference => self.references.add(tick, &channels::reference(&read(bytes))),
+            Topic::ControlErrors => {
+                let goes_by_law = self.is_led && self.goes_by_law;
+                self.errors
+                    .add(tick, &channels::errors(&read(bytes), goes_by_law));
+            }
+            Topic::ControlCommand => self.commands.add(tick, &channels::command(&read(bytes))),
+            Topic::ControlAdaptation => {
+                let adaptation: ControlAdaptation = read(bytes);
+                self.goes_by_law = adaptation.stage == ControlAdaptation::STAGE_LAW;
+                let values = channels::adaptation(&adaptation, self.has_observer);
+                self.adaptations.add(tick, &values);
+            }
+            Topic::ControlTelemetry => {
+                let telemetry: ControlTelemetry = read(bytes);
+                self.telemetry.add(tick, &telemetry.values);
+            }
+            Topic::MocapPose | Topic::VehicleState | Topic::RcFrame | Topic::RunEvent => {}
+        }
+        self.marks.observe(topic, bytes);
+        self.summary.observe(topic, bytes);
+        self.figures.sample(topic, bytes);
+    }
+
+    fn keep(&mut self, moment: &Moment) {
+        let tick = moment.vehicle.tick;
+        self.is_led = moment.path.is_none() || moment.distance.is_some();
+        if let Some(truth) = &self.truth {
+            let yaw_desired = moment.path.map(|path| path.yaw);
+            let values = channels::truth(truth, moment.distance, yaw_desired);
+            self.truths.add(tick, &values);
+        } else {
+            self.states.add(tick, &channels::state(moment.distance));
+        }
+        self.track.add(moment);
+    }
+
+    fn finish(mut self) -> Gathered {
+        if let Some(moment) = self.tracker.last() {
+            self.keep(&moment);
+        }
+        let tables = [
+            (Topic::VehicleTruth, self.truths),
+            (Topic::VehicleState, self.states),
+            (Topic::ControlErrors, self.errors),
+            (Topic::ControlCommand, self.commands),
+            (Topic::ControlAdaptation, self.adaptations),
+            (Topic::PathReference, self.references),
+            (Topic::ControlTelemetry, self.telemetry),
+        ];
+        // Of a laboratory the truth is not known, of all others the estimate is not shown beside it.
+        let untold = match self.tracker.source() {
+            StateSource::Truth => Topic::VehicleState,
+            StateSource::Estimate => Topic::VehicleTruth,
+        };
+        let tables = tables.into_iter().filter(|(topic, _)| *topic != untold);
+        (
+            tables.map(|(topic, table)| (topic, table.finish())).collect(),
+            self.track.finish(),
+            self.marks,
+            self.summary.finish(summary::RunFacts::default()),
+        )
+    }
+}

@@ -1,0 +1,160 @@
+//! Figures of logs, as SVG with real text.
+
+mod curve;
+pub mod downsample;
+pub mod legend;
+mod marks;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use kuva::prelude::{Layout, LinePlot, Plot, TickFormat};
+
+use curve::Curve;
+pub use curve::Span;
+pub(crate) use curve::label;
+use metrics::tracker::StateSource;
+use run_log::{LogReadError, files_of_log};
+use scenario::Unflyable;
+
+/// Size of a figure, pixels: as wide as a README is shown.
+pub const WIDTH: f64 = 860.0;
+const HEIGHT: f64 = 400.0;
+
+/// Columns that a curve is drawn in: about one a pixel.
+pub const COLUMNS: usize = 800;
+
+/// Least distance that is drawn, m: the axis is logarithmic and knows no zero.
+pub const FLOOR: f64 = 1e-4;
+
+/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+pub const COLORS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
+];
+
+/// Those of them for curves, told apart also from that of the bound.
+pub const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
+/// Colour of what marks a change of the flight.
+pub const CHANGE_COLOR: &str = "#666666";
+
+/// Reason why a figure cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PlotError {
+    /// A log cannot be read.
+    #[error("{0}")]
+    Read(#[from] LogReadError),
+    /// A log holds nothing to draw.
+    #[error(
+        "the log {} does not tell how far the vehicle was from its path in that time: nothing to draw; choose another part with \
+         --from and --to", .0.display()
+    )]
+    Empty(PathBuf),
+    /// A log cannot be understood.
+    #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
+    Scenario {
+        /// The file.
+        path: PathBuf,
+        /// Reason why not.
+        source: Unflyable,
+    },
+    /// The figure cannot be written.
+    #[error("cannot write the figure {}: {source}; choose a place that you may write to", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+}
+
+/// Draws the distance from the path over time of the logs into the SVG file `out`, with the theorem's bound where it applies,
+/// the changes of the vehicle and the planned faults.
+///
+/// Of many samples in one column of pixels, the smallest and the largest are drawn: no peak is lost.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn distance(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
+    let curves = curve::read_all(logs, span)?;
+    let inputs: Vec<_> = logs.iter().flat_map(|log| files_of_log(log)).collect();
+    result_file::write(out, draw(&curves, span), &inputs).map_err(|source| PlotError::Write {
+        path: out.to_owned(),
+        source,
+    })
+}
+
+fn draw(curves: &[Curve], span: Span) -> String {
+    let plots: Vec<Plot> = curves
+        .iter()
+        .zip(CURVE_COLORS.into_iter().cycle())
+        .flat_map(|(curve, color)| lines(curve, color, curves.len() > 1))
+        .collect();
+    let longest = curves
+        .iter()
+        .map(|curve| curve.scenario.duration)
+        .fold(0.0, f64::max);
+    let [from, to] = span.within(longest);
+    let mut layout = Layout::auto_from_plots(&plots)
+        .with_width(WIDTH)
+        .with_height(HEIGHT)
+        .with_x_label("time, s")
+        .with_y_label(if curves.iter().all(|curve| curve.source == StateSource::Truth) {
+            "distance from the path, m"
+        } else {
+            "distance from the path, as estimated, m"
+        })
+        .with_x_axis_min(from)
+        .with_x_axis_max(to)
+        .with_log_y()
+        .with_y_tick_format(TickFormat::Custom(Arc::new(|value| value.to_string())))
+        .with_legend_position(legend::free_position(
+            curves
+                .iter()
+                .flat_map(|curve| &curve.stretches)
+                .map(Vec::as_slice),
+            true,
+        ));
+    if let Some(title) = title(curves) {
+        layout = layout.with_title(title);
+    }
+    for region in marks::fault_regions(curves, [from, to]) {
+        layout = layout.with_shaded_region(region);
+    }
+    let marked = [
+        marks::bound_lines(curves),
+        marks::change_lines(curves, [from, to]),
+        marks::fault_lines(curves, [from, to]),
+    ];
+    for line in marked.into_iter().flatten() {
+        layout = layout.with_reference_line(line);
+    }
+    kuva::render_to_svg(plots, layout)
+}
+
+/// The lines of a curve, one a stretch, of which the first may be in the legend.
+fn lines(curve: &Curve, color: &str, is_one_of_many: bool) -> Vec<Plot> {
+    let stretches = curve.stretches.iter().enumerate();
+    stretches
+        .map(|(place, stretch)| {
+            let line = LinePlot::new()
+                .with_data(stretch.iter().copied())
+                .with_color(color)
+                .with_stroke_width(1.3);
+            Plot::Line(if is_one_of_many && place == 0 {
+                line.with_legend(&curve.label)
+            } else {
+                line
+            })
+        })
+        .collect()
+}
+
+/// The description that all scenarios share, if they do.
+fn title(curves: &[Curve]) -> Option<&str> {
+    let mut descriptions = curves.iter().map(|curve| curve.scenario.description.as_str());
+    let first = descriptions.next().filter(|text| !text.is_empty())?;
+    descriptions.all(|text| text == first).then_some(first)
+}
+
+#[cfg(test)]
+mod tests;

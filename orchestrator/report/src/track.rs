@@ -1,0 +1,121 @@
+//! The way of the vehicle through space, and of the point of the path that it follows.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use shared_types::Schedule;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
+use shared_types::service::seconds;
+
+use super::encoding::base64;
+use metrics::tracker::{Moment, StateSource};
+
+/// Number of points of the way that are kept.
+const MOST_PLACES: u64 = 2_000;
+
+/// Numbers of a place: time (s), p (m), pd (m; NaN where it is not known), roll, pitch and yaw (rad).
+const NUMBERS: usize = 10;
+
+/// Gathers every so manieth place.
+pub(super) struct Track {
+    is_estimated: bool,
+    stride: u64,
+    seen: u64,
+    numbers: Vec<f32>,
+}
+
+/// The way as the page reads it.
+#[derive(Serialize)]
+pub(super) struct PageTrack {
+    /// `true` if it is where the estimator believed the vehicle to be: in a laboratory nobody knows more.
+    is_estimated: bool,
+    numbers_per_place: usize,
+    /// Little-endian f32 in base 64.
+    places: String,
+}
+
+impl Track {
+    /// For a flight of this schedule.
+    pub(super) fn new(schedule: &Schedule) -> Self {
+        let source = StateSource::of(schedule);
+        let samples = schedule.sample_count(source.topic());
+        Self {
+            is_estimated: source == StateSource::Estimate,
+            stride: samples.div_ceil(MOST_PLACES).max(1),
+            seen: 0,
+            numbers: Vec::new(),
+        }
+    }
+
+    /// Takes a moment into account.
+    pub(super) fn add(&mut self, Moment { vehicle, path, .. }: &Moment) {
+        if self.seen.is_multiple_of(self.stride) {
+            let position = Vector3::from(vehicle.position_world);
+            let desired = path.map_or(Vector3::repeat(f64::NAN), |path| {
+                Vector3::from(path.position_world)
+            });
+            let attitude = roll_pitch_yaw(&from_row_major(&vehicle.world_from_body));
+            let time = seconds(vehicle.time_ns);
+            let place = std::iter::once(time)
+                .chain(position.iter().copied())
+                .chain(desired.iter().copied())
+                .chain(attitude);
+            self.numbers.extend(place.map(|number| number as f32));
+        }
+        self.seen += 1;
+    }
+
+    /// For the page.
+    pub(super) fn finish(&self) -> PageTrack {
+        PageTrack {
+            is_estimated: self.is_estimated,
+            numbers_per_place: NUMBERS,
+            places: base64(&self.numbers),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encoding::decoded;
+    use metrics::path_clock::Demand;
+    use metrics::tracker::Vehicle;
+    use run_log::test_flight::scenario;
+    use shared_types::FlightPhase;
+
+    #[test]
+    fn a_place_is_where_the_vehicle_was_and_should_have_been() {
+        let schedule = scenario(0.001, 10.0).schedule().unwrap();
+        let mut track = Track::new(&schedule);
+        for tick in 0..=10_000 {
+            let vehicle = Vehicle {
+                tick,
+                time_ns: schedule.time_ns(tick),
+                position_world: [tick as f64, 1.0, -2.0],
+                world_from_body: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                velocity_body: [0.0; 3],
+                angular_velocity_body: [0.0; 3],
+                thrust: 0.0,
+            };
+            let path = Demand {
+                position_world: [0.5, 0.0, -1.0],
+                gamma: 0.0,
+                yaw: 0.0,
+                phase: FlightPhase::Fly,
+            };
+            track.add(&Moment {
+                vehicle,
+                path: (tick > 0).then_some(path),
+                distance: None,
+            });
+        }
+        let page = track.finish();
+        let numbers = decoded(&page.places);
+        let places: Vec<_> = numbers.chunks_exact(page.numbers_per_place).collect();
+        assert!(numbers.len() == NUMBERS * places.len() && places.len() as u64 <= MOST_PLACES);
+        assert!(places[0][4].is_nan());
+        let second = places[1];
+        assert!((1000.0 * second[0] - second[1]).abs() < 1e-3);
+        assert_eq!(second[2..], [1.0, -2.0, 0.5, 0.0, -1.0, 0.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,272 @@
+//! The flights to be flown: a scenario, what is changed of it, the laboratory and the seed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use scenario::Scenario;
+
+use super::column::Column;
+use super::measure::{Measured, Meter};
+use super::parallel;
+use flight::failure::FlightFailure;
+use flight::interrupt::Interrupt;
+use flight::{Outcome, in_process};
+use metrics::loss::Loss;
+use scenario_file::ScenarioError;
+
+/// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
+/// make every error small.
+pub const LEAST_PROGRESS: f64 = 0.95;
+
+/// A committed scenario, as it was when the program was built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ScenarioSource {
+    /// Its file's name, without the extension.
+    pub name: &'static str,
+    text: &'static str,
+}
+
+macro_rules! sources {
+    ($($constant:ident = $name:literal),+ $(,)?) => {
+        impl ScenarioSource {
+            $(
+                #[doc = concat!("`scenarios/", $name, ".toml`.")]
+                pub const $constant: Self = Self {
+                    name: $name,
+                    text: include_str!(concat!("../../../scenarios/", $name, ".toml")),
+                };
+            )+
+        }
+    };
+}
+
+sources! {
+    FIG1 = "fig1",
+    FIG2_NEAR = "fig2_near",
+    FIG2_MIDDLE = "fig2_middle",
+    FIG2_FAR = "fig2_far",
+    FIG3_6 = "fig3_6",
+    FIG7 = "fig7",
+    FIG8 = "fig8",
+    FIG9 = "fig9",
+    FIG10 = "fig10",
+    FIG11 = "fig11",
+    TRAJECTORY_TRACKING = "trajectory_tracking",
+}
+
+impl ScenarioSource {
+    /// The scenario with these settings and this seed.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if a setting does not fit.
+    pub fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, ScenarioError> {
+        let path = Path::new("scenarios").join(self.name).with_extension("toml");
+        scenario_file::load_text(&path, self.text, settings, Some(seed))
+    }
+}
+
+/// A flight but for laboratory and seed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FlightSpecification {
+    /// The name of the flight; equal names are equal flights.
+    pub name: String,
+    /// The scenario.
+    pub source: ScenarioSource,
+    /// The settings that change it.
+    pub settings: Vec<String>,
+}
+
+impl FlightSpecification {
+    /// A scenario as it stands.
+    #[must_use]
+    pub fn plain(source: ScenarioSource) -> Self {
+        Self::changed(source.name, source, &[])
+    }
+
+    /// A scenario with changes, under another name.
+    #[must_use]
+    pub fn changed(name: impl Into<String>, source: ScenarioSource, settings: &[&str]) -> Self {
+        Self {
+            name: name.into(),
+            source,
+            settings: settings.iter().map(|&setting| setting.to_owned()).collect(),
+        }
+    }
+
+    /// The scenario of this flight in a laboratory.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if a setting does not fit.
+    pub fn load(&self, column: Column, seed: u64) -> Result<Scenario, ScenarioError> {
+        let stated = self.source.load(&self.settings, seed)?;
+        let mut settings = self.settings.clone();
+        settings.extend(column.settings(&stated));
+        self.source.load(&settings, seed)
+    }
+}
+
+/// A flight to be flown.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its name among the flights of its laboratory and seed.
+    pub name: String,
+    /// The laboratory.
+    pub column: Column,
+    /// The scenario to fly, the seed with it.
+    pub scenario: Scenario,
+}
+
+/// The results of all flights, or why one has none.
+#[derive(Debug, Default)]
+pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
+
+/// Reason why a flight came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum NotMeasured {
+    /// It could not be flown.
+    #[error(transparent)]
+    Failed(#[from] FlightFailure),
+    /// The user asked for the end, by this signal.
+    #[error("ended by signal {0}")]
+    Interrupted(i32),
+    /// The vehicle was lost.
+    #[error("the vehicle was lost at {time} s: {0}", time = .0.time)]
+    Lost(Loss),
+    /// The path waited for the vehicle; the share of its way that it came, in per cent.
+    #[error("the path came only {0:.0} % of its way")]
+    Waited(f64),
+}
+
+impl NotMeasured {
+    /// Returns the failure with which nothing was flown, which is no result of a law; else itself.
+    ///
+    /// # Errors
+    /// The reason why a flight that was begun came to nothing.
+    pub fn of_setup(self) -> Result<FlightFailure, Self> {
+        match self {
+            Self::Failed(failure) if failure.is_of_setup() => Ok(failure),
+            reason => Err(reason),
+        }
+    }
+}
+
+impl FlightResults {
+    /// Flies all jobs on so many threads, and calls `flown` after each.
+    ///
+    /// Every flight is a function of its scenario alone; neither the number of threads nor the order matters.
+    pub fn fly(jobs: &[Job], threads: usize, interrupt: &Interrupt, flown: impl Fn() + Sync) -> Self {
+        let results = parallel::map(jobs, threads, |job| {
+            let result = measure(&job.scenario, interrupt);
+            flown();
+            result
+        });
+        let entries = jobs
+            .iter()
+            .zip(results)
+            .map(|(job, result)| ((job.column, job.scenario.seed, job.name.clone()), result));
+        Self(entries.collect())
+    }
+
+    /// The flights of a laboratory and a seed.
+    #[must_use]
+    pub fn flown(&self, column: Column, seed: u64) -> SeedResults<'_> {
+        SeedResults {
+            results: self,
+            column,
+            seed,
+        }
+    }
+}
+
+/// The flights of one laboratory and one seed.
+#[derive(Clone, Copy, Debug)]
+pub struct SeedResults<'a> {
+    results: &'a FlightResults,
+    column: Column,
+    seed: u64,
+}
+
+impl SeedResults<'_> {
+    /// Returns the result of the flight of a name.
+    ///
+    /// # Errors
+    /// Why it came to nothing, as a note of the table.
+    pub fn of(&self, name: &str) -> Result<&Measured, String> {
+        let key = (self.column, self.seed, name.to_owned());
+        match self.results.0.get(&key) {
+            Some(Ok(measured)) => Ok(measured),
+            Some(Err(reason)) => Err(format!("seed {}, {name}: {reason}", self.seed)),
+            None => Err(format!("seed {}, {name}: not flown", self.seed)),
+        }
+    }
+}
+
+/// Flies and measures a scenario.
+///
+/// # Errors
+/// [`NotMeasured`] if it came to nothing.
+pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
+    let schedule = flight::schedule_of(scenario).map_err(FlightFailure::from)?;
+    let mut meter = Meter::new(scenario, &schedule);
+    match in_process::fly(scenario, &mut meter, interrupt)?.outcome {
+        Outcome::Completed => {}
+        Outcome::Interrupted { signal } => return Err(NotMeasured::Interrupted(signal)),
+        Outcome::Failed(failure) => return Err(failure.into()),
+    }
+    let measured = meter.finish().map_err(NotMeasured::Lost)?;
+    if measured.progress >= LEAST_PROGRESS {
+        Ok(measured)
+    } else {
+        Err(NotMeasured::Waited(100.0 * measured.progress))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn jobs() -> Vec<Job> {
+        let short = ["duration=3.0", "vehicle.change=[]", "path.initial_gamma_dot=1.0"];
+        let specification = FlightSpecification::changed("short", ScenarioSource::FIG3_6, &short);
+        [1, 2, 3]
+            .map(|seed| Job {
+                name: specification.name.clone(),
+                column: Column::Baseline,
+                scenario: specification.load(Column::Baseline, seed).unwrap(),
+            })
+            .into()
+    }
+
+    #[test]
+    fn what_flights_come_to_does_not_depend_on_the_number_of_threads() {
+        let jobs = jobs();
+        let one = FlightResults::fly(&jobs, 1, &Interrupt::never(), || ());
+        let three = FlightResults::fly(&jobs, 3, &Interrupt::never(), || ());
+        for job in &jobs {
+            let of =
+                |results: &FlightResults| results.flown(job.column, job.scenario.seed).of("short").cloned();
+            assert!(of(&one).is_ok());
+            assert_eq!(of(&one), of(&three));
+        }
+    }
+
+    #[test]
+    fn a_flight_that_was_not_flown_says_so() {
+        let results = FlightResults::default();
+        let reason = results.flown(Column::Baseline, 7).of("fig9").unwrap_err();
+        assert_eq!(reason, "seed 7, fig9: not flown");
+    }
+
+    #[test]
+    fn a_path_that_waits_is_not_a_good_flight() {
+        // The vehicle is 50 m away at first and needs most of the flight to come near.
+        let specification = FlightSpecification::changed(
+            "far",
+            ScenarioSource::FIG2_FAR,
+            &["duration=21.0", "vehicle.change=[]"],
+        );
+        let scenario = specification.load(Column::Baseline, 1).unwrap();
+        let reason = measure(&scenario, &Interrupt::never()).unwrap_err().to_string();
+        assert!(reason.contains("% of its way"), "{reason}");
+    }
+}

@@ -1,0 +1,133 @@
+//! Arguments of `gerono grid`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use command_line::failure::Failure;
+
+use grid::FIRST_SEED;
+use grid::conditions::{CONDITIONS, ConditionKind, MARGINS, Quantity};
+use grid::laws::ControlLaw;
+
+/// Arguments of `gerono grid`.
+#[derive(Debug, Args)]
+pub struct Grid {
+    /// Scenario that the conditions change; it needs the sections of scenarios/fig3_6.toml [default: that scenario, for
+    /// 60 s].
+    pub scenario: Option<PathBuf>,
+    /// Number of seeds, the same for every law [default: 20; with --quick 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub seeds: Option<u16>,
+    /// First of the seeds; the default ones were used for no tuning.
+    #[arg(long, value_name = "SEED", default_value_t = FIRST_SEED)]
+    pub first_seed: u64,
+    /// Control law to compare, by name, or NAME:KEY=VALUE;KEY=VALUE for one of your own; may be given several times
+    /// [default: all].
+    #[arg(long = "law", value_name = "LAW", value_parser = str::parse::<ControlLaw>)]
+    pub laws: Vec<ControlLaw>,
+    /// Fly each law with five bandwidths of its position loop, for its front of error against delay: the other margins are left
+    /// out.
+    #[arg(long)]
+    pub along_bandwidth: bool,
+    /// Condition to fly [default: all].
+    #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<ConditionKind>)]
+    pub conditions: Vec<ConditionKind>,
+    /// Leave the search for the margins out.
+    #[arg(long)]
+    pub no_margins: bool,
+    /// Fly fewer seeds.
+    #[arg(long)]
+    pub quick: bool,
+    /// Write the tables as LaTeX as well, into grid.tex.
+    #[arg(long)]
+    pub latex: bool,
+    /// Folder for the results; must be empty if it exists [default: the next free runs/grid-N].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+impl Grid {
+    /// The end of `gerono grid --help`.
+    pub const EXAMPLES: &str = "Examples:\n  \
+        gerono grid\n  \
+        gerono grid --quick --law paper-18 --law indi --condition calm,gusts\n  \
+        gerono grid --along-bandwidth --law indi --law composite-40 --condition calm,gusts\n  \
+        gerono grid --law indi --law 'soft:controller.k1=2.0;controller.k2=2.0' --no-margins";
+
+    /// Returns the seeds.
+    ///
+    /// # Errors
+    /// [`Failure`] if they would exceed the largest number.
+    pub fn seeds(&self) -> Result<Vec<u64>, Failure> {
+        let count = self.seeds.unwrap_or(if self.quick { 3 } else { 20 });
+        let after = self.first_seed.checked_add(u64::from(count));
+        let after = after.ok_or_else(|| {
+            let reason = format!(
+                "there are no {count} seeds from {} on: give a smaller --first-seed",
+                self.first_seed
+            );
+            Failure::bad_input(reason)
+        })?;
+        Ok((self.first_seed..after).collect())
+    }
+
+    /// Returns the laws, each once.
+    ///
+    /// # Errors
+    /// [`Failure`] if two have one name.
+    pub fn laws(&self) -> Result<Vec<ControlLaw>, Failure> {
+        if self.laws.is_empty() {
+            return Ok(ControlLaw::all());
+        }
+        for (index, law) in self.laws.iter().enumerate() {
+            if self.laws[..index].iter().any(|other| other.name == law.name) {
+                let reason = format!("two laws have the name `{}`: give one another name", law.name);
+                return Err(Failure::bad_input(reason));
+            }
+        }
+        Ok(self.laws.clone())
+    }
+
+    /// Returns the quantities whose margins are searched: along the bandwidth the first, the delay, of which the front is.
+    #[must_use]
+    pub fn quantities(&self) -> &'static [Quantity] {
+        match (self.no_margins, self.along_bandwidth) {
+            (true, _) => &[],
+            (false, true) => &MARGINS[..1],
+            (false, false) => &MARGINS,
+        }
+    }
+
+    /// Returns the conditions, in the order of the table and each once.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<ConditionKind> {
+        let is_asked_for = |condition: &ConditionKind| {
+            self.conditions.is_empty() || self.conditions.iter().any(|asked| asked.name == condition.name)
+        };
+        CONDITIONS.into_iter().filter(is_asked_for).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        grid: Grid,
+    }
+
+    #[test]
+    fn seeds_follow_the_first_and_do_not_begin_again_at_zero() {
+        let seeds = |first: &str| {
+            let line = Line::parse_from(["grid", "--first-seed", first, "--seeds", "3"]);
+            line.grid.seeds()
+        };
+        assert_eq!(seeds("201").unwrap(), [201, 202, 203]);
+        let refused = seeds("18446744073709551614").unwrap_err().report.to_string();
+        assert!(refused.contains("a smaller --first-seed"), "{refused}");
+    }
+}

@@ -1,0 +1,75 @@
+//! `gerono sweep`: thousands of flights of varied scenarios.
+
+mod fly;
+mod plan;
+mod run;
+
+use std::path::Path;
+
+use command_line::exit::Exit;
+use report::text_table::latex_file;
+use sweep::definition::Source;
+use sweep::error::SweepError;
+use sweep::merge::merge_folder;
+use sweep::prepared::Prepared;
+
+use super::{Failure, note, print, write};
+use crate::cli::{Sweep, SweepCommand, SweepMerge};
+
+/// `gerono sweep`.
+///
+/// # Errors
+/// [`Failure`].
+pub fn sweep(arguments: &Sweep) -> Result<Exit, Failure> {
+    match &arguments.command {
+        SweepCommand::Plan(arguments) => plan::plan(arguments).map(|()| Exit::Success),
+        SweepCommand::Run(arguments) => run::run(arguments),
+        SweepCommand::Merge(arguments) => merge(arguments),
+        SweepCommand::Fly(arguments) => fly::fly(arguments),
+    }
+}
+
+/// Reads and checks a sweep.
+fn prepared(sweep: &Path) -> Result<Prepared, Failure> {
+    Source::read(sweep).and_then(Prepared::new).map_err(failure)
+}
+
+/// Returns the failure of a command from that of a sweep.
+fn failure(error: SweepError) -> Failure {
+    match error {
+        SweepError::Scenario(error) => error.into(),
+        SweepError::Flight(error) => error.into(),
+        SweepError::BadInput(error) => Failure::bad_input(error),
+        SweepError::NotWritten(error) => Failure::not_written(error),
+        SweepError::Trouble(error) => Failure::trouble(error),
+    }
+}
+
+/// `gerono sweep merge`.
+///
+/// # Errors
+/// [`Failure`] if shards lack, differ or are damaged, or nothing can be written.
+fn merge(arguments: &SweepMerge) -> Result<Exit, Failure> {
+    merge_and_tell(&arguments.results, arguments.mixed_builds, arguments.latex)
+}
+
+/// Merges the shards of a folder and prints the report.
+fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
+    let (report, refused) = merge_folder(folder, mixed_builds).map_err(failure)?;
+    if latex {
+        write(&folder.join("sweep.tex"), &latex_file(&report.tables()))?;
+    }
+    print(format!("{report}results: {}\n", folder.display()));
+    if refused > 0 {
+        note(format_args!(
+            "{refused} flights were refused: their samples cannot be flown; see `reason` in the table"
+        ));
+    }
+    match report.laws.iter().find(|law| law.flown() == 0) {
+        Some(law) => Err(Failure::bad_input(format!(
+            "not one sample was flown with `{}`: all {} were refused, see `reason` in the table",
+            law.name, law.refused
+        ))),
+        None => Ok(Exit::Success),
+    }
+}
