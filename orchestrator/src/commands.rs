@@ -8,7 +8,9 @@ pub mod doctor;
 pub mod faults;
 pub mod generated;
 pub mod grid;
+pub mod identify;
 pub mod logs;
+pub mod mocap;
 pub mod operate;
 pub mod postmortem;
 pub mod rc;
@@ -22,9 +24,11 @@ pub mod truth;
 pub mod world;
 
 use std::cell::RefCell;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use scenario::Scenario;
+use serde::Serialize;
 use shared_types::Schedule;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
@@ -38,6 +42,16 @@ use supervisor::host_record::HostRecord;
 /// Loads the scenario that the command line asks for.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
     scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(Failure::from)
+}
+
+/// Prints what was found, as a text or as JSON.
+fn print_found(found: &(impl Display + Serialize), as_json: bool) -> Result<(), Failure> {
+    if as_json {
+        print(serde_json::to_string_pretty(found).map_err(Failure::trouble)? + "\n");
+    } else {
+        print(found);
+    }
+    Ok(())
 }
 
 /// Keeps the plug-ins that fly beside the log; their copies.

@@ -10,8 +10,8 @@ use kill_switch::arguments::OperatorCommand;
 use live::Question;
 use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
 use orchestrator::commands::{
-    Failure, attach, check, clean, doctor, faults, generated, grid, logs, operate, postmortem, rc, replay,
-    report, reproduce, run, service, sweep, truth, world,
+    Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate,
+    postmortem, rc, replay, report, reproduce, run, service, sweep, truth, world,
 };
 use runtime::shared_page::Request;
 
@@ -37,9 +37,9 @@ fn main() -> ExitCode {
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Grid(arguments) => grid::grid(&arguments),
         Command::Sweep(arguments) => sweep::sweep(&arguments),
-        Command::Identify(arguments) => model_identification::command(&arguments).map(|()| Exit::Success),
+        Command::Identify(arguments) => identify::identify(&arguments).map(|()| Exit::Success),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
-        Command::Mocap(arguments) => mocap_tools::mocap(&arguments),
+        Command::Mocap(arguments) => mocap::mocap(&arguments),
         Command::Arm(arguments) => operate::arm(&arguments).map(|()| Exit::Success),
         Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate::kill(&arguments).map(|()| Exit::Success),

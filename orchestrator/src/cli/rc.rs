@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
+
+use identification::link::FrameSource;
 
 use super::flight::ScenarioArguments;
 use scenario_file::values::{ValueError, between};
@@ -44,13 +46,32 @@ pub struct RcIdentify {
     pub log: PathBuf,
     /// The measure of thrust and rates.
     #[arg(long, value_enum, default_value_t)]
-    pub from: link_identification::FrameSource,
+    pub from: Measure,
     /// Mass of the vehicle, kg [default: the scenario's].
     #[arg(long, value_name = "KG", value_parser = mass)]
     pub mass: Option<f64>,
     /// Print JSON, for other programs.
     #[arg(long)]
     pub json: bool,
+}
+
+/// The measure of thrust and rates.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum Measure {
+    /// The poses that the cameras captured.
+    #[default]
+    Poses,
+    /// The simulated truth.
+    Truth,
+}
+
+impl From<Measure> for FrameSource {
+    fn from(measure: Measure) -> Self {
+        match measure {
+            Measure::Poses => Self::Poses,
+            Measure::Truth => Self::Truth,
+        }
+    }
 }
 
 fn mass(text: &str) -> Result<f64, ValueError> {

@@ -11,7 +11,7 @@ use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
 use statistics::student;
 
-use crate::report::Quantity;
+use super::report::Quantity;
 
 /// Median of the magnitude of a normal variable of deviation 1.
 const MEDIAN_MAGNITUDE: f64 = 0.674_489_750_196_081_7;

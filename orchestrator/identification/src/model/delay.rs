@@ -7,8 +7,8 @@
 
 use reproduce::parallel;
 
-use crate::IdentifyError;
-use crate::recording::{Believed, Recording};
+use super::IdentifyError;
+use super::recording::{Believed, Recording};
 
 /// Longest delay that is tried, s.
 const LONGEST: f64 = 0.06;

@@ -12,7 +12,7 @@ use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::service::{header_of, nanoseconds, seconds};
 use shared_types::{ServiceId, Topic};
 
-use crate::IdentifyError;
+use super::IdentifyError;
 
 /// Captures and frames with which a flight has enough to say: those of ten seconds of slow ones.
 const ENOUGH: usize = 200;

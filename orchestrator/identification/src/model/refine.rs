@@ -14,9 +14,9 @@ use nalgebra::{SMatrix, SVector};
 use reproduce::parallel;
 use statistics::student;
 
-use crate::IdentifyError;
-use crate::recording::{Believed, Innovation, Recording};
-use crate::report::Quantity;
+use super::IdentifyError;
+use super::recording::{Believed, Innovation, Recording};
+use super::report::Quantity;
 
 /// Parameters: three components of the offset, m, and the delay, s.
 const PARAMETERS: usize = 4;

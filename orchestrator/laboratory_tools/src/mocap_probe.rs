@@ -1,8 +1,9 @@
-//! `gerono mocap probe`.
+//! What a motion-capture system sends, and what the feed makes of it.
 
 mod received;
 
 use std::fmt::Write;
+use std::path::Path;
 
 use motion_capture::conventions::axes;
 use motion_capture::diagnosis::Diagnosis;
@@ -14,7 +15,6 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::roll_pitch_yaw;
 
-use crate::arguments::MocapProbe;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
@@ -28,36 +28,39 @@ const SLEEP_NS: u64 = 50_000_000;
 /// Deviation of the position above which a body is taken to move, m.
 const AT_REST: f64 = 2e-3;
 
-pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
-    let system = CaptureSystem::from(arguments.source);
-    let stated = stated(system, arguments);
+/// Listens for some seconds and prints what arrives; of a stated object, what the feed makes of it, too. Writes the
+/// sections of a scenario to the file `calibration`, such that the body as it lies is the vehicle at the origin.
+///
+/// # Errors
+/// [`Failure`] if a socket cannot be had, nothing came, or nothing of the object can be believed.
+pub fn probe(
+    system: CaptureSystem,
+    stated: &MotionCapture,
+    has_object: bool,
+    seconds: f64,
+    calibration: Option<&Path>,
+) -> Result<Exit, Failure> {
     let bad = |problem: Problem| Failure::bad_input(problem.to_string());
     if let Some(problem) = stated.problems().into_iter().next() {
         return Err(bad(problem));
     }
-    let address = Address::new(system, &stated).map_err(bad)?;
-    let mut vehicle = match &arguments.object {
-        Some(_) => {
-            let feed = Feed::new(system, &stated).map_err(bad)?;
-            Some((feed, Diagnosis::new(system, &stated).map_err(bad)?))
-        }
-        None => None,
+    let address = Address::new(system, stated).map_err(bad)?;
+    let mut vehicle = if has_object {
+        let feed = Feed::new(system, stated).map_err(bad)?;
+        Some((feed, Diagnosis::new(system, stated).map_err(bad)?))
+    } else {
+        None
     };
     let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let mut heard = ReceivedPackets::new(system);
-    let signal = listen(
-        arguments.seconds,
-        &mut source,
-        &interrupt,
-        &mut |frame, now_ns| {
-            heard.take(frame, now_ns);
-            if let Some((feed, diagnosis)) = &mut vehicle {
-                diagnosis.take(frame);
-                feed.take(frame, now_ns);
-            }
-        },
-    );
+    let signal = listen(seconds, &mut source, &interrupt, &mut |frame, now_ns| {
+        heard.take(frame, now_ns);
+        if let Some((feed, diagnosis)) = &mut vehicle {
+            diagnosis.take(frame);
+            feed.take(frame, now_ns);
+        }
+    });
     if let Some(signal) = signal {
         return Ok(Exit::Signal(signal));
     }
@@ -66,11 +69,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         .is_none_or(|(_, diagnosis)| diagnosis.standing_stamp().is_none());
     print(heard.describe(&source, has_time));
     if heard.frames == 0 {
-        return Err(Failure::trouble(nothing_came(
-            &address,
-            &source,
-            arguments.seconds,
-        )));
+        return Err(Failure::trouble(nothing_came(&address, &source, seconds)));
     }
     let Some((feed, diagnosis)) = vehicle else {
         return Ok(Exit::Success);
@@ -87,7 +86,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
         return Err(Failure::trouble(reason));
     }
     print(paragraph(&findings));
-    if let Some(path) = &arguments.calibrate {
+    if let Some(path) = calibration {
         let name = stated.name_and_number().map_or("", |(name, _)| name);
         let body = heard.bodies.values().find(|body| {
             (name.is_empty() || body.name.as_bytes() == name.as_bytes())
@@ -100,7 +99,7 @@ pub(super) fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
             let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and let it rest";
             Failure::trouble(reason)
         })?;
-        write(path, &calibration(system, &stated, body, heard.rate()))?;
+        write(path, &sections(system, stated, body, heard.rate()))?;
         print(format!("calibration written to {}\n", path.display()));
     }
     Ok(Exit::Success)
@@ -123,18 +122,6 @@ fn paragraph(text: &str) -> String {
         String::new()
     } else {
         format!("{text}\n")
-    }
-}
-
-fn stated(system: CaptureSystem, arguments: &MocapProbe) -> MotionCapture {
-    MotionCapture {
-        port: arguments.port.map(u32::from),
-        interface: arguments.interface.to_string(),
-        ..MotionCapture::new(
-            system,
-            arguments.server,
-            arguments.object.as_deref().unwrap_or_default(),
-        )
     }
 }
 
@@ -208,7 +195,7 @@ fn describe_feed(feed: &Feed) -> String {
 }
 
 /// The sections of a scenario with which the body, as it lies, is the vehicle at the origin, level, with yaw 0.
-fn calibration(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate: f64) -> String {
+fn sections(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate: f64) -> String {
     let axes = axes(system);
     let world_position = -(axes * body.place());
     let markers = roll_pitch_yaw(&(axes * body.mean_rotation()));

@@ -13,6 +13,7 @@
 mod fit;
 mod history;
 mod measured;
+mod words;
 
 use std::path::Path;
 
@@ -60,7 +61,7 @@ pub enum IdentifyError {
 }
 
 /// The measure of thrust and rates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameSource {
     /// The poses that the cameras captured.

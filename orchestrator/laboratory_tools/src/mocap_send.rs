@@ -1,6 +1,5 @@
-//! `gerono mocap send`.
+//! Poses as a motion-capture system would send them.
 
-use std::net::SocketAddrV4;
 use std::path::Path;
 use std::time::Duration;
 
@@ -13,11 +12,9 @@ use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, from_row_major, paper_rx};
 use shared_types::samples::VehicleTruth;
 
-use crate::arguments::MocapSend;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
-use command_line::output::log_path;
 use flight::interrupt::Interrupt;
 use run_log::LogReader;
 
@@ -27,30 +24,43 @@ const SERVE_NS: u64 = 5_000_000;
 /// Standard deviation of the attitude's noise for each metre of the position's, rad/m.
 const TURN_PER_METRE: f64 = 5.0;
 
-pub(super) fn send(arguments: &MocapSend) -> Result<Exit, Failure> {
-    let system = CaptureSystem::from(arguments.system);
-    let flight = match &arguments.log {
-        Some(log) => Flight::recorded(&log_path(log))?,
+/// The poses that are sent.
+#[derive(Clone, Debug)]
+pub struct Poses<'a> {
+    /// Name of the body.
+    pub object: &'a str,
+    /// The log whose true flight is sent; an eight without one.
+    pub log: Option<&'a Path>,
+    /// Frames a second.
+    pub rate: f64,
+    /// Standard deviation of the noise of each coordinate, m.
+    pub noise: f64,
+    /// For how long, s; without it until an interrupt or the log's end.
+    pub seconds: Option<f64>,
+    /// Whether the body stands still where the flight begins.
+    pub rests: bool,
+}
+
+/// Sends poses from the addresses of a plan.
+///
+/// # Errors
+/// [`Failure`] if a socket or file cannot be had.
+pub fn send(plan: &Plan, poses: &Poses<'_>) -> Result<Exit, Failure> {
+    let flight = match poses.log {
+        Some(log) => Flight::recorded(log)?,
         None => Flight::Eight,
     };
-    let plan = Plan {
-        system,
-        at: SocketAddrV4::new(arguments.at, arguments.port.unwrap_or(system.port())),
-        to: arguments
-            .to
-            .unwrap_or(SocketAddrV4::new(arguments.at, frame_port(system))),
-        version: arguments.natnet,
-    };
-    let server = Server::open(&plan).map_err(|error| {
+    let server = Server::open(plan).map_err(|error| {
         let fix = "give another --at or --port";
         Failure::trouble(format!("cannot serve at {}: {error}; {fix}", plan.at))
     })?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    fly(arguments, &flight, system, server, &interrupt)
+    fly(poses, &flight, plan.system, server, &interrupt)
 }
 
-/// Port to which frames go.
-fn frame_port(system: CaptureSystem) -> u16 {
+/// Returns the port to which a system sends its frames.
+#[must_use]
+pub fn frame_port(system: CaptureSystem) -> u16 {
     match system {
         CaptureSystem::Natnet => motion_capture::natnet::DATA_PORT,
         CaptureSystem::ViconUdp | CaptureSystem::Vrpn => system.port(),
@@ -58,7 +68,7 @@ fn frame_port(system: CaptureSystem) -> u16 {
 }
 
 fn fly(
-    arguments: &MocapSend,
+    poses: &Poses<'_>,
     flight: &Flight,
     system: CaptureSystem,
     mut server: Server,
@@ -71,8 +81,8 @@ fn fly(
         clippy::cast_sign_loss,
         reason = "a period of 1 s at most"
     )]
-    let period_ns = (1e9 / arguments.rate) as u64;
-    let seconds = arguments.seconds.unwrap_or(f64::INFINITY).min(flight.duration());
+    let period_ns = (1e9 / poses.rate) as u64;
+    let seconds = poses.seconds.unwrap_or(f64::INFINITY).min(flight.duration());
     let began_ns = monotonic_ns();
     for number in 0_u32.. {
         let at_ns = u64::from(number) * period_ns;
@@ -81,18 +91,18 @@ fn fly(
             break;
         }
         while monotonic_ns() < began_ns + at_ns {
-            server.serve(&[&arguments.object]);
+            server.serve(&[poses.object]);
             let left_ns = (began_ns + at_ns).saturating_sub(monotonic_ns());
             std::thread::sleep(Duration::from_nanos(left_ns.min(SERVE_NS)));
         }
         if let Some(signal) = interrupt.take() {
             return Ok(Exit::Signal(signal));
         }
-        let mut pose = flight.pose(if arguments.rest { 0.0 } else { at });
+        let mut pose = flight.pose(if poses.rests { 0.0 } else { at });
         let mut draws = noise.at(u64::from(number));
-        pose.position_world += draws.normal3() * arguments.noise;
-        pose.world_from_body *= exp(&(draws.normal3() * (TURN_PER_METRE * arguments.noise)));
-        let body = (arguments.object.as_str(), Some(calibration.capture_pose(&pose)));
+        pose.position_world += draws.normal3() * poses.noise;
+        pose.world_from_body *= exp(&(draws.normal3() * (TURN_PER_METRE * poses.noise)));
+        let body = (poses.object, Some(calibration.capture_pose(&pose)));
         let sent_ns = monotonic_ns();
         server.send(number, (began_ns + at_ns).min(sent_ns), sent_ns, &[body]);
     }

@@ -1,4 +1,4 @@
-//! `gerono identify`: what the estimator should believe of the markers, the delay and the cameras' noise, from a log.
+//! What the estimator should believe of the markers, the delay and the cameras' noise, from a log.
 //!
 //! These three break a laboratory soonest: markers that do not sit in the centre of mass, frames that act later than
 //! believed, and cameras that scatter more than stated. None of them shows in the vehicle's own state.
@@ -9,18 +9,14 @@
 //! * [`refine`]: from there the marker offset and the delay, with intervals;
 //! * [`report`]: what was found beside what the scenario states, and the lines to put into it.
 
-pub mod arguments;
 pub mod delay;
 pub mod noise;
 pub mod recording;
 pub mod refine;
 pub mod report;
 
-use command_line::failure::Failure;
-use command_line::output::{log_path, print};
 use run_log::LogReadError;
 
-use arguments::Identify;
 use recording::Recording;
 use report::{Identification, MARKER_OFFSET_DEVIATION, Quantity};
 
@@ -58,21 +54,6 @@ pub enum IdentifyError {
     /// The scenario of the log gives no filter.
     #[error("the scenario of the log gives no filter: {0}")]
     Scenario(scenario::Problem),
-}
-
-/// `gerono identify`.
-///
-/// # Errors
-/// [`Failure`] if the log cannot be read or has too little in it.
-pub fn command(arguments: &Identify) -> Result<(), Failure> {
-    let recording = Recording::read(&log_path(&arguments.log)).map_err(Failure::trouble)?;
-    let found = identify(&recording).map_err(Failure::trouble)?;
-    if arguments.json {
-        print(serde_json::to_string_pretty(&found).map_err(Failure::trouble)? + "\n");
-    } else {
-        print(found);
-    }
-    Ok(())
 }
 
 /// Identifies marker offset, delay and noise of a flight.

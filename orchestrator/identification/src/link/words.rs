@@ -1,0 +1,122 @@
+//! A calibration in words: beside what the scenario states, and the lines to put into it.
+
+use std::fmt::{self, Display, Formatter, Write};
+
+use comfy_table::{Table, presets};
+
+use super::{Calibration, EXPLAINS, Identification};
+
+impl Display for Identification {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&table(self))?;
+        formatter.write_str(&snippet(self))
+    }
+}
+
+fn table(found: &Identification) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header([
+        "stick",
+        "stated",
+        "fitted",
+        "95 % intervals, ±",
+        "residual",
+        "explained",
+        "travel",
+        "points",
+    ]);
+    for calibration in &found.sticks {
+        let pair = |[offset, slope]: [f64; 2]| format!("{offset:.4} + {slope:.4} s");
+        let fitted = calibration.fitted.map_or_else(
+            || {
+                vec![calibration.needed.map_or_else(
+                    || "too little moved".to_owned(),
+                    |needed| format!("too short, needs {needed:.0} s"),
+                )]
+            },
+            |fit| {
+                vec![
+                    pair([fit.offset, fit.slope]),
+                    format!("{:.4}, {:.4}", fit.errors[0], fit.errors[1]),
+                    format!("{:.4}", fit.residual),
+                    format!("{:.1} %", 100.0 * fit.explained.max(0.0)),
+                    format!("{:.4}", fit.travel_deviation),
+                    fit.points.to_string(),
+                ]
+            },
+        );
+        let stick = [calibration.stick.to_owned(), pair(calibration.stated)];
+        table.add_row(stick.into_iter().chain(fitted));
+    }
+    let mass = found
+        .mass
+        .map_or_else(String::new, |mass| format!("; thrusts are those of {mass} kg"));
+    format!("{table}\n\nvalue = offset + slope · travel s, N and rad/s{mass}\n\n")
+}
+
+/// The part of a scenario that states what differs, and which sticks tell nothing.
+fn snippet(found: &Identification) -> String {
+    let [thrust, rates @ ..] = found.sticks;
+    let mut text = String::new();
+    if let Some(fit) = thrust.usable().filter(|_| thrust.differs()) {
+        let _ = write!(
+            text,
+            "thrust_offset = {:.4}\nthrust_slope = {:.4}\n",
+            fit.offset, fit.slope
+        );
+    }
+    if rates.iter().any(Calibration::differs) {
+        let slopes = rates.map(|rate| {
+            let fit = rate.usable().filter(|_| rate.differs());
+            fit.map_or(rate.stated[1], |fit| fit.slope)
+        });
+        let _ = writeln!(
+            text,
+            "rate_slope = [{:.4}, {:.4}, {:.4}]",
+            slopes[0], slopes[1], slopes[2]
+        );
+    }
+    if text.is_empty() {
+        let is_any_usable = found.sticks.iter().any(|stick| stick.usable().is_some());
+        text += if is_any_usable {
+            "Nothing differs from what is stated.\n"
+        } else {
+            "The flight tells nothing of any stick.\n"
+        };
+    } else {
+        text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
+    }
+    text + &too_short(found) + &unmoved(found)
+}
+
+/// Which sticks need a longer flight, if there are any.
+fn too_short(found: &Identification) -> String {
+    let of_stick = |stick: &Calibration| Some(format!("{} needs {:.0} s", stick.stick, stick.needed?));
+    let short: Vec<_> = found.sticks.iter().filter_map(of_stick).collect();
+    if short.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nAs stated, because the flight is too short for intervals that hold: {}.\n",
+        short.join(", ")
+    )
+}
+
+/// Which sticks moved too little, if there are any.
+fn unmoved(found: &Identification) -> String {
+    let unmoved = found
+        .sticks
+        .iter()
+        .filter(|stick| stick.needed.is_none() && stick.usable().is_none());
+    let unmoved: Vec<_> = unmoved.map(|stick| stick.stick).collect();
+    if unmoved.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nAs stated, because the stick explains less than {:.0} % of what was measured: {}. Fly a path that moves it, up and \
+         down or around.\n",
+        100.0 * EXPLAINS,
+        unmoved.join(", ")
+    )
+}

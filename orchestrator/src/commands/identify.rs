@@ -1,0 +1,16 @@
+//! `gerono identify`: what the estimator should believe of markers, delay and noise, from a log.
+
+use identification::model::{self, recording::Recording};
+
+use super::{Failure, log_path, print_found};
+use crate::cli::Identify;
+
+/// `gerono identify`.
+///
+/// # Errors
+/// [`Failure`] if the log cannot be read or has too little in it.
+pub fn identify(arguments: &Identify) -> Result<(), Failure> {
+    let recording = Recording::read(&log_path(&arguments.log)).map_err(Failure::trouble)?;
+    let found = model::identify(&recording).map_err(Failure::trouble)?;
+    print_found(&found, arguments.json)
+}
