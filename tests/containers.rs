@@ -13,7 +13,7 @@ use std::process::Output;
 use common::container::{OWN_MEMORY, SHARED_MEMORY, contained, may_contain};
 use common::processes::signal;
 use common::{Begun, Place, begin, complaint, finish, output, said, until};
-use live::Snapshot;
+use run_client::Snapshot;
 use runtime::descriptors::hand_on;
 use rustix::process::Signal;
 

@@ -187,7 +187,11 @@ fn the_flight_of_another_vehicle_is_as_its_page_says() {
 #[test]
 fn the_rules_of_tuning_are_those_of_the_program() {
     let document = read("docs/tuning.md");
-    assert_same("docs/tuning.md", section(&document, "rules"), &tuning::table());
+    assert_same(
+        "docs/tuning.md",
+        section(&document, "rules"),
+        &scenario_file::gain_rules::table(),
+    );
 }
 
 #[test]
@@ -244,7 +248,7 @@ fn every_command_shown_is_one_that_the_program_takes() {
 #[test]
 fn the_page_of_commands_is_their_help() {
     let document = read("docs/commands.md");
-    let (help, codes) = manual::pages::commands(Cli::command());
+    let (help, codes) = orchestrator::manual::pages::commands(Cli::command());
     for (name, text) in [("commands", help), ("exit codes", codes)] {
         assert_same("docs/commands.md", section(&document, name), &text);
     }
@@ -433,9 +437,9 @@ fn no_crate_holds_half_of_the_house() {
     for member in workspace().into_values() {
         let lines = lines_in(&repository(&member.folder));
         let most = match member.folder.as_str() {
-            "orchestrator" => 4500,
+            "orchestrator" => 4800,
             "orchestrator/run_log" => 8600,
-            "orchestrator/supervisor" => 9100,
+            "orchestrator/supervisor" => 9200,
             "services/runtime" => 8700,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
             "shared_types/scenario" => 11_260,

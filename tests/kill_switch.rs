@@ -7,11 +7,11 @@ use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::process::Command;
 
-use kill_switch::signal::InputEvent;
 use run_log::LogReader;
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat};
 use rustix::process::Signal;
 use shared_types::samples::RunEvent;
+use supervisor::kill_switch::signal::InputEvent;
 
 use crate::common::laboratory::serial_line;
 use crate::common::pilot::{ask, await_phase, flight_on_the_ground, may_arm, take_off_from_the_ground};
@@ -309,9 +309,9 @@ mod uinput {
     use std::os::fd::OwnedFd;
     use std::path::{Path, PathBuf};
 
-    use kill_switch::signal::InputEvent;
     use rustix::fs::{Mode, OFlags};
     use rustix::ioctl::{Getter, IntegerSetter, NoArg, Opcode, Setter, ioctl, opcode};
+    use supervisor::kill_switch::signal::InputEvent;
 
     use crate::common::until;
 

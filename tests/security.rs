@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use common::processes::{await_process, await_successor, services_of, shared_memory_of, signal};
 use common::{Begun, begin, complaint, finish, hover_arguments, output, said, scenario, succeed, until};
-use live::runs::SCOPE;
-use live::{Answer, Question, SOCKET, Snapshot};
+use run_client::runs::SCOPE;
+use run_client::{Answer, Question, SOCKET, Snapshot};
 use runtime::control::{Channel, SHARED_PAGE_FD};
 use runtime::shared_page::Request;
 use rustix::fs::{Gid, Mode, Uid};

@@ -8,6 +8,7 @@ mod identify;
 mod live;
 mod logs;
 mod mocap;
+mod operator;
 mod rc;
 mod sweep;
 mod values;
@@ -26,13 +27,13 @@ pub use self::identify::*;
 pub use self::live::*;
 pub use self::logs::*;
 pub use self::mocap::*;
+pub use self::operator::*;
 pub use self::rc::*;
 pub use self::sweep::*;
 use self::values::service_process;
 pub use self::world::*;
 pub use bench::arguments::*;
 use command_line::exit::Exit;
-use kill_switch::arguments::OperatorCommand;
 use top::arguments::Top;
 use view::arguments::View;
 
@@ -239,7 +240,7 @@ pub enum Command {
     /// It completes commands and options, scenario files, the keys of `--set`, topics and services.
     Completions {
         /// The shell.
-        #[arg(value_parser = PossibleValuesParser::new(manual::completion::shells()))]
+        #[arg(value_parser = PossibleValuesParser::new(crate::manual::completion::shells()))]
         shell: String,
     },
     /// Print the man page, or write one for each command.
@@ -252,7 +253,7 @@ pub enum Command {
         /// Name of the service, or of a process that waits for one to die.
         #[arg(value_parser = service_process)]
         name: String,
-        /// Folder of the run, by which `gerono kill` and the like find it (`live::runs`).
+        /// Folder of the run, by which `gerono kill` and the like find it (`run_client::runs`).
         #[arg(long)]
         run: Option<PathBuf>,
         /// The host of its steps, for the same.

@@ -12,6 +12,7 @@ pub mod identify;
 pub mod logs;
 pub mod mocap;
 pub mod operate;
+pub mod operator;
 pub mod postmortem;
 pub mod rc;
 pub mod replay;

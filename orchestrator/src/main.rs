@@ -6,17 +6,16 @@ use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
 use command_line::interrupt::survive_full_files;
 use command_line::output::{self, complain};
-use kill_switch::arguments::OperatorCommand;
-use live::Question;
-use orchestrator::cli::{Cli, Command, Get, Operate, RcCommand, Set};
+use orchestrator::cli::{Cli, Command, Get, Operate, OperatorCommand, RcCommand, Set};
 use orchestrator::commands::{
-    Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate,
+    Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate, operator,
     postmortem, rc, replay, report, reproduce, run, service, sweep, truth, world,
 };
+use run_client::Question;
 use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
-    manual::completion::answer(Cli::command);
+    orchestrator::manual::completion::answer(Cli::command);
     if let Err(error) = survive_full_files() {
         complain(error);
         return Exit::Trouble.into();
@@ -46,7 +45,7 @@ fn main() -> ExitCode {
         Command::Stop(arguments) => operate(&arguments, "stop", &Question::Stop),
         Command::Set(Set { run, settings }) => operate(&run, "set", &Question::Set(settings)),
         Command::Get(Get { run, keys }) => operate::get(&run, keys).map(|()| Exit::Success),
-        Command::Operator(OperatorCommand::Probe(arguments)) => kill_switch::probe::probe(&arguments),
+        Command::Operator(OperatorCommand::Probe(arguments)) => operator::probe(&arguments),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),

@@ -17,8 +17,8 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use command_line::exit::Exit;
-use live::Snapshot;
-use live::runs::SCOPE;
+use run_client::Snapshot;
+use run_client::runs::SCOPE;
 use runtime::crash::CrashPlace;
 use shared_types::ServiceId;
 use tempfile::TempDir;

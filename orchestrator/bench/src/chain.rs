@@ -27,8 +27,8 @@ use super::ring::Members;
 use crate::arguments::ChainMember;
 use command_line::failure::Failure;
 use command_line::output::print;
-use live::run_root::RunRoot;
 use metrics::summary::timing::{self, Quantiles};
+use run_client::run_root::RunRoot;
 
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;

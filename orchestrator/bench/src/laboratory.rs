@@ -32,8 +32,8 @@ use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use hil_simulator::cameras::CameraSender;
 use hil_simulator::receiver_input::ReceiverInput;
-use live::{LiveRun, PATIENCE, Question};
 use metrics::summary::timing::{Quantiles, histogram};
+use run_client::{LiveRun, PATIENCE, Question};
 use supervisor::RunFailure;
 
 /// The laboratory whose cameras and receiver are here.

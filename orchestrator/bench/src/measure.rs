@@ -21,7 +21,7 @@ use command_line::failure::Failure;
 use flight::interrupt::Interrupt;
 use flight::recording_sink::RecordingSink;
 use flight::{Ending, Outcome, in_process};
-use live::run_root::RunRoot;
+use run_client::run_root::RunRoot;
 use run_log::{Compression, Manifest, RunLogWriter};
 use supervisor::RunFailure;
 

@@ -23,7 +23,7 @@ use super::bare_ports::BarePorts;
 use crate::arguments::{Ring, RingMember, RingWait};
 use command_line::failure::Failure;
 use command_line::output::print;
-use live::run_root::RunRoot;
+use run_client::run_root::RunRoot;
 
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;

@@ -4,8 +4,8 @@ use std::io;
 use std::path::PathBuf;
 
 use super::check::Check;
-use live::run_root::RunRoots;
-use live::runs::MachineRun;
+use run_client::run_root::RunRoots;
+use run_client::runs::MachineRun;
 
 /// Returns whether another run of this machine is alive, of any user.
 #[must_use]

@@ -16,7 +16,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use super::service_process::{InputPort, OutputPort, ProcessFailure, ServiceProcess};
 use flight::interrupt::Interrupt;
-use live::run_root::RunRoot;
+use run_client::run_root::RunRoot;
 use supervisor::supervision::process::Process;
 
 /// The place of a replay into service processes. To be dropped after those.
@@ -90,7 +90,7 @@ impl<'a> ReplayEnvironment<'a> {
             self.step_log.file(),
             self.root.lock(),
         ];
-        let label = live::runs::label(self.root.folder(), Host::Replay);
+        let label = run_client::runs::label(self.root.folder(), Host::Replay);
         Process::start(service.name(), label, shared, &self.doorbells).map_err(setup)
     }
 

@@ -10,6 +10,7 @@
 mod curve_file;
 mod document;
 mod error;
+pub mod gain_rules;
 mod keys;
 pub mod printable;
 mod read;

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::manual::completion::setting;
 use clap::Args;
-use manual::completion::setting;
 
 use scenario_file::values::between;
 

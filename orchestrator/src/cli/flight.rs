@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
+use crate::manual::completion::{scenario_file, setting};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use manual::completion::{scenario_file, setting};
 use runtime::crash::{Crash, CrashPlace};
 use scenario::suggest::known_names;
 use shared_types::ServiceId;

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::manual::completion::tunable_setting;
 use clap::Args;
-use manual::completion::tunable_setting;
 
 use super::flight::{Host, RecordingArguments};
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::manual::completion::setting;
 use clap::Args;
-use manual::completion::setting;
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
 use shared_types::Topic;
@@ -26,7 +26,7 @@ pub struct Replay {
     /// The log, or the folder of a run.
     pub log: PathBuf,
     /// Which services [default: all].
-    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service, add = manual::completion::service())]
+    #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service, add = crate::manual::completion::service())]
     pub services: Vec<ServiceId>,
     /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
     /// inputs? May be given several times; a difference is then no failure.
@@ -119,7 +119,7 @@ pub struct Export {
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
     /// Write only this topic.
-    #[arg(long, value_name = "TOPIC", value_parser = topic, add = manual::completion::topic())]
+    #[arg(long, value_name = "TOPIC", value_parser = topic, add = crate::manual::completion::topic())]
     pub topic: Option<Topic>,
     /// Write a table with a column for every member, and for every element of an array: `position_world.0`.
     #[arg(long, requires = "topic")]

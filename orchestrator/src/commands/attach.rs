@@ -25,7 +25,7 @@ const NAME: &str = "attached";
 /// [`Failure`] if there is no such flight.
 pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    let place = live::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
+    let place = run_client::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
     // Before anything is taken over: without a place for the results the services go on alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
     let _postmortem = Postmortem::prepare(Host::Realtime.name(), folder.path(), ExternalServices::default())

@@ -2,9 +2,9 @@
 
 use comfy_table::{Table, presets};
 use scenario::Scenario;
+use scenario_file::gain_rules::{self, digits};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
-use tuning::digits;
 
 use super::{Failure, load, print, schedule_of};
 use crate::cli::Check;
@@ -25,7 +25,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
         return Err(Failure::bad_input(problem.to_string()));
     }
     if arguments.mermaid {
-        print(manual::wiring::mermaid());
+        print(crate::manual::wiring::mermaid());
     } else {
         print(describe(&scenario, &schedule));
         print(warnings(&scenario));
@@ -72,7 +72,7 @@ fn table(header: &[&str]) -> Table {
 
 /// The gains that a scenario need not state with their origin, and the rules between gains and vehicle.
 fn gains(scenario: &Scenario) -> String {
-    let findings = tuning::findings(scenario);
+    let findings = gain_rules::findings(scenario);
     if findings.is_empty() {
         return String::new();
     }
@@ -105,7 +105,7 @@ fn gains(scenario: &Scenario) -> String {
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
     let of_flight = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
-    let warnings = tuning::warnings(scenario).into_iter().chain(of_flight);
+    let warnings = gain_rules::warnings(scenario).into_iter().chain(of_flight);
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 

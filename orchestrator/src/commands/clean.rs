@@ -1,6 +1,6 @@
 //! `gerono clean`: removes what dead runs have left.
 
-use live::{run_root, runs};
+use run_client::{run_root, runs};
 
 use super::{Failure, print};
 

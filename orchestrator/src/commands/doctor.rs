@@ -11,7 +11,7 @@ use command_line::progress;
 use doctor::report::MachineReport;
 use doctor::{CheckOutcome, HostFacts, Needs, disk, examine, runs, wake_up};
 use flight::interrupt::Interrupt;
-use live::run_root;
+use run_client::run_root;
 
 /// `gerono doctor`.
 ///
@@ -53,7 +53,10 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Ma
     let host = HostFacts::this();
     let stopped = || interrupt.signal().is_some();
     let mut checks = examine(&host, needs);
-    checks.extend([runs::live(&live::runs::all()), runs::dead(&run_root::find())]);
+    checks.extend([
+        runs::live(&run_client::runs::all()),
+        runs::dead(&run_root::find()),
+    ]);
 
     let folder = disk::nearest_folder(&arguments.runs);
     checks.push(disk::space(&host, &folder, needs));

@@ -20,7 +20,7 @@ pub fn header() {
 /// # Errors
 /// [`Failure`] for an unknown shell.
 pub fn completions(shell: &str) -> Result<(), Failure> {
-    let script = manual::completion::script(shell).map_err(Failure::bad_input)?;
+    let script = crate::manual::completion::script(shell).map_err(Failure::bad_input)?;
     print(String::from_utf8_lossy(&script));
     Ok(())
 }
@@ -32,9 +32,9 @@ pub fn completions(shell: &str) -> Result<(), Failure> {
 pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
     let command = Cli::command();
     match &arguments.out {
-        Some(folder) => manual::pages::write_man_pages(command, folder).map_err(Failure::not_written),
+        Some(folder) => crate::manual::pages::write_man_pages(command, folder).map_err(Failure::not_written),
         None => {
-            let page = manual::pages::man_page(command).map_err(Failure::not_written)?;
+            let page = crate::manual::pages::man_page(command).map_err(Failure::not_written)?;
             print(String::from_utf8_lossy(&page));
             Ok(())
         }

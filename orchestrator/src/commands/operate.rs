@@ -8,8 +8,8 @@ use runtime::shared_page::Request;
 use super::{Failure, note, print};
 use crate::cli::Operate;
 use command_line::exit::Exit;
-use live::runs::{MachineRun, User};
-use live::{Answer, LiveError, LiveRun, PATIENCE, Question};
+use run_client::runs::{MachineRun, User};
+use run_client::{Answer, LiveError, LiveRun, PATIENCE, Question};
 use scenario_file::printable::printable;
 
 /// Time for which an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
@@ -29,7 +29,7 @@ pub fn operate(arguments: &Operate, command: &'static str, question: &Question) 
 /// # Errors
 /// [`Failure`] if there is no such run, if it refuses, or if it is not confirmed.
 pub fn arm(arguments: &Operate) -> Result<(), Failure> {
-    let found = live::find(arguments.run.as_deref(), "arm").map_err(Failure::trouble)?;
+    let found = run_client::find(arguments.run.as_deref(), "arm").map_err(Failure::trouble)?;
     let run = LiveRun::connect(&found, PATIENCE).map_err(Failure::trouble)?;
     let (starter, caller) = (found.starter(), User::at_the_keyboard());
     if arguments.run.is_none() && starter != caller {
@@ -65,7 +65,7 @@ pub fn get(arguments: &Operate, keys: Vec<String>) -> Result<(), Failure> {
 /// Which run it is, what it flies and by which link, in words.
 fn identity(run: &LiveRun) -> Result<String, Failure> {
     match run.ask(&Question::Describe, PATIENCE).map_err(Failure::trouble)? {
-        Answer::Description(description) => Ok(live::identity(run.name(), &description.scenario)),
+        Answer::Description(description) => Ok(run_client::identity(run.name(), &description.scenario)),
         // A run of another build describes itself in another way.
         _ => Ok(format!("run {}", run.name())),
     }
@@ -87,7 +87,7 @@ fn is_confirmed(prompt: &str) -> bool {
 /// # Errors
 /// [`Failure`] if there is no such run, or if neither its orchestrator nor its services can be reached.
 pub fn kill(arguments: &Operate) -> Result<(), Failure> {
-    let run = live::find(arguments.run.as_deref(), "kill").map_err(Failure::trouble)?;
+    let run = run_client::find(arguments.run.as_deref(), "kill").map_err(Failure::trouble)?;
     // First: the services obey at their next step, even while the orchestrator is stopped or is nowhere.
     let directly = run.ask_directly(Request::Kill);
     let told = LiveRun::connect(&run, KILL_PATIENCE)

@@ -5,7 +5,7 @@ use crate::cli::{Host, Postmortem};
 use ::postmortem::aftermath;
 use command_line::exit::Exit;
 use command_line::output::complain;
-use live::run_root;
+use run_client::run_root;
 
 /// Says what has happened, sees to the services, and removes what the run had in shared memory.
 ///

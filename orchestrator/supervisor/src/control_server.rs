@@ -13,10 +13,10 @@ use runtime::peer::peer_credentials;
 use rustix::fs::{Mode, fchmod};
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
-use live::run_root::RunRoot;
-use live::runs::OrchestratorLabel;
-use live::{Answer, Question, SOCKET, may_operate};
 use postmortem::contained;
+use run_client::run_root::RunRoot;
+use run_client::runs::OrchestratorLabel;
+use run_client::{Answer, Question, SOCKET, may_operate};
 
 /// Clients that are heard at once.
 const CLIENTS: usize = 16;
@@ -210,7 +210,7 @@ mod tests {
     use rustix::net::SendFlags;
 
     use super::*;
-    use live::connect;
+    use run_client::connect;
 
     const KILL: Question = Question::Operate(Request::Kill);
 

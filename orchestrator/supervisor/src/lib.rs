@@ -5,6 +5,7 @@ mod control_server;
 pub mod deployment;
 pub mod host_kind;
 pub mod host_record;
+pub mod kill_switch;
 pub mod lock_step;
 pub mod real_time;
 pub mod recorder;

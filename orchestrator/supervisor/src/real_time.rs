@@ -54,9 +54,9 @@ use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, Supervis
 use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
 use flight::interrupt::Interrupt;
-use live::live_events::LiveEvents;
-use live::newest::Newest;
 use metrics::summary::timing::{TimingReport, Unrecorded};
+use run_client::live_events::LiveEvents;
+use run_client::newest::Newest;
 use run_log::{CaptureFigures, LinkFigures, LogError};
 
 /// Period at which the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.

@@ -13,7 +13,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 use super::RunFailure;
 use super::archive::Archive;
 use super::subscription::Subscription;
-use live::newest::Newest;
+use run_client::newest::Newest;
 
 /// Ticks that are handed over in a row: one that is always behind on a busy machine must not keep the orchestrator from
 /// everything else. The fastest flight has a third of them ready at a look.

@@ -13,7 +13,7 @@ use super::deployment::{Cores, Deployment};
 use super::reserve::{self, Reserve};
 use super::subscription::Subscription;
 use super::supervision::{OrphanedService, Shared, Supervisor};
-use live::run_root::RunRoot;
+use run_client::run_root::RunRoot;
 
 /// Place where a run takes place: its schedule, its place in shared memory, its cores.
 pub(super) struct RunContext {

@@ -226,7 +226,7 @@ impl<'a> Supervisor<'a> {
             self.step_log.file(),
             self.lock,
         ];
-        let label = live::runs::label(self.start.place(), self.start.host);
+        let label = run_client::runs::label(self.start.place(), self.start.host);
         Process::start(name, label, shared, &self.doorbells).map_err(RunFailure::setup)
     }
 

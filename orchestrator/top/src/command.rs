@@ -6,7 +6,7 @@ use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::print;
-use live::{Answer, LiveRun, PATIENCE, Question, Snapshot};
+use run_client::{Answer, LiveRun, PATIENCE, Question, Snapshot};
 
 use crate::arguments::Top;
 use crate::{Leaving, once, watch};

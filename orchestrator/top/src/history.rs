@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use live::Snapshot;
+use run_client::Snapshot;
 
 /// Its length, s.
 pub const SPAN: f64 = 60.0;

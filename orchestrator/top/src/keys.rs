@@ -3,8 +3,8 @@
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use live::Question;
-use live::snapshot::ServiceSnapshot;
+use run_client::Question;
+use run_client::snapshot::ServiceSnapshot;
 
 /// Beginning of every key that can be set.
 const COMMON_SECTION: &str = "controller.";

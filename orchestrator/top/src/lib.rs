@@ -25,7 +25,7 @@ use self::keys::{Action, Controls, Key};
 use self::screen::Screen;
 use self::view::View;
 use flight::interrupt::Interrupt;
-use live::{Answer, LiveError, LiveRun, Question, Snapshot};
+use run_client::{Answer, LiveError, LiveRun, Question, Snapshot};
 
 /// Period at which the run is asked how it is; its numbers are those of whole seconds.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);

@@ -21,7 +21,7 @@ use self::services::ServiceTable;
 use super::history::History;
 use super::keys::{Break, Controls, Intent, Mode};
 use super::words::{cut, short_time};
-use live::Snapshot;
+use run_client::Snapshot;
 
 /// Below this many columns or rows nothing can be told.
 const SMALLEST: (u16, u16) = (20, 4);

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use live::runs::MachineRun;
-use live::{Answer, Description, LiveError, LiveRun, Question, Snapshot};
+use run_client::runs::MachineRun;
+use run_client::{Answer, Description, LiveError, LiveRun, Question, Snapshot};
 use serde_json::json;
 
 use crate::board::{Board, Kind};
@@ -65,7 +65,7 @@ impl Feed<'_> {
                 if self.is_stopped_within(RETRY) {
                     return;
                 }
-                next = live::find_to_watch(self.run.as_deref(), "view").ok();
+                next = run_client::find_to_watch(self.run.as_deref(), "view").ok();
                 continue;
             };
             match self.follow(&run) {

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use live::NewestSamples;
+use run_client::NewestSamples;
 use run_log::message_definition;
 use scenario::Scenario;
 use serde::Deserialize;

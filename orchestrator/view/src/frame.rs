@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use live::{Description, NewestSamples};
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 use nalgebra::Vector3;
 use report::marks::{Mark, Marks};
 use report::{channels, panels};
+use run_client::{Description, NewestSamples};
 use runtime::control::Host;
 use scenario::Scenario;
 use serde::Serialize;

@@ -2,7 +2,7 @@
 //!
 //! One page over plain HTTP, and its news as Server-Sent Events, which cannot carry a command: there is no way from a browser
 //! to the flight. Programs that speak the Foxglove protocol get the topics themselves, and say no more than which they want. The samples come from the run's orchestrator, which has received them anyway, so no service learns of a
-//! watcher ([`live`]).
+//! watcher ([`run_client`]).
 //!
 //! * [`feed`]: asks the run and puts up what it answers;
 //! * [`frame`], [`path`]: what the page draws of samples and scenario;
@@ -46,9 +46,9 @@ use command_line::interrupt;
 use command_line::output::{log_path, note, print, print_as_it_is};
 
 use flight::interrupt::Interrupt;
-use live::LiveError;
-use live::runs::MachineRun;
 use reproduce::log_figures::LogFigures;
+use run_client::LiveError;
+use run_client::runs::MachineRun;
 
 use arguments::View;
 use board::Board;
@@ -139,7 +139,7 @@ fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
 
 /// Finds the run to begin with; none if it is to be waited for.
 fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
-    match live::find_to_watch(arguments.run.as_deref(), "view") {
+    match run_client::find_to_watch(arguments.run.as_deref(), "view") {
         Err(LiveError::NoneToWatch(_) | LiveError::Unseen(_)) if arguments.follow => Ok(None),
         found => found.map(Some).map_err(Failure::trouble),
     }

@@ -244,7 +244,7 @@ mod tests {
     use std::io::{BufRead, BufReader, Read, Write};
     use std::net::{Ipv4Addr, TcpStream};
 
-    use live::NewestSamples;
+    use run_client::NewestSamples;
     use shared_types::Topic;
     use shared_types::samples::VehicleTruth;
     use tungstenite::Message;

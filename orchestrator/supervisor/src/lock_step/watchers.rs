@@ -11,11 +11,11 @@ use shared_types::{Schedule, ServiceId};
 use crate::control_server::ControlServer;
 use crate::recorder::Recorder;
 use crate::supervision::Supervisor;
-use live::live_events::LiveEvents;
-use live::newest::Newest;
-use live::run_root::RunRoot;
-use live::snapshot::ServiceSnapshot;
-use live::{Answer, Description, Question, Snapshot};
+use run_client::live_events::LiveEvents;
+use run_client::newest::Newest;
+use run_client::run_root::RunRoot;
+use run_client::snapshot::ServiceSnapshot;
+use run_client::{Answer, Description, Question, Snapshot};
 
 /// Period at which questions are answered.
 const PERIOD: Duration = Duration::from_millis(10);

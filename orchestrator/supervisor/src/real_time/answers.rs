@@ -12,9 +12,9 @@ use shared_types::service::{Operator, nanoseconds, seconds};
 
 use super::Flight;
 use super::kill_switch::KillSwitch;
-use live::newest::Newest;
-use live::snapshot::ServiceSnapshot;
-use live::{Answer, Description, Question, Snapshot};
+use run_client::newest::Newest;
+use run_client::snapshot::ServiceSnapshot;
+use run_client::{Answer, Description, Question, Snapshot};
 use runtime::control::Host;
 
 /// Age of the vehicle's state with which nobody arms, s.
@@ -78,7 +78,7 @@ impl Flight<'_> {
 
     /// Which run this is, what it flies and by which link, in words.
     pub(super) fn identity(&self) -> String {
-        live::identity(&self.run, self.scenario)
+        run_client::identity(&self.run, self.scenario)
     }
 
     /// Returns what the estimator may believe wrongly of the laboratory, if anything: it forbids no flight, and may end one.

@@ -8,7 +8,7 @@ use shared_types::service::Operator;
 
 use super::Flight;
 use super::shutdown::Shutdown;
-use live::newest::Newest;
+use run_client::newest::Newest;
 
 impl Flight<'_> {
     /// Returns why a request to arm can have no effect now, if it cannot: it would be spent at once.

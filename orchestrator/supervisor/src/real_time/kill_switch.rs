@@ -3,8 +3,8 @@
 use std::os::fd::AsFd;
 use std::time::Instant;
 
-use kill_switch::device::Device;
-use kill_switch::watch::{self, News, Watch};
+use crate::kill_switch::device::Device;
+use crate::kill_switch::watch::{self, News, Watch};
 use runtime::shared_page::{Request, SharedPage, ask_in};
 use scenario::{KillSwitchLoss, OperatorDevices, Scenario};
 use shared_types::samples::RunEvent;

@@ -5,8 +5,8 @@ use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
 use shared_types::ServiceId;
 use shared_types::service::seconds;
 
-use live::snapshot::{CamerasSnapshot, LinkSnapshot};
 use metrics::summary::laboratory::LaboratoryReport;
+use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
 use run_log::{CaptureFigures, LinkFigures};
 
 /// Age of the last pose with which nobody arms, s.

@@ -5,7 +5,7 @@ use shared_types::service::seconds;
 
 use super::Flight;
 use super::shutdown::Shutdown;
-use live::newest::Newest;
+use run_client::newest::Newest;
 
 impl Flight<'_> {
     /// Lands a real vehicle in time.

@@ -7,8 +7,8 @@ use shared_types::schedule::Edge;
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use live::snapshot::{InputSnapshot, ServiceSnapshot};
 use metrics::summary::timing::{Distribution, Quantiles, ServiceTiming, TimingReport, histogram};
+use run_client::snapshot::{InputSnapshot, ServiceSnapshot};
 
 /// Steps of each service that are kept to be found again by their tick.
 const HISTORY: u64 = 4096;

@@ -19,7 +19,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::RunFailure;
 use crate::subscription::Subscription;
-use live::newest::Newest;
+use run_client::newest::Newest;
 
 /// Time for which samples of a tick are waited for before the tick is written, ns.
 pub const SETTLING_NS: u64 = 50_000_000;

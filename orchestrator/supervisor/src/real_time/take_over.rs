@@ -121,7 +121,7 @@ pub(super) fn end_the_others(
 ) -> Result<Vec<u32>, RunFailure> {
     let came = survivors.iter().flatten();
     let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
-    live::runs::end_services_except(place, &came).map_err(RunFailure::setup)
+    run_client::runs::end_services_except(place, &came).map_err(RunFailure::setup)
 }
 
 /// Takes the lock of those that take a run over, which is one on its folder.

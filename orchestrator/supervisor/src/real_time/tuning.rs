@@ -1,15 +1,15 @@
 //! Gains that an operator changes in flight: checked like a scenario, told to all services, recorded as events.
 
 use scenario::{Problem, Scenario};
+use scenario_file::gain_rules::{self, Finding};
 use scenario_file::tuning::{event_text, setting_of, settings_between, tunable_keys, tune};
 use shared_types::samples::RunEvent;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{FlightPhase, ServiceId};
-use tuning::Finding;
 use zerocopy::FromZeros;
 
 use super::Flight;
-use live::Answer;
+use run_client::Answer;
 
 /// Time from a request until the change holds, s: by then every service sees it, unless the machine is late.
 const NOTICE: f64 = 0.02;
@@ -169,12 +169,12 @@ impl Flight<'_> {
 
 /// The first rule between gains and vehicle that a change breaks and that was kept before.
 fn newly_unsafe(before: &Scenario, after: &Scenario) -> Option<Problem> {
-    let before = tuning::findings(before);
+    let before = gain_rules::findings(before);
     let was_kept = |finding: &Finding| {
         let is_same = |old: &&Finding| (old.rule, &old.key) == (finding.rule, &finding.key);
         before.iter().find(is_same).is_none_or(Finding::is_kept)
     };
-    let mut after = tuning::findings(after).into_iter();
+    let mut after = gain_rules::findings(after).into_iter();
     let broken = after.find(|finding| !finding.is_kept() && was_kept(finding));
     broken.map(|finding| finding.warning())
 }

@@ -4,8 +4,8 @@ use ratatui::style::Stylize;
 use ratatui::text::Span;
 
 use crate::words::{cut, short_time};
-use live::Snapshot;
-use live::snapshot::{CamerasSnapshot, LinkSnapshot};
+use run_client::Snapshot;
+use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
 
 /// Returns the state of cameras and radio link: the trouble first, because a narrow terminal has no room for the rest.
 /// None in a flight without them.

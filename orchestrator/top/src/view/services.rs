@@ -7,8 +7,8 @@ use ratatui::text::Line;
 use ratatui::widgets::Widget;
 
 use super::super::words::{short_count, short_time};
-use live::snapshot::{InputSnapshot, ServiceSnapshot};
 use metrics::summary::timing::Quantiles;
+use run_client::snapshot::{InputSnapshot, ServiceSnapshot};
 
 /// Columns of the mark of the selected service and of a name.
 const NAME: usize = 15;

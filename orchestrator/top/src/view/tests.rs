@@ -4,8 +4,8 @@ use ratatui::backend::TestBackend;
 
 use super::super::keys::Key;
 use super::*;
-use live::snapshot::{CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot};
 use metrics::summary::timing::Quantiles;
+use run_client::snapshot::{CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot};
 
 const DOCUMENT: &str = include_str!("../../../../docs/viewing.md");
 

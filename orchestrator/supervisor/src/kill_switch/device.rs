@@ -8,7 +8,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, Mode, OFlags, major, open};
 use rustix::io::Errno;
 
-use crate::signal::{EVENT_SIZE, InputEvent, Signal};
+use super::signal::{EVENT_SIZE, InputEvent, Signal};
 
 /// Major number of input devices: INPUT_MAJOR of the kernel's major.h.
 const INPUT: u32 = 13;

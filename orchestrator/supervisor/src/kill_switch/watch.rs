@@ -13,7 +13,7 @@ use std::time::Instant;
 use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 use scenario::OperatorDevices;
 
-use crate::device::{Device, DeviceError};
+use super::device::{Device, DeviceError};
 
 /// Pause between two attempts to open a lost device.
 const RETRY: Timespec = Timespec {
@@ -169,7 +169,7 @@ mod tests {
     use rustix::fs::{CWD, Mode, OFlags};
 
     use super::*;
-    use crate::signal::InputEvent;
+    use crate::kill_switch::signal::InputEvent;
 
     /// Longest wait for news: a hang becomes a failure.
     const WATCHDOG: Duration = Duration::from_secs(30);

@@ -6,9 +6,10 @@ use command_line::interrupt;
 use command_line::output::print;
 use rustix::event::Timespec;
 
-use crate::arguments::OperatorProbe;
-use crate::device::Device;
-use crate::signal::Signal;
+use supervisor::kill_switch::device::Device;
+use supervisor::kill_switch::signal::Signal;
+
+use crate::cli::OperatorProbe;
 
 /// Longest wait between two looks for Ctrl-C: one that comes just before the wait does not end it.
 const WAIT: Timespec = Timespec {

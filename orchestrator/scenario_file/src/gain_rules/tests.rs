@@ -3,7 +3,7 @@ use super::*;
 fn scenario(name: &str, sets: &[&str]) -> Scenario {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
     let sets: Vec<_> = sets.iter().map(ToString::to_string).collect();
-    scenario_file::load(&path, &sets, None).unwrap_or_else(|error| panic!("{name}: {error}"))
+    crate::load(&path, &sets, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
 /// The one rule that a scenario breaks.

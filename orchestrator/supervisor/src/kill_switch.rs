@@ -2,11 +2,8 @@
 //!
 //! * [`device`]: opens either, and reads what it sends;
 //! * [`signal`]: what either sends, and what of it is a press;
-//! * [`watch`]: a thread that waits for a press, tells of a loss, and opens the device again;
-//! * [`probe`]: the command `gerono operator probe`, with its [`arguments`].
+//! * [`watch`]: a thread that waits for a press, tells of a loss, and opens the device again.
 
-pub mod arguments;
 pub mod device;
-pub mod probe;
 pub mod signal;
 pub mod watch;
