@@ -7,7 +7,7 @@ use crate::common;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use common::{Place, output, succeed};
+use common::{Place, complaint, output, succeed};
 
 /// The contents of a folder, and of the folders in it, by name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -37,7 +37,14 @@ fn a_figure_is_flown_judged_and_drawn_and_the_same_again() {
     let flight = "flight-11/report.html";
     assert_eq!(
         names,
-        ["fig11.svg", "figures.md", flight, "index.html", "reproduce.json"]
+        [
+            "fig11.svg",
+            "figures.md",
+            flight,
+            "flights.rows",
+            "index.html",
+            "reproduce.json"
+        ]
     );
     let gallery = String::from_utf8_lossy(&first["index.html"]);
     assert!(
@@ -66,6 +73,22 @@ fn a_figure_is_flown_judged_and_drawn_and_the_same_again() {
             "a value for every seed"
         );
     }
+    // What a process that was killed within its last result leaves.
+    let kept = &first["flights.rows"];
+    let torn = &kept[..kept.len() - 200];
+    std::fs::remove_dir_all(place.path("second")).unwrap();
+    std::fs::create_dir(place.path("second")).unwrap();
+    std::fs::write(place.path("second/flights.rows.partial"), torn).unwrap();
+    let arguments = ["reproduce", "--figures", "11", "--seeds", "2", "--out", "second"];
+    succeed(&mut place.gerono(&arguments));
+    assert_eq!(first, files(&place.path("second")), "a resumed campaign");
+    let other = ["reproduce", "--figures", "11", "--seeds", "3", "--out", "second"];
+    let refused = output(&mut place.gerono(&other));
+    assert!(
+        complaint(&refused).contains("it is of other flights"),
+        "{refused:?}"
+    );
+    assert_eq!(first, files(&place.path("second")), "nothing is lost");
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 

@@ -89,7 +89,15 @@ fn host_record(
     ))
 }
 
-/// Returns when everybody steps in a flight of `scenario`.
+/// Says where the results of an interrupted campaign are kept.
+fn resumes(folder: &Path) {
+    note(format_args!(
+        "what was flown is kept in {0}; the same command with `--out {0}` resumes there",
+        folder.display()
+    ));
+}
+
+/// Returns the schedule of a flight of `scenario`.
 fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
     flight::schedule_of(scenario).map_err(Failure::bad_input)
 }

@@ -6,8 +6,8 @@ use std::sync::Barrier;
 use std::time::Instant;
 
 use comfy_table::{Table, presets};
+use flight::many;
 use host::in_process::TickSink;
-use reproduce::parallel;
 use scenario::Scenario;
 use serde::Serialize;
 use shared_types::Schedule;
@@ -73,7 +73,7 @@ const KINDS: [(Kind, &str); 3] = [
 
 fn measure(scenario: &Scenario, arguments: &BenchSweep) -> Result<Vec<Row>> {
     let schedule = flight::schedule_of(scenario)?;
-    let mut numbers = vec![1, parallel::cores()];
+    let mut numbers = vec![1, many::cores()];
     numbers.dedup();
     let ours = numbers
         .iter()
@@ -92,7 +92,7 @@ fn measure(scenario: &Scenario, arguments: &BenchSweep) -> Result<Vec<Row>> {
         arguments
             .beside
             .iter()
-            .map(|peer| series(&peer.name, parallel::cores())),
+            .map(|peer| series(&peer.name, many::cores())),
     );
     let bar = progress_of("repetition", u64::from(arguments.repetitions));
     for _ in 0..arguments.repetitions {

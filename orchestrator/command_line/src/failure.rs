@@ -4,6 +4,7 @@ use std::error::Error;
 use std::iter::successors;
 
 use flight::failure::FlightFailure;
+use flight::journal::JournalError;
 use miette::Report;
 use run_log::{HostReadError, LogReadError};
 use scenario_file::ScenarioError;
@@ -67,6 +68,15 @@ impl From<ScenarioError> for Failure {
         Self {
             report: error.into(),
             exit: Exit::BadInput,
+        }
+    }
+}
+
+impl From<JournalError> for Failure {
+    fn from(error: JournalError) -> Self {
+        match error {
+            JournalError::File { .. } => Self::not_written(error),
+            _ => Self::bad_input(error),
         }
     }
 }

@@ -3,11 +3,18 @@
 //! * [`in_process`]: flies the services of a scenario in the thread of the caller;
 //! * [`recording_sink`]: the log, the summary and the progress of a flight;
 //! * [`interrupt`]: the request to end a flight;
+//! * [`many`]: many flights on all cores, their results in order;
+//! * [`campaign`], [`journal`]: many flights whose results survive a kill;
+//! * [`identity`]: the program that flies;
 //! * [`failure`]: why a flight could not go on.
 
+pub mod campaign;
 pub mod failure;
+pub mod identity;
 pub mod in_process;
 pub mod interrupt;
+pub mod journal;
+pub mod many;
 pub mod recording_sink;
 
 use std::fmt::{Display, Formatter};

@@ -3,6 +3,7 @@
 use std::io;
 
 use flight::failure::FlightFailure;
+use flight::journal::JournalError;
 use scenario_file::ScenarioError;
 
 /// Reason why a grid cannot be flown.
@@ -14,6 +15,9 @@ pub enum GridError {
     /// A flight could not begin.
     #[error(transparent)]
     Flight(#[from] FlightFailure),
+    /// Results cannot be kept.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
     /// What is asked for is wrong.
     #[error("{0}")]
     BadInput(String),

@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
+use flight::campaign::Campaign;
 use flight::in_process;
 use flight::interrupt::Interrupt;
-use reproduce::flight::{NotMeasured, ScenarioSource, measure};
+use flight::many;
+use reproduce::flight::{FLIGHTS, NotMeasured, ScenarioSource, measure};
 use reproduce::measure::Measured;
-use reproduce::{parallel, row};
 use scenario::Scenario;
 use scenario_file::{ReadFile, ScenarioError, files_of};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use statistics::quantile::median_of as median;
 
 use crate::conditions::Condition;
 use crate::error::GridError;
@@ -153,7 +155,7 @@ pub struct Cell {
 }
 
 /// A flight that was lost: the same command flies it again.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LostFlight {
     /// Its seed.
     pub seed: u64,
@@ -161,7 +163,22 @@ pub struct LostFlight {
     pub reason: String,
 }
 
-/// Flies all [`jobs`] on all cores, and returns the cells, laws first. Calls `flown` after each flight.
+/// Result of a flight: SI units.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct FlightResult {
+    seed: u64,
+    /// Root mean square of the distance from the path in steady state.
+    rms: Option<f64>,
+    /// Largest distance in the transient before it.
+    peak: Option<f64>,
+    /// Root mean square of the body rates in steady state.
+    body_rate: Option<f64>,
+    /// Reason why the vehicle was lost.
+    lost: Option<String>,
+}
+
+/// Flies all [`jobs`] on all cores, and returns the cells, laws first; none if the grid was interrupted. Results are kept in
+/// `folder`, from which an interrupted grid resumes. Calls `flown` with the number of results, first and after each flight.
 ///
 /// # Errors
 /// [`GridError`] if a flight cannot begin, for a plug-in that cannot be read, for example: that is no loss of a vehicle.
@@ -169,72 +186,83 @@ pub fn fly(
     jobs: &[Scenario],
     laws: &[ControlLaw],
     conditions: &[Condition],
+    folder: &Path,
     interrupt: &Interrupt,
-    flown: impl Fn() + Sync,
-) -> Result<Vec<Cell>, GridError> {
+    flown: impl FnMut(usize),
+) -> Result<Option<Vec<Cell>>, GridError> {
     // Of each law and condition one flight is made ready before any is flown.
     let seeds = jobs.len() / (laws.len() * conditions.len());
     for job in jobs.iter().step_by(seeds) {
         in_process::host(job)?;
     }
-    let results = parallel::map(jobs, parallel::cores(), |scenario| {
-        let result = measure(scenario, interrupt);
-        flown();
-        (scenario.seed, result)
-    });
+    let campaign = Campaign::new("grid", jobs).map_err(GridError::Unreadable)?;
+    let fly = |index: usize| FlightResult::fly(&jobs[index], interrupt);
+    let results = campaign.fly(&folder.join(FLIGHTS), many::cores(), fly, flown)?;
     let pairs = laws
         .iter()
         .flat_map(|law| conditions.iter().map(move |condition| (law, condition)));
     let cells = pairs.zip(results.chunks(seeds));
-    let cells: Vec<_> = cells
-        .map(|((law, condition), results)| Cell::new(law, condition, results))
-        .collect();
-    let mut reasons = results.into_iter().filter_map(|(_, result)| result.err());
-    match reasons.find_map(|reason| reason.of_setup().ok()) {
-        Some(failure) => Err(failure.into()),
-        None => Ok(cells),
+    let is_whole = results.len() == jobs.len();
+    Ok(is_whole.then(|| {
+        cells
+            .map(|((law, condition), results)| Cell::new(law, condition, results))
+            .collect()
+    }))
+}
+
+impl FlightResult {
+    /// Returns the result of a flight; none if it was interrupted.
+    fn fly(scenario: &Scenario, interrupt: &Interrupt) -> Option<Result<Self, GridError>> {
+        let seed = scenario.seed;
+        let lost = |reason: NotMeasured| Self {
+            seed,
+            rms: None,
+            peak: None,
+            body_rate: None,
+            lost: Some(reason.to_string()),
+        };
+        match measure(scenario, interrupt) {
+            Ok(Measured {
+                steady, transient, ..
+            }) => Some(Ok(Self {
+                seed,
+                rms: steady.map(|steady| steady.rmse),
+                peak: transient.map(|transient| transient.max),
+                body_rate: steady.map(|steady| steady.body_rate_rms),
+                lost: None,
+            })),
+            Err(NotMeasured::Interrupted(_)) => None,
+            Err(reason) => Some(
+                reason
+                    .of_setup()
+                    .map_or_else(|reason| Ok(lost(reason)), |failure| Err(failure.into())),
+            ),
+        }
     }
 }
 
 impl Cell {
-    fn new(
-        law: &ControlLaw,
-        condition: &Condition,
-        results: &[(u64, Result<Measured, NotMeasured>)],
-    ) -> Self {
-        let mut cell = Self {
+    fn new(law: &ControlLaw, condition: &Condition, results: &[FlightResult]) -> Self {
+        let all = |value: fn(&FlightResult) -> Option<f64>| results.iter().filter_map(value);
+        let errors = all(|result| result.rms);
+        let lost = |result: &FlightResult| {
+            let reason = result.lost.clone()?;
+            Some(LostFlight {
+                seed: result.seed,
+                reason,
+            })
+        };
+        Self {
             law: law.name.clone(),
             condition: condition.name.to_owned(),
-            ..Self::default()
-        };
-        let (mut peaks, mut rates) = (Vec::new(), Vec::new());
-        for (seed, result) in results {
-            let measured = result.as_ref().ok();
-            let steady = measured.and_then(|measured| measured.steady);
-            cell.by_seed.push(steady.map(|steady| steady.rmse));
-            match result {
-                Ok(measured) => {
-                    peaks.extend(measured.transient.map(|transient| transient.max));
-                    rates.extend(steady.map(|steady| steady.body_rate_rms));
-                }
-                Err(reason) => cell.lost.push(LostFlight {
-                    seed: *seed,
-                    reason: reason.to_string(),
-                }),
-            }
+            rms: median(errors.clone()),
+            worst_rms: errors.reduce(f64::max),
+            peak: median(all(|result| result.peak)),
+            body_rate: median(all(|result| result.body_rate)),
+            by_seed: results.iter().map(|result| result.rms).collect(),
+            lost: results.iter().filter_map(lost).collect(),
         }
-        let errors: Vec<f64> = cell.by_seed.iter().flatten().copied().collect();
-        cell.worst_rms = errors.iter().copied().reduce(f64::max);
-        cell.rms = median(&errors);
-        cell.peak = median(&peaks);
-        cell.body_rate = median(&rates);
-        cell
     }
-}
-
-/// Returns the median, if there are values.
-fn median(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| row::median(values))
 }
 
 #[cfg(test)]
@@ -242,13 +270,6 @@ fn median(values: &[f64]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::conditions::CONDITIONS;
-
-    #[test]
-    fn medians_are_those_of_the_values() {
-        assert_eq!(median(&[]), None);
-        assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&[4.0, 1.0, 3.0, 2.0]), Some(2.5));
-    }
 
     #[test]
     fn every_law_flies_in_every_condition_and_a_lost_flight_is_a_result() {
@@ -263,7 +284,9 @@ mod tests {
         };
         let calm = &conditions[..1];
         let jobs = super::jobs(&base, std::slice::from_ref(&lost), calm, &[1]).unwrap();
-        let cells = fly(&jobs, &[lost], calm, &Interrupt::never(), || ()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let cells = fly(&jobs, &[lost], calm, folder.path(), &Interrupt::never(), |_| ()).unwrap();
+        let cells = cells.unwrap();
         let [cell] = &cells[..] else { panic!("{cells:?}") };
         assert_eq!((cell.rms, cell.lost.len()), (None, 1));
 

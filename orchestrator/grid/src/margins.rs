@@ -4,10 +4,13 @@
 //! last 20 s. The search takes it that what a law survives it survives in a smaller dose as well; between a value that
 //! was survived and one that was not it halves the distance, down to the quantity's step.
 
+use std::path::Path;
+
+use flight::campaign::Campaign;
 use flight::interrupt::Interrupt;
+use flight::many;
 use reproduce::flight::measure;
-use reproduce::parallel;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::conditions::Quantity;
 use crate::error::GridError;
@@ -20,18 +23,21 @@ pub const SURVIVED: f64 = 0.1;
 /// The most seeds with which a value is tried.
 pub const SEEDS: usize = 5;
 
+/// File of the margins in the folder of a grid.
+pub const MARGINS: &str = "margins.rows";
+
 /// Length of a flight, s.
 const DURATION: &str = "duration=40.0";
 
 /// Margin of a law.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Margin {
     /// Name of the law.
     pub law: String,
     /// Name of the quantity.
-    pub quantity: &'static str,
+    pub quantity: String,
     /// Unit of the values.
-    pub unit: &'static str,
+    pub unit: String,
     /// Largest value that was survived; none if not even zero was.
     pub survived: Option<f64>,
     /// Smallest value that was tried and not survived; none if all were.
@@ -40,7 +46,8 @@ pub struct Margin {
     pub failure: Option<LostFlight>,
 }
 
-/// Searches the margins of all laws in these quantities. Calls `found` after each.
+/// Searches the margins of all laws in these quantities; returns fewer if the search was interrupted. Margins are kept in
+/// `folder`, from which an interrupted search resumes. Calls `found` with the number of margins, first and after each.
 ///
 /// # Errors
 /// [`GridError`] if the base does not know a setting.
@@ -49,22 +56,27 @@ pub fn search(
     laws: &[ControlLaw],
     quantities: &[Quantity],
     seeds: &[u64],
+    folder: &Path,
     interrupt: &Interrupt,
-    found: impl Fn() + Sync,
+    found: impl FnMut(usize),
 ) -> Result<Vec<Margin>, GridError> {
-    let mut pairs = Vec::new();
+    let seeds = &seeds[..seeds.len().min(SEEDS)];
+    let (mut pairs, mut searches) = (Vec::new(), Vec::new());
     for law in laws {
         let scenario = base.scenario(&law.settings, 1)?;
         let own = quantities.iter().filter(|quantity| quantity.is_of(&scenario));
-        pairs.extend(own.map(|quantity| (law, quantity)));
+        for quantity in own {
+            pairs.push((law, quantity));
+            searches.push((scenario.clone(), quantity.name, seeds));
+        }
     }
-    let seeds = &seeds[..seeds.len().min(SEEDS)];
-    let margins = parallel::map(&pairs, parallel::cores(), |(law, quantity)| {
+    let campaign = Campaign::new("margins", searches).map_err(GridError::Unreadable)?;
+    let search = |index: usize| {
+        let (law, quantity) = pairs[index];
         let margin = margin(base, law, quantity, seeds, interrupt);
-        found();
-        margin
-    });
-    margins.into_iter().collect()
+        interrupt.signal().is_none().then_some(margin)
+    };
+    campaign.fly(&folder.join(MARGINS), many::cores(), search, found)
 }
 
 fn margin(
@@ -86,8 +98,8 @@ fn margin(
     let (failed, failure) = bracket.failed.unzip();
     Ok(Margin {
         law: law.name.clone(),
-        quantity: quantity.name,
-        unit: quantity.unit,
+        quantity: quantity.name.to_owned(),
+        unit: quantity.unit.to_owned(),
         survived: bracket.survived.map(value),
         failed: failed.map(value),
         failure,

@@ -279,8 +279,8 @@ mod tests {
         let law: ControlLaw = "indi".parse().unwrap();
         let margin = Margin {
             law: law.name.clone(),
-            quantity: "delay",
-            unit: "ms",
+            quantity: "delay".to_owned(),
+            unit: "ms".to_owned(),
             survived: Some(16.0),
             failed: Some(17.0),
             failure: None,

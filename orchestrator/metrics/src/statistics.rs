@@ -1,10 +1,12 @@
 //! Mean, deviation and extremes of a stream of numbers, in fixed memory.
 
+use serde::{Deserialize, Serialize};
+
 /// The statistics of the numbers seen so far.
 ///
 /// Sums are those of the distances from the first number, so that no digits are lost to a large mean, and a number costs no
 /// division. Of no numbers at all every statistic is NaN, which no bar calls reached.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     count: u64,
     first: f64,

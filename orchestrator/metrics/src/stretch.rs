@@ -1,6 +1,6 @@
 //! The metrics of a stretch of a flight: all of it, or the part between two changes of the vehicle.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
 
@@ -10,7 +10,7 @@ use super::statistics::Statistics;
 use super::tracker::Moment;
 
 /// The vehicle's distance from the path in a stretch, and its effort: while it flew along the path.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// From the first moment to the last, s since the start of the flight.
     pub span: [f64; 2],

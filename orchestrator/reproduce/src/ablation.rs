@@ -2,11 +2,11 @@
 //! as it is believed to be.
 
 use serde::Serialize;
+use statistics::quantile::median_of;
 
 use super::column::Column;
 use super::flight::{FlightResults, FlightSpecification, ScenarioSource};
 use super::measure::Measured;
-use super::row::median;
 
 /// A design with something left out.
 #[derive(Clone, Copy, Debug)]
@@ -139,17 +139,13 @@ fn line(variant: Variant, results: &FlightResults, seeds: &[u64]) -> AblationRow
         .iter()
         .map(|&seed| results.flown(Column::Baseline, seed).of(variant.name).cloned())
         .collect();
-    let all = |value: fn(&Measured) -> f64| {
-        let values = flown.as_ref().ok()?.iter().map(value);
-        Some(values.collect::<Vec<_>>())
-    };
-    let middle = |value| all(value).map(|values| median(&values));
+    let all = |value: fn(&Measured) -> f64| Some(flown.as_ref().ok()?.iter().map(value));
+    let middle = |value| all(value).and_then(median_of);
     AblationRow {
         variant: variant.name,
         settings: variant.settings,
         rmse: middle(|measured| 1e2 * measured.error.rmse()),
-        worst_rmse: all(|measured| 1e2 * measured.error.rmse())
-            .map(|values| values.into_iter().fold(0.0, f64::max)),
+        worst_rmse: all(|measured| 1e2 * measured.error.rmse()).map(|values| values.fold(0.0, f64::max)),
         largest: middle(|measured| 1e2 * measured.error.max()),
         peak: middle(|measured| 1e2 * measured.error_transient.max()),
         rates: middle(|measured| measured.rate.rmse()),

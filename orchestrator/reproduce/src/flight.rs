@@ -7,12 +7,16 @@ use scenario::Scenario;
 
 use super::column::Column;
 use super::measure::{Measured, Meter};
-use super::parallel;
+use flight::campaign::Campaign;
 use flight::failure::FlightFailure;
 use flight::interrupt::Interrupt;
+use flight::journal::JournalError;
 use flight::{Outcome, in_process};
 use metrics::loss::Loss;
 use scenario_file::ScenarioError;
+
+/// File of the flights' results in the folder of a campaign.
+pub const FLIGHTS: &str = "flights.rows";
 
 /// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
 /// make every error small.
@@ -118,7 +122,7 @@ pub struct Job {
 
 /// The results of all flights, or why one has none.
 #[derive(Debug, Default)]
-pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, NotMeasured>>);
+pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, String>>);
 
 /// Reason why a flight came to nothing.
 #[derive(Debug, thiserror::Error)]
@@ -151,20 +155,37 @@ impl NotMeasured {
 }
 
 impl FlightResults {
-    /// Flies all jobs on so many threads, and calls `flown` after each.
+    /// Flies all jobs on some threads; none of an interrupted campaign. Results are kept in `folder`, from which an interrupted
+    /// campaign resumes. Calls `flown` with the number of results, first and after each flight.
     ///
     /// Every flight is a function of its scenario alone; neither the number of threads nor the order matters.
-    pub fn fly(jobs: &[Job], threads: usize, interrupt: &Interrupt, flown: impl Fn() + Sync) -> Self {
-        let results = parallel::map(jobs, threads, |job| {
-            let result = measure(&job.scenario, interrupt);
-            flown();
-            result
-        });
+    ///
+    /// # Errors
+    /// [`JournalError`] if the folder holds the results of other flights, or they cannot be kept.
+    pub fn fly(
+        jobs: &[Job],
+        threads: usize,
+        folder: &Path,
+        interrupt: &Interrupt,
+        flown: impl FnMut(usize),
+    ) -> Result<Option<Self>, JournalError> {
+        let path = folder.join(FLIGHTS);
+        let scenarios = jobs.iter().map(|job| &job.scenario);
+        let campaign = Campaign::new("reproduce", scenarios).map_err(|error| JournalError::File {
+            path: path.clone(),
+            error,
+        })?;
+        let fly = |index: usize| match measure(&jobs[index].scenario, interrupt) {
+            Err(NotMeasured::Interrupted(_)) => None,
+            result => Some(Ok(result.map_err(|reason| reason.to_string()))),
+        };
+        let results = campaign.fly::<_, JournalError>(&path, threads, fly, flown)?;
+        let is_whole = results.len() == jobs.len();
         let entries = jobs
             .iter()
             .zip(results)
             .map(|(job, result)| ((job.column, job.scenario.seed, job.name.clone()), result));
-        Self(entries.collect())
+        Ok(is_whole.then(|| Self(entries.collect())))
     }
 
     /// The flights of a laboratory and a seed.
@@ -240,8 +261,11 @@ mod tests {
     #[test]
     fn what_flights_come_to_does_not_depend_on_the_number_of_threads() {
         let jobs = jobs();
-        let one = FlightResults::fly(&jobs, 1, &Interrupt::never(), || ());
-        let three = FlightResults::fly(&jobs, 3, &Interrupt::never(), || ());
+        let [one, three] = [1, 3].map(|threads| {
+            let folder = tempfile::tempdir().unwrap();
+            let results = FlightResults::fly(&jobs, threads, folder.path(), &Interrupt::never(), |_| ());
+            results.unwrap().unwrap()
+        });
         for job in &jobs {
             let of =
                 |results: &FlightResults| results.flown(job.column, job.scenario.seed).of("short").cloned();

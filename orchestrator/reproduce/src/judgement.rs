@@ -3,13 +3,14 @@
 //! Nothing of the machine is in it: equal programs and seeds write equal reports.
 
 use serde::Serialize;
+use statistics::quantile::median_of;
 
 use super::column::Column;
 use super::figures::Figure;
 use super::flight::{FlightResults, ScenarioSource};
 use super::known_gaps::KnownGaps;
 use super::observability::Observability;
-use super::row::{AcceptanceLimit, Row, median};
+use super::row::{AcceptanceLimit, Row};
 
 /// The whole of it.
 #[derive(Clone, Debug, Serialize)]
@@ -193,7 +194,10 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
         .filter_map(|value| value.as_ref().ok().copied())
         .collect();
     let is_whole = failure.is_none() && !good.is_empty();
-    let (median, worst) = (median(&good), row.bar.worst(&good));
+    let (median, worst) = (
+        median_of(good.iter().copied()).unwrap_or(f64::NAN),
+        row.bar.worst(&good),
+    );
     let is_known = gap.is_some_and(|(limit, _)| row.bar.keeps(worst, limit));
     let verdict = match row.bar {
         AcceptanceLimit::Shown if is_whole => None,

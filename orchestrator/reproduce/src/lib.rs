@@ -2,7 +2,7 @@
 //!
 //! * [`mod@column`]: the laboratories: as stated, doubled, other than believed;
 //! * [`figures`]: of which flights a figure is made and which numbers it comes to, with their bars;
-//! * [`flight`], [`parallel`]: flying them, on all cores, each a function of its scenario alone;
+//! * [`flight`]: flying them, on all cores, each a function of its scenario alone;
 //! * [`measure`], [`windows`], [`latest`]: what a flight came to, measured while it flies;
 //! * [`row`], [`known_gaps`], [`judgement`]: judging it;
 //! * [`observability`], [`ablation`]: what the mass estimate can know, and what each part of the design is worth;
@@ -23,7 +23,6 @@ pub mod log_figures;
 pub mod measure;
 pub mod observability;
 pub mod pages;
-pub mod parallel;
 pub mod plan;
 pub mod row;
 pub mod table;

@@ -22,9 +22,10 @@ use metrics::statistics::Statistics;
 use metrics::steady::PhaseParts;
 use metrics::stretch::Metrics;
 use metrics::tracker::StateSource;
+use serde::{Deserialize, Serialize};
 
 /// The results of a flight; SI units.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// ‖p − pd(γ)‖ in the judged part, m.
     pub error: Statistics,

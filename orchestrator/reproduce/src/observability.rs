@@ -4,11 +4,11 @@
 //! adaptation gains. What makes the thrust change tells the two apart.
 
 use serde::Serialize;
+use statistics::quantile::median_of;
 
 use super::column::Column;
 use super::figures::fig10::{CellCurve, PRIOR_ERROR, ReportCell, WINDS};
 use super::flight::{FlightResults, FlightSpecification};
-use super::row::median;
 use metrics::statistics::Statistics;
 
 /// The number of seeds that are flown for it.
@@ -76,7 +76,7 @@ pub fn table(results: &FlightResults, asked: &[u64]) -> Observability {
                 let measured = flown.of(&cell.name())?;
                 Ok::<_, String>(1e3 * error(measured).rmse())
             });
-            flown.collect::<Result<Vec<_>, _>>().ok().map(|all| median(&all))
+            median_of(flown.collect::<Result<Vec<_>, _>>().ok()?)
         };
         ObservabilityRow {
             curve: cell.curve.name(),

@@ -153,29 +153,10 @@ impl Unit {
     }
 }
 
-/// The median: of an even number of values, the mean of the two in the middle.
-#[must_use]
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    match sorted.len() {
-        0 => f64::NAN,
-        count if count.is_multiple_of(2) => 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]),
-        count => sorted[count / 2],
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    #[test]
-    fn the_median_is_in_the_middle() {
-        assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
-        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
-        assert!(median(&[]).is_nan());
-    }
 
     proptest! {
         #[test]

@@ -39,6 +39,22 @@ impl RunFolder {
         }
     }
 
+    /// As [`create`](Self::create), where the folder that was asked for may hold one of these files, whole or partial: a
+    /// campaign resumes there.
+    ///
+    /// # Errors
+    /// [`RunFolderError`].
+    pub fn resume(asked: Option<&Path>, name: &str, files: &[&str]) -> Result<Self, RunFolderError> {
+        let holds = |path: &&Path| {
+            let mut files = files.iter().map(|file| path.join(file));
+            files.any(|file| file.exists() || partial_path(&file).exists())
+        };
+        match asked.filter(holds) {
+            Some(path) => Ok(Self(path.to_owned())),
+            None => Self::create(asked, name),
+        }
+    }
+
     fn create_named(path: &Path) -> Result<Self, RunFolderError> {
         let failed = |source| RunFolderError::Io {
             path: path.to_owned(),

@@ -14,7 +14,7 @@ use fault_matrix::plan::{self, MatrixCase, MatrixCell, Times};
 use fault_matrix::undisturbed::{NotFlown, Undisturbed};
 use fault_matrix::{injection_times, report, table};
 use flight::interrupt::Interrupt;
-use reproduce::parallel;
+use flight::many;
 use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.
@@ -152,7 +152,7 @@ fn fly_in_process(
     interrupt: &Interrupt,
 ) -> Result<Vec<FlightResult>, NotFlown> {
     let bar = progress::flights(cells.len());
-    let flown = parallel::map(cells, parallel::cores(), |cell| {
+    let flown = many::map(cells, many::cores(), |cell| {
         let flown = fly(cell, Way::InProcess { with_digest }, undisturbed, interrupt);
         bar.inc(1);
         flown

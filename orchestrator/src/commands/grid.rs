@@ -8,9 +8,10 @@ use grid::flights::{self, Base};
 use grid::report::GridReport;
 use grid::{margins, page};
 use report::text_table::latex_file;
+use reproduce::flight::FLIGHTS;
 use run_log::run_folder::RunFolder;
 
-use super::{Failure, print, write, write_json};
+use super::{Failure, print, resumes, write, write_json};
 use crate::cli::Grid;
 
 /// `gerono grid`.
@@ -37,22 +38,31 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     }
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let jobs = flights::jobs(&base, &laws, &conditions, &seeds).map_err(failure)?;
-    let folder = RunFolder::create(arguments.out.as_deref(), "grid").map_err(Failure::not_written)?;
+    let folder =
+        RunFolder::resume(arguments.out.as_deref(), "grid", &[FLIGHTS]).map_err(Failure::not_written)?;
     let bar = progress::flights(jobs.len());
-    let cells = flights::fly(&jobs, &laws, &conditions, &interrupt, || bar.inc(1));
+    let flown = |flights: usize| bar.set_position(flights as u64);
+    let cells = flights::fly(&jobs, &laws, &conditions, folder.path(), &interrupt, flown);
     bar.finish_and_clear();
     let cells = cells.map_err(|error| {
         folder.remove_if_empty();
         failure(error)
     })?;
     let bar = progress::flights(laws.len() * quantities.len());
-    let margins =
-        margins::search(&base, &laws, quantities, &seeds, &interrupt, || bar.inc(1)).map_err(failure)?;
+    let found = |margins: usize| bar.set_position(margins as u64);
+    let margins = match &cells {
+        Some(_) if !quantities.is_empty() => {
+            margins::search(&base, &laws, quantities, &seeds, folder.path(), &interrupt, found)
+        }
+        _ => Ok(Vec::new()),
+    };
     bar.finish_and_clear();
+    let margins = margins.map_err(failure)?;
     if let Some(signal) = interrupt.signal() {
-        folder.remove_if_empty();
+        resumes(folder.path());
         return Ok(Exit::Signal(signal));
     }
+    let cells = cells.expect("a grid that was not interrupted is whole");
     let report = GridReport::new(&base, &laws, &conditions, &seeds, cells, margins);
     write_json(&folder.path().join("grid.json"), &report)?;
     write(&folder.path().join("grid.md"), &report.markdown())?;
@@ -72,6 +82,7 @@ fn failure(error: GridError) -> Failure {
     match error {
         GridError::Scenario(error) => error.into(),
         GridError::Flight(error) => error.into(),
+        GridError::Journal(error) => error.into(),
         GridError::BadInput(reason) => Failure::bad_input(reason),
         GridError::Unreadable(error) => Failure::trouble(error),
         GridError::Condition {

@@ -2,22 +2,23 @@
 
 use std::path::Path;
 
-use super::{Failure, print, write, write_json};
+use super::{Failure, print, resumes, write, write_json};
 use crate::cli::Reproduce;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
 use flight::interrupt::Interrupt;
+use flight::many;
 use flight::{Outcome, in_process};
 use reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use reproduce::figures::Figure;
-use reproduce::flight::{FlightResults, Job};
+use reproduce::flight::{FLIGHTS, FlightResults, Job};
 use reproduce::judgement::{self, ReproductionReport};
 use reproduce::known_gaps::KnownGaps;
 use reproduce::pages::{FlightPage, PageError};
 use reproduce::plan::Plan;
 use reproduce::traces::{Tracer, Traces};
-use reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, parallel, seeds, table};
+use reproduce::{QUICK_SEEDS, SEEDS, ablation, gallery, observability, seeds, table};
 use run_log::run_folder::RunFolder;
 
 /// `gerono reproduce`.
@@ -30,14 +31,15 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
         .unwrap_or(if arguments.quick { QUICK_SEEDS } else { SEEDS });
     let seeds = seeds(count);
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    let folder = RunFolder::create(arguments.out.as_deref(), "reproduce").map_err(Failure::not_written)?;
+    let out = arguments.out.as_deref();
+    let folder = RunFolder::resume(out, "reproduce", &[FLIGHTS]).map_err(Failure::not_written)?;
     let end = if arguments.ablation {
         show_ablation(&seeds, &folder, &interrupt)?
     } else {
         show_figures(arguments, &seeds, &folder, &interrupt)?
     };
     if let Exit::Signal(_) = end {
-        folder.remove_if_empty();
+        resumes(folder.path());
     } else {
         print(format!("results: {}\n", folder.path().display()));
     }
@@ -47,10 +49,9 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
 fn show_ablation(seeds: &[u64], folder: &RunFolder, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let mut plan = Plan::default();
     plan.add_ablation(seeds);
-    let results = fly(&plan.jobs()?, interrupt);
-    if let Some(signal) = interrupt.signal() {
-        return Ok(Exit::Signal(signal));
-    }
+    let Some(results) = fly(&plan.jobs()?, folder, interrupt)? else {
+        return Ok(ended(interrupt));
+    };
     let lines = ablation::table(&results, seeds);
     let table = table::ablation(&lines);
     write_json(&folder.path().join("ablation.json"), &lines)?;
@@ -82,7 +83,9 @@ fn show_figures(
         plan.add_observability(seeds);
     }
     let jobs = plan.jobs()?;
-    let results = fly(&jobs, interrupt);
+    let Some(results) = fly(&jobs, folder, interrupt)? else {
+        return Ok(ended(interrupt));
+    };
     let (drawn, pages) = draw(&figures, &jobs, folder.path(), interrupt)?;
     if let Some(signal) = interrupt.signal() {
         return Ok(Exit::Signal(signal));
@@ -132,12 +135,18 @@ fn figures(arguments: &Reproduce) -> Vec<Figure> {
     figures
 }
 
-/// Flies all jobs on all cores, with a progress bar on a terminal.
-fn fly(jobs: &[Job], interrupt: &Interrupt) -> FlightResults {
+/// Flies all jobs on all cores, with a progress bar on a terminal; returns none if it was interrupted.
+fn fly(jobs: &[Job], folder: &RunFolder, interrupt: &Interrupt) -> Result<Option<FlightResults>, Failure> {
     let bar = progress::flights(jobs.len());
-    let results = FlightResults::fly(jobs, parallel::cores(), interrupt, || bar.inc(1));
+    let flown = |flights: usize| bar.set_position(flights as u64);
+    let results = FlightResults::fly(jobs, many::cores(), folder.path(), interrupt, flown);
     bar.finish_and_clear();
-    results
+    Ok(results?)
+}
+
+/// Returns the exit of a command that was interrupted.
+fn ended(interrupt: &Interrupt) -> Exit {
+    interrupt.signal().map_or(Exit::Success, Exit::Signal)
 }
 
 /// Draws what belongs to the figures, of the first seed in the first laboratory, and writes a page of the first flight of each;
@@ -165,7 +174,7 @@ fn draw(
         .filter_map(|name| jobs.iter().find(|job| job.name == *name))
         .collect();
     let mut pages: Vec<FlightPage> = figures.iter().copied().filter_map(FlightPage::of).collect();
-    let traced = parallel::map(&drawn_jobs, parallel::cores(), |job| {
+    let traced = many::map(&drawn_jobs, many::cores(), |job| {
         match pages.iter().find(|page| page.flight == job.name) {
             Some(page) => page.fly(&job.scenario, folder, interrupt),
             None => Ok(trace(job, interrupt)),

@@ -31,6 +31,12 @@ pub fn median(sorted: &[f64]) -> Option<f64> {
     quantile(sorted, 0.5)
 }
 
+/// Returns the median of values in any order, without those that are no number; none of no values.
+#[must_use]
+pub fn median_of(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    median(&sorted(values))
+}
+
 /// Returns the least and the largest of values in rising order; none of no values.
 #[must_use]
 pub fn range(sorted: &[f64]) -> Option<[f64; 2]> {

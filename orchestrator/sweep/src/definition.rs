@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use scenario_file::values::plain_name;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use shared_types::sample::hex;
 use statistics::distribution::Distribution;
 use toml::{Table, Value};
 
@@ -242,14 +243,8 @@ impl Source {
             hash.update((text.len() as u64).to_le_bytes());
             hash.update(text);
         }
-        hexadecimal(&hash.finalize())
+        hex(&hash.finalize())
     }
-}
-
-/// Returns bytes in hexadecimal.
-#[must_use]
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn read_text(path: &Path, fix: &str) -> Result<String, SweepError> {

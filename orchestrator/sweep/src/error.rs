@@ -4,9 +4,8 @@ use std::error::Error;
 use std::path::Path;
 
 use ::flight::failure::FlightFailure;
+use ::flight::journal::JournalError;
 use scenario_file::ScenarioError;
-
-use crate::shard::ShardError;
 
 type Cause = Box<dyn Error + Send + Sync>;
 
@@ -50,10 +49,10 @@ impl SweepError {
     }
 }
 
-impl From<ShardError> for SweepError {
-    fn from(error: ShardError) -> Self {
+impl From<JournalError> for SweepError {
+    fn from(error: JournalError) -> Self {
         match error {
-            ShardError::File { .. } => Self::not_written(error),
+            JournalError::File { .. } => Self::not_written(error),
             _ => Self::bad_input(error),
         }
     }

@@ -14,12 +14,13 @@ use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Programs, Scenario};
 use sha2::{Digest, Sha256};
+use shared_types::sample::hex;
 use shared_types::samples::{RunEvent, VehicleTruth};
 use shared_types::service::{ErasedService, nanoseconds};
 use shared_types::{Schedule, ServiceId, Topic};
 use zerocopy::IntoBytes;
 
-use crate::definition::{Entry, hexadecimal};
+use crate::definition::Entry;
 use crate::error::SweepError;
 use crate::plan::{Plan, Sample};
 use crate::row::{Flown, Outcome};
@@ -294,7 +295,7 @@ fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flow
         reason,
         energy: judge.energy.mean(),
         steps: judge.energy.samples,
-        digest: hexadecimal(&judge.digest.finalize()),
+        digest: hex(&judge.digest.finalize()),
         summary: Some(summary),
     }))
 }

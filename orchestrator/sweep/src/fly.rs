@@ -54,7 +54,7 @@ pub fn find(
         .filter(|(_, is_complete)| *is_complete)
     {
         let mut reader = ShardReader::open(&shard.path(folder))?;
-        let header = reader.header.clone();
+        let header = reader.header().clone();
         if prepared.is_none() {
             let source = Source::new(
                 folder,

@@ -25,7 +25,6 @@ pub mod fly;
 mod heat_map;
 pub mod library;
 pub mod merge;
-pub mod ordered;
 pub mod page;
 mod parts;
 pub mod plan;

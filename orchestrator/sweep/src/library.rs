@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ::flight::interrupt::Interrupt;
-use reproduce::parallel;
+use ::flight::many;
 
 use crate::definition::{Entry, Source};
 use crate::error::{SweepError, make_folder};
@@ -11,7 +11,7 @@ use crate::flight::{self, OwnController};
 use crate::merge::merge_folder;
 use crate::prepared::Prepared;
 use crate::run::fly_shard;
-use crate::shard::{Shard, ShardWriter, is_complete};
+use crate::shard::{self, Shard, is_complete};
 
 fn prepared(
     text: String,
@@ -41,7 +41,7 @@ pub fn run(
 ) -> Result<(), SweepError> {
     let prepared = prepared(text, scenario_path, scenario_text, folder)?;
     if !is_complete(folder, &prepared.header(Shard::WHOLE))? {
-        let threads = jobs.unwrap_or_else(parallel::cores);
+        let threads = jobs.unwrap_or_else(many::cores);
         fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt, |_, _| ())?;
     }
     if interrupt.signal().is_some() {
@@ -67,9 +67,9 @@ pub fn run_with(
     if is_complete(folder, &prepared.header(Shard::WHOLE))? {
         return merge_folder(folder, false).map(drop);
     }
-    let mut writer = ShardWriter::open(folder, &prepared.header(Shard::WHOLE))?;
+    let mut writer = shard::open(folder, &prepared.header(Shard::WHOLE))?;
     let entries = plan.entries.len() as u64;
-    for row in writer.rows..plan.samples * entries {
+    for row in writer.results..plan.samples * entries {
         let sample = plan.sample(row / entries);
         let entry = &plan.entries[usize::try_from(row % entries).expect("few entries")];
         let flown =

@@ -20,7 +20,7 @@ use crate::table::TableWriter;
 /// [`SweepError`] if shards lack, differ or are damaged, or nothing can be written.
 pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), SweepError> {
     let shards = complete_shards(folder)?;
-    let first = ShardReader::open(&shards[0].path(folder))?.header;
+    let first = ShardReader::open(&shards[0].path(folder))?.header().clone();
     let source = Source::new(
         &folder.join("(the sweep of its shards)"),
         first.sweep_text.clone(),
@@ -49,9 +49,9 @@ pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), 
         let mut expected = first.clone();
         expected.shard = *shard;
         if mixed_builds {
-            expected.program.clone_from(&reader.header.program);
+            expected.program.clone_from(&reader.header().program);
         }
-        if let Some(reason) = expected.difference(&reader.header) {
+        if let Some(reason) = expected.difference(reader.header()) {
             let fix = if reason.contains("build of gerono") {
                 "; --mixed-builds takes them together all the same"
             } else {

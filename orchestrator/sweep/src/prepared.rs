@@ -1,13 +1,10 @@
 //! A sweep as it is about to be flown, merged or told: checked, and with the build that does it.
 
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::{self, Read};
-use std::path::PathBuf;
 
-use sha2::{Digest, Sha256};
+use ::flight::identity::program_hash;
 
-use crate::definition::{Source, hexadecimal};
+use crate::definition::Source;
 use crate::error::SweepError;
 use crate::plan::Plan;
 use crate::row::{Kind, Layout};
@@ -98,36 +95,4 @@ fn check_names(plan: &Plan, layout: &Layout) -> Result<(), SweepError> {
             known.join(", ")
         ))),
     }
-}
-
-/// Returns the SHA-256 of the build that flies, in hexadecimal: of the file that this code was loaded from, which is the
-/// program, or the module of an interpreter.
-fn program_hash() -> io::Result<String> {
-    let mut program = File::open(mapped_file(program_hash as fn() -> io::Result<String> as usize)?)?;
-    let (mut hash, mut part) = (Sha256::new(), vec![0; 1 << 16]);
-    loop {
-        match program.read(&mut part)? {
-            0 => return Ok(hexadecimal(&hash.finalize())),
-            count => hash.update(&part[..count]),
-        }
-    }
-}
-
-/// Returns the file that is mapped at an address of this process.
-fn mapped_file(address: usize) -> io::Result<PathBuf> {
-    let maps = std::fs::read_to_string("/proc/self/maps")?;
-    let path = maps.lines().find_map(|line| {
-        let (range, rest) = line.split_once(' ')?;
-        let (from, to) = range.split_once('-')?;
-        let limit = |text| usize::from_str_radix(text, 16).ok();
-        let path = &rest[rest.find('/')?..];
-        (limit(from)?..limit(to)?)
-            .contains(&address)
-            .then(|| path.to_owned())
-    });
-    let path = path.ok_or_else(|| io::Error::other("no file is mapped where this program is"))?;
-    let own = PathBuf::from("/proc/self/exe");
-    // The link leads to the program also after its file was replaced.
-    let is_program = std::fs::read_link(&own).is_ok_and(|target| target.as_os_str() == path.as_str());
-    Ok(if is_program { own } else { path.into() })
 }

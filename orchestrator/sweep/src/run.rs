@@ -6,10 +6,10 @@ use std::time::Instant;
 use ::flight::interrupt::Interrupt;
 
 use crate::error::{SweepError, make_folder};
+use crate::flight;
 use crate::prepared::Prepared;
 use crate::row::Row;
-use crate::shard::{Shard, ShardWriter};
-use crate::{flight, ordered};
+use crate::shard::{self, Shard};
 
 /// What a shard's flights came to.
 pub struct ShardFlown {
@@ -51,38 +51,23 @@ pub fn fly_shard(
     let entries = plan.entries.len() as u64;
     let samples = shard.samples(plan.samples);
     let rows = samples.start * entries..samples.end * entries;
-    let mut writer = ShardWriter::open(folder, &prepared.header(shard))?;
-    let before = writer.rows;
+    let journal = shard::open(folder, &prepared.header(shard))?;
+    let before = journal.results;
     let of = rows.end - rows.start;
     progress(before, of);
-    let fly = |row: u64| fly_row(prepared, row, folder, interrupt);
+    let fly = |row: u64| fly_row(prepared, rows.start + row, folder, interrupt);
     let mut steps = 0;
     let begun = Instant::now();
-    let flown = ordered::for_each(rows.start + before..rows.end, threads, fly, |flown| {
-        let (row, of_row) = flown?;
+    let rows = journal.fill(of, threads, fly, |rows, _, of_row| {
         steps += of_row;
-        writer.write(&row)?;
-        progress(writer.rows, of);
-        Ok(())
-    });
-    let seconds = begun.elapsed().as_secs_f64();
-    let written = writer.rows;
-    if let Err(failure) = flown {
-        // What was flown is kept also where this row could not be.
-        let _ = writer.pause();
-        return Err(failure);
-    }
-    if written == of {
-        writer.complete()?;
-    } else {
-        writer.pause()?;
-    }
+        progress(rows, of);
+    })?;
     Ok(ShardFlown {
-        rows: written,
+        rows,
         of,
         before,
         steps,
-        seconds,
+        seconds: begun.elapsed().as_secs_f64(),
     })
 }
 

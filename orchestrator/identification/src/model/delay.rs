@@ -5,7 +5,7 @@
 //! than their stamps make the same difference: what is found is the delay between both,
 //! and with it all lag of thrust and body rates beyond what the model states: an effective delay.
 
-use reproduce::parallel;
+use flight::many;
 
 use super::IdentifyError;
 use super::recording::{Believed, Recording};
@@ -34,7 +34,7 @@ pub fn search(recording: &Recording, believed: &Believed) -> Result<f64, Identif
     score(best)?;
     for step in STEPS {
         let latencies = grid(from, to, step);
-        let scores = parallel::map(&latencies, parallel::cores(), |&latency| {
+        let scores = many::map(&latencies, many::cores(), |&latency| {
             score(latency).unwrap_or(f64::INFINITY)
         });
         let least = (0..latencies.len())

@@ -9,9 +9,9 @@
 
 use std::collections::VecDeque;
 
+use flight::many;
 use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{SMatrix, SVector};
-use reproduce::parallel;
 use statistics::student;
 
 use super::IdentifyError;
@@ -297,7 +297,7 @@ impl Estimate {
         recording: &Recording,
         believed: &Believed,
     ) -> Result<Vec<Option<f64>>, IdentifyError> {
-        let runs = parallel::map(&self.blocks, parallel::cores(), |block| {
+        let runs = many::map(&self.blocks, many::cores(), |block| {
             let run = block.innovations(recording, believed, &self.parameters, None)?;
             let counting = run.iter().filter(|(at_ns, _)| *at_ns >= block.from_ns);
             Ok(Deviance::of(
@@ -378,7 +378,7 @@ impl Block {
     ) -> Result<NormalEquations, IdentifyError> {
         let mut runs: Vec<Option<(usize, f64)>> = vec![None];
         runs.extend((0..ALL).flat_map(|index| [STEPS[index], -STEPS[index]].map(|step| Some((index, step)))));
-        let runs = parallel::map(&runs, parallel::cores(), |&step| {
+        let runs = many::map(&runs, many::cores(), |&step| {
             self.innovations(recording, believed, parameters, step)
         });
         let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;

@@ -7,7 +7,7 @@ use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
 use flight::interrupt::Interrupt;
-use reproduce::parallel;
+use flight::many;
 use sweep::error::make_folder;
 use sweep::prepared::Prepared;
 use sweep::run::{ShardFlown, fly_shard};
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
         .unwrap_or_else(|| default_folder(&arguments.sweep));
     make_folder(&folder).map_err(failure)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    let threads = arguments.jobs.map_or_else(parallel::cores, usize::from);
+    let threads = arguments.jobs.map_or_else(many::cores, usize::from);
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
     if is_complete(&folder, &prepared.header(shard)).map_err(|error| failure(error.into()))? {
         note(format_args!(

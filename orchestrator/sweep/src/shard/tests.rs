@@ -38,9 +38,9 @@ fn row(sample: u64) -> Row {
     ]
 }
 
-fn written(folder: &Path, rows: Range<u64>) -> ShardWriter {
-    let mut writer = ShardWriter::open(folder, &header()).unwrap();
-    assert_eq!(writer.rows, rows.start);
+fn written(folder: &Path, rows: Range<u64>) -> Journal {
+    let mut writer = open(folder, &header()).unwrap();
+    assert_eq!(writer.results, rows.start);
     for sample in rows {
         writer.write(&row(sample)).unwrap();
     }
@@ -87,7 +87,7 @@ fn rows_are_read_as_they_were_written_and_damage_is_found() {
         std::fs::write(&path, bad).unwrap();
         let mut reader = ShardReader::open(&path).unwrap();
         let end = (0..6).find_map(|_| reader.next_row().err());
-        assert!(matches!(end, Some(ShardError::Damaged { .. })), "{end:?}");
+        assert!(matches!(end, Some(JournalError::Damaged { .. })), "{end:?}");
     }
 }
 
@@ -96,8 +96,8 @@ fn a_shard_of_another_sweep_or_program_and_one_in_use_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let writer = written(folder.path(), 0..2);
     assert!(matches!(
-        ShardWriter::open(folder.path(), &header()),
-        Err(ShardError::Locked { .. })
+        open(folder.path(), &header()),
+        Err(JournalError::Locked { .. })
     ));
     writer.pause().unwrap();
     for other in [
@@ -114,8 +114,11 @@ fn a_shard_of_another_sweep_or_program_and_one_in_use_are_refused() {
             ..header()
         },
     ] {
-        let refused = ShardWriter::open(folder.path(), &other);
-        assert!(matches!(refused, Err(ShardError::Foreign { .. })), "{refused:?}");
+        let refused = open(folder.path(), &other);
+        assert!(
+            matches!(refused, Err(JournalError::Foreign { .. })),
+            "{refused:?}"
+        );
     }
 }
 

@@ -1,6 +1,12 @@
-//! Work on many items on all cores, whose results are taken in order; only few of them wait.
+//! Many flights on all cores: their results come in the order of the flights, whatever thread has flown which and when.
+//!
+//! A flight is a function of its scenario alone, so a campaign gives the same results on any number of threads. Flights
+//! are stepped one after the other on a thread. Eight of them interleaved, service by service, take 0.9 to 1.1 of the
+//! time: they miss 49 in place of 372 lines of the first instruction cache a tick, but 184 in place of 23 of the first
+//! data cache, and the limit is neither: it is the 8,700 instructions of a tick.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::{Condvar, Mutex};
 use std::thread;
@@ -16,8 +22,28 @@ struct State<R> {
     stops: bool,
 }
 
-/// Does `work` on every item of a range on so many threads, and hands the results to `take` in the order of the items.
-/// Ends early if `work` returns nothing, or when `take` fails.
+/// Returns the number of cores that this process may use.
+#[must_use]
+pub fn cores() -> usize {
+    thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Returns the results of `work` on every item, in the order of the items.
+///
+/// # Panics
+/// If `work` does.
+pub fn map<T: Sync, R: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let mut results = Vec::with_capacity(items.len());
+    let of_index = |index| Some(work(&items[usize::try_from(index).expect("an index of a slice")]));
+    let Ok(()) = for_each(0..items.len() as u64, threads, of_index, |result| {
+        results.push(result);
+        Ok::<_, Infallible>(())
+    });
+    results
+}
+
+/// Does `work` on every item of a range on some threads, and passes the results to `take` in the order of the items; few
+/// results wait for an earlier one. Ends early if `work` returns nothing, or when `take` fails.
 ///
 /// # Errors
 /// That of `take`.
@@ -140,6 +166,20 @@ mod tests {
             });
             assert!(outcome.is_ok() && taken.iter().copied().eq(5..1000));
         }
+    }
+
+    #[test]
+    fn a_slice_is_mapped_in_order_by_any_number_of_threads() {
+        let items: Vec<u64> = (0..100).collect();
+        for threads in [0, 1, 3, 200] {
+            let squares = map(&items, threads, |item| {
+                // The first items take longest.
+                thread::sleep(std::time::Duration::from_micros(100 - item));
+                item * item
+            });
+            assert!(squares.into_iter().eq(items.iter().map(|item| item * item)));
+        }
+        assert!(map(&[0_u8; 0], 4, |item| *item).is_empty());
     }
 
     #[test]
