@@ -77,7 +77,7 @@ fn distance(place: &Vector3<f64>, points: &[Vector3<f64>]) -> f64 {
 }
 
 #[test]
-fn the_page_about_the_laboratory_shows_what_a_path_that_waits_is_worth() {
+fn the_page_about_following_shows_what_a_path_that_waits_is_worth() {
     let place = Place::new();
     let mut table = "| event | flown | largest distance from the curve, cm | time lost, s |\n".to_owned();
     table += "| --- | --- | --- | --- |\n";
@@ -94,6 +94,6 @@ fn the_page_about_the_laboratory_shows_what_a_path_that_waits_is_worth() {
             );
         }
     }
-    let document = read("docs/laboratory.md");
-    assert_same("docs/laboratory.md", section(&document, "following"), &table);
+    let document = read("docs/following.md");
+    assert_same("docs/following.md", section(&document, "following"), &table);
 }

@@ -1,5 +1,5 @@
 //! Services, newborn ones and the standby process are stopped (SIGSTOP) and killed in every phase of their lives, in real
-//! time in the air: each is replaced within the limits of a flight (docs/real_time.md).
+//! time in the air: each is replaced within the limits of a flight (docs/restarts_in_real_time.md).
 //!
 //! `GERONO_HANGS` says how often each is done (1 unless stated; `.ci/full` asks for 20). Prints the table of gaps.
 
@@ -487,10 +487,14 @@ fn a_flight_ends_although_a_service_hangs_in_its_last_moments() {
     }
 }
 
-/// The table of docs/real_time.md states the limits that hold.
+/// The table of docs/restarts_in_real_time.md states the limits that hold.
 #[test]
 fn the_page_states_the_limits_of_a_start() {
-    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/real_time.md")).unwrap();
+    let page = std::fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../docs/restarts_in_real_time.md"
+    ))
+    .unwrap();
     let row = |name: &str| {
         let start = format!("| {name} |");
         let line = page.lines().find(|line| line.starts_with(&start));

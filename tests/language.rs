@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 const KEPT: [(&str, &str); 4] = [
     // Key of the control channel, which running services of an older program read.
     ("services/runtime/src/control.rs", "reborn"),
-    ("docs/architecture.md", "reborn"),
+    ("docs/processes.md", "reborn"),
     ("docs/process_contract.md", "reborn"),
     // Name of the socket of a run: a newer orchestrator takes over flights of an older one.
     ("services/runtime/src/take_over.rs", "succession"),

@@ -178,7 +178,7 @@ fn the_page_about_laws_shows_what_they_reach() {
     assert_same("docs/laws.md", section(&document, "laws"), &table());
 }
 
-/// Near its path a vehicle that follows flies as one that tracks with the same start of the clock: docs/laboratory.md.
+/// Near its path a vehicle that follows flies as one that tracks with the same start of the clock: docs/following.md.
 #[test]
 fn following_is_tracking_as_long_as_the_path_does_not_wait() {
     let place = Place::new();

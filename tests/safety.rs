@@ -226,7 +226,7 @@ fn without_commands_the_radio_holds_and_then_stops_the_motors_at_the_stated_ages
 }
 
 #[test]
-#[ignore = "prints the table of docs/faults.md, which takes minutes"]
+#[ignore = "prints the table of docs/old_samples.md, which takes minutes"]
 fn what_outages_cost_with_and_without_a_policy() {
     for service in ["estimator", "controller", "path_generator", "rc_output"] {
         for lasts in ["0.02", "0.05", "0.1", "0.2", "0.5"] {

@@ -1,4 +1,4 @@
-//! Attacks of another user of the machine on a run: docs/security.md lists what comes of each.
+//! Attacks of another user of the machine on a run: docs/developers.md lists what comes of each.
 //!
 //! Needs root, to act as two users whom nobody else is. Without it these tests are skipped with a message.
 

@@ -330,7 +330,7 @@ const TICK_NS: u64 = 1_000_000;
 const PAIRS: usize = 10;
 
 #[test]
-#[ignore = "prints the figures of docs/live_view.md, which takes four minutes"]
+#[ignore = "prints the figures of docs/developers.md, which takes four minutes"]
 fn what_eight_browsers_cost_a_flight_and_the_machine() {
     let place = Place::new();
     let flight = begin(&mut place.live_flight("hover", "out", &["duration=1000.0"]));

@@ -301,7 +301,7 @@ impl FlightPhase {
 }
 
 impl Cause {
-    /// Returns its name in docs/safety.md.
+    /// Returns its name in docs/flight_phases.md.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

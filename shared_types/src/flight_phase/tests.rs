@@ -209,7 +209,7 @@ fn the_cause_of_a_transition_is_a_condition_that_holds_and_no_graver_one_does() 
 
 #[test]
 fn the_table_of_the_documentation_is_this_table() {
-    let page = include_str!("../../../docs/safety.md");
+    let page = include_str!("../../../docs/flight_phases.md");
     let rows = page.lines().filter_map(|line| {
         let cells: Vec<_> = line.split('|').map(str::trim).collect();
         let [_, from, words, to, cause, _] = cells[..] else {

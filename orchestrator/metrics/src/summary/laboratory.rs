@@ -32,7 +32,7 @@ pub struct CaptureReport {
     pub frames: u64,
     /// Frames whose pose was believed.
     pub believed: u64,
-    /// The number of other happenings, by the words of docs/motion_capture.md; only those that occurred.
+    /// The number of other happenings, by the words of docs/capture_validation.md; only those that occurred.
     pub happened: BTreeMap<&'static str, u64>,
     /// Reasons of refused packets and poses in words, each with its count.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -25,7 +25,7 @@ pub enum DeviceError {
     /// It may not be read.
     #[error(
         "you may not read the device {}; join its group (`sudo usermod -aG $(stat -Lc %G {}) $USER`, often `input`, then log in \
-         again), or give it to you by a udev rule, as docs/safety.md shows", .0.display(), .0.display()
+         again), or give it to you by a udev rule, as docs/kill_switch.md shows", .0.display(), .0.display()
     )]
     Permission(PathBuf),
     /// It sends neither events nor bytes.

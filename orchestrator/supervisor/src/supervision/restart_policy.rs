@@ -131,7 +131,7 @@ impl StartingProcess {
         }
     }
 
-    /// Returns what becomes of it. The table is in docs/real_time.md.
+    /// Returns what becomes of it. The table is in docs/restarts_in_real_time.md.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let is_past_all = match self.situation {
@@ -309,7 +309,7 @@ mod tests {
         }
     }
 
-    /// Rows of the table in docs/real_time.md: situation, time in ms, prepared, other prepared, asleep, missed before; verdict.
+    /// Rows of the table in docs/restarts_in_real_time.md: situation, time in ms, prepared, other prepared, asleep, missed before; verdict.
     #[test]
     fn a_process_that_starts_is_waited_for_hedged_or_replaced_as_the_table_says() {
         use Situation::{LockStep, RealTime, SetUp};
