@@ -28,18 +28,31 @@ pub(crate) fn read(path: &str) -> String {
     std::fs::read_to_string(repository(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The README and the guides, with their text.
-fn documents() -> Vec<(PathBuf, String)> {
-    let guides = std::fs::read_dir(repository("docs")).unwrap();
-    let mut paths: Vec<_> = guides.map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
-    assert!(paths.len() >= 4, "{paths:?}");
-    paths.push(repository("README.md"));
-    let text = |path: &PathBuf| std::fs::read_to_string(path).unwrap();
+/// The Markdown files of a folder, with their text.
+fn markdown_in(folder: &Path) -> Vec<(PathBuf, String)> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
     paths
-        .into_iter()
-        .map(|path| (path.clone(), text(&path)))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
+        .map(|path| (path.clone(), std::fs::read_to_string(path).unwrap()))
         .collect()
+}
+
+/// The pages of the manual.
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut pages = markdown_in(&repository("docs"));
+    pages.retain(|(path, _)| !path.ends_with("SUMMARY.md"));
+    assert!(pages.len() >= 40, "{}", pages.len());
+    pages
+}
+
+/// The manual, what stands beside it at the root, the forms of the forge, and the examples.
+fn documents() -> Vec<(PathBuf, String)> {
+    let examples = std::fs::read_dir(repository("examples")).unwrap();
+    let mut folders: Vec<_> = examples.map(|entry| entry.unwrap().path()).collect();
+    folders.retain(|path| path.is_dir());
+    folders.extend(["docs", ".", ".github/ISSUE_TEMPLATE"].map(repository));
+    folders.iter().flat_map(|folder| markdown_in(folder)).collect()
 }
 
 /// Returns the text between `<!-- name -->` and `<!-- end of … -->`.
@@ -243,6 +256,145 @@ fn every_command_shown_is_one_that_the_program_takes() {
         }
     }
     assert!(count >= 15, "only {count} commands were found");
+}
+
+/// What a document names between backticks, outside of fenced blocks.
+fn code_spans(text: &str) -> Vec<&str> {
+    let mut is_code = false;
+    let lines = text.lines().filter(|line| {
+        let is_fence = line.trim_start().starts_with("```");
+        is_code ^= is_fence;
+        !is_code && !is_fence
+    });
+    lines
+        .flat_map(|line| line.split('`').skip(1).step_by(2))
+        .collect()
+}
+
+/// Returns whether a name is that of a file of tests.
+fn is_test(name: &str, members: &BTreeMap<String, Member>) -> bool {
+    let folders = members.values().map(|member| repository(&member.folder));
+    let mut folders = folders.chain([repository("")]);
+    folders.any(|folder| folder.join("tests").join(name).with_extension("rs").exists())
+}
+
+/// Returns whether a text between backticks is a command, or why none like it exists.
+fn check_command(
+    span: &str,
+    gerono: &clap::Command,
+    members: &BTreeMap<String, Member>,
+) -> Result<bool, String> {
+    let exists = |is_there: bool, reason: &str| is_there.then_some(true).ok_or(reason.to_owned());
+    match span.split(' ').collect::<Vec<_>>()[..] {
+        ["gerono", name, ..] if name.starts_with(|first: char| first.is_ascii_lowercase()) => {
+            exists(gerono.find_subcommand(name).is_some(), "no such command")
+        }
+        ["cargo", "run", "--release", "--", _, ..] => {
+            // The dashes stand in the place of the program's name.
+            let arguments = words(span).into_iter().skip(3);
+            let parsed = Cli::try_parse_from(arguments);
+            parsed.map(|_| true).map_err(|error| error.to_string())
+        }
+        ["cargo", "test", ref arguments @ ..] => {
+            let value_of = |option| {
+                let mut pairs = arguments.windows(2);
+                pairs.find(|pair| pair[0] == option).map(|pair| pair[1])
+            };
+            let is_crate = value_of("-p").is_none_or(|name| members.contains_key(name));
+            let modules = arguments.iter().filter_map(|word| word.strip_suffix("::"));
+            let mut tests = value_of("--test").into_iter().chain(modules);
+            let is_there = is_crate && tests.all(|name| is_test(name, members));
+            exists(is_there, "no such crate or tests")
+        }
+        [script @ (".ci/run" | ".ci/full"), step] if !step.starts_with('-') => {
+            let is_there = read(script).contains(&format!("{step}() {{"));
+            exists(is_there, "no such step")
+        }
+        _ => Ok(false),
+    }
+}
+
+#[test]
+fn every_command_named_in_a_sentence_exists() {
+    let mut gerono = Cli::command();
+    gerono.build();
+    let members = workspace();
+    let mut count = 0;
+    for (path, text) in documents() {
+        for span in code_spans(&text) {
+            match check_command(span, &gerono, &members) {
+                Ok(is_command) => count += usize::from(is_command),
+                Err(reason) => panic!("{}: `{span}`: {reason}", path.display()),
+            }
+        }
+    }
+    assert!(count >= 100, "only {count} commands were found");
+}
+
+/// Folders at the root with which the paths in documents begin.
+const FOLDERS: [&str; 10] = [
+    ".ci",
+    "docs",
+    "examples",
+    "orchestrator",
+    "packaging",
+    "python",
+    "scenarios",
+    "services",
+    "shared_types",
+    "tests",
+];
+
+#[test]
+fn every_file_named_in_a_sentence_exists() {
+    let mut count = 0;
+    for (path, text) in documents() {
+        // Links have a test of their own, and their texts may be short.
+        let text = text.replace("[`", "[").replace("`](", "](");
+        for span in code_spans(&text) {
+            let begins = FOLDERS.iter().any(|folder| {
+                let rest = span.strip_prefix(folder);
+                rest.is_some_and(|rest| rest.starts_with('/'))
+            });
+            if begins && !span.contains([' ', '*', '…', '<', '=']) {
+                let is_there = repository(span.trim_end_matches('/')).exists();
+                assert!(is_there, "{}: `{span}` is not there", path.display());
+                count += 1;
+            }
+        }
+    }
+    assert!(count >= 50, "only {count} files were found");
+}
+
+/// Returns how many words of a page are read: those of sentences and of tables written by hand. Code, and what stands
+/// between comments because the program generates it or a test compares it, is looked up instead.
+fn words_to_read(page: &str) -> usize {
+    let mut is_code = false;
+    let mut is_generated = false;
+    let mut words = 0;
+    for line in page.lines().map(str::trim) {
+        let is_fence = line.starts_with("```");
+        is_code ^= is_fence;
+        if line.starts_with("<!--") {
+            is_generated = !line.starts_with("<!-- end of");
+        } else if !is_code && !is_generated && !is_fence {
+            let has_letters = |word: &&str| word.contains(char::is_alphanumeric);
+            words += line.split_whitespace().filter(has_letters).count();
+        }
+    }
+    assert!(!is_generated, "a comment has no end");
+    words
+}
+
+#[test]
+fn a_page_is_read_in_ten_minutes() {
+    const WORDS_A_MINUTE: usize = 240;
+    let example = "# Two words\n\n| a | 1 cm |\n```toml\nno = 1\n```\n<!-- keys: x -->\n```text\nno\n```\n<!-- end of keys -->\nsix\n";
+    assert_eq!(words_to_read(example), 6);
+    let documents = pages().into_iter().chain(markdown_in(&repository(".")));
+    let minutes = documents.map(|(path, text)| (path, words_to_read(&text).div_ceil(WORDS_A_MINUTE)));
+    let long: Vec<_> = minutes.filter(|(_, minutes)| *minutes > 10).collect();
+    assert!(long.is_empty(), "minutes of reading: {long:?}");
 }
 
 #[test]
@@ -476,13 +628,24 @@ fn the_manual_lists_every_page_once() {
         .skip(1)
         .map(|rest| rest.split(')').next().unwrap().to_owned())
         .collect();
-    let pages: BTreeSet<_> = documents()
+    let pages: BTreeSet<_> = pages()
         .into_iter()
         .map(|(path, _)| path.file_name().unwrap().to_str().unwrap().to_owned())
-        .filter(|name| !["README.md", "SUMMARY.md"].contains(&name.as_str()))
         .collect();
     assert_eq!(listed.len(), pages.len());
     assert_eq!(listed.into_iter().collect::<BTreeSet<_>>(), pages);
+}
+
+/// mdBook takes every link to Markdown for one to a page of the book.
+#[test]
+fn the_manual_links_to_its_own_pages_only() {
+    for (path, text) in pages() {
+        for rest in text.split("](").skip(1) {
+            let target = rest.split([')', '#']).next().expect("splits into one");
+            let is_outside = target.starts_with("../") && target.ends_with(".md");
+            assert!(!is_outside, "{}: {target}", path.display());
+        }
+    }
 }
 
 #[test]
