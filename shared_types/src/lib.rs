@@ -17,6 +17,8 @@
 //!
 //! Nothing in this crate does input or output.
 
+#![warn(missing_docs)]
+
 pub mod capture_figures;
 pub mod checkpoint;
 pub mod digest;

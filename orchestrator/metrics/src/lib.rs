@@ -11,6 +11,8 @@
 //! Nothing rests on what a controller says of itself. All of it is fed with samples in the order of the log, while a flight
 //! goes on or from its log, and allocates nothing while it is.
 
+#![warn(missing_docs)]
+
 pub mod loss;
 pub mod path_clock;
 pub mod percentiles;

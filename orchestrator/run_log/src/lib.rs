@@ -12,6 +12,8 @@
 //! write is reported once, with what to do; later writes report that the log is closed. A reader hands out nothing of a
 //! damaged chunk.
 
+#![warn(missing_docs)]
+
 mod compression;
 mod csv;
 mod digest;

@@ -11,6 +11,8 @@
 //! Difference from the paper: k1 d²σ(z1)/dt² and d³γ/dt³ contain the unknown acceleration as well. Both are part of W
 //! here; the paper leaves that to the reader.
 
+#![warn(missing_docs)]
+
 pub mod adaptive;
 pub mod law;
 pub mod observer;

@@ -7,6 +7,8 @@
 //! * [`watchdog`]: the watch over work in code of others that does not end;
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: samples that are kept for later.
 
+#![warn(missing_docs)]
+
 pub mod edge_store;
 pub mod in_process;
 pub mod owned_sample;

@@ -13,6 +13,8 @@
 //! Failure policy: a packet that cannot be read, accepted or timed is counted by reason and dropped, and ends nothing. All
 //! modules but the transports are functions of bytes and arrival times.
 
+#![warn(missing_docs)]
+
 pub mod clock;
 pub mod conventions;
 pub mod diagnosis;

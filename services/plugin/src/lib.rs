@@ -12,6 +12,8 @@
 //! * [`mod@math`]: elementary functions with the same bytes on every machine;
 //! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
 
+#![warn(missing_docs)]
+
 pub mod abi;
 #[cfg(feature = "load")]
 mod calls;

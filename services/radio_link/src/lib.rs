@@ -21,6 +21,8 @@
 //! * a device that takes no bytes loses whole frames, which are counted, and never delays the service;
 //! * without a command, failsafe values are sent; after a time the failsafe of the link is used as well.
 
+#![warn(missing_docs)]
+
 pub mod channel_map;
 pub mod crsf;
 pub mod encoder;

@@ -41,6 +41,8 @@
 //! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the control channel
 //! closes, or when its parent dies. A service stops at a number that is not finite and never publishes it.
 
+#![warn(missing_docs)]
+
 pub mod activity;
 mod atomics;
 pub mod checkpoints;

@@ -4,6 +4,8 @@
 //! [`Scenario::experiment`] leaves them out. SI units and radians. Defaults are those of the paper where it gives them
 //! (section V), else those with which its results were reproduced.
 
+#![warn(missing_docs)]
+
 mod cameras;
 mod check;
 mod controller;
