@@ -215,7 +215,7 @@ fn checkpoints_of_another_build_are_not_looked_at() {
         let found = part(&log, from, 6.0);
         assert!(found.is_identical(), "{found:?}");
         assert_eq!(found.starts.len(), SERVICES - 1, "{found:?}");
-        assert_eq!(found.strange_checkpoints, [ServiceId::Plant]);
+        assert_eq!(found.foreign_checkpoints, [ServiceId::Plant]);
     }
 }
 

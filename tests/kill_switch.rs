@@ -132,7 +132,7 @@ fn a_loss_that_is_ignored_is_told_and_the_switch_kills_when_it_is_back() {
     let snapshot = place.look().unwrap();
     assert_eq!((snapshot.phase.as_deref(), snapshot.killed), (Some("fly"), false));
     switch.plug_in();
-    await_words(&place, "is there again");
+    await_words(&place, "is connected again");
     switch.press(SPACE);
     await_killed(&place);
     let kinds: Vec<_> = events_after_the_end(&place, run)
@@ -201,7 +201,7 @@ fn without_its_kill_switch_no_flight_begins_and_nobody_arms() {
         said(&refused)
     );
     switch.plug_in();
-    await_words(&place, "is there again");
+    await_words(&place, "is connected again");
     ask("the arming", || may_arm(&place).then_some(()));
     assert!(!place.look().unwrap().killed, "on the ground no loss kills");
     events_after_the_end(&place, run);

@@ -280,7 +280,7 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
 
     let cameras = cameras(port);
     let told = arm_anew(&place);
-    assert!(told.contains("nobody knows where the markers sit"), "{told}");
+    assert!(told.contains("the position of the markers is unknown"), "{told}");
     let is_armed = |codes: &ChannelCodes| codes[4] == ARMED;
     let takes_off = |codes: &ChannelCodes| is_armed(codes) && codes[2] > 600;
     receiver.await_frame("the thrust of a take-off", 0, takes_off);

@@ -258,7 +258,7 @@ fn another_login_has_to_confirm_what_turns_motors() {
         assert!(shown.contains(&format!("gerono arm --run {name}")), "{shown}");
     }
     assert_eq!(place.look().unwrap().phase.as_deref(), Some("disarmed"));
-    // Confirmed, but refused while nothing is known of the vehicle yet: asked again, each time on a screen of its own.
+    // Confirmed, but refused while no state of the vehicle was received: asked again, each time on a screen of its own.
     until("the take-off", || {
         let mut terminal = Terminal::open(300, 30);
         let mut asked = terminal.start(&mut arm());
@@ -267,7 +267,7 @@ fn another_login_has_to_confirm_what_turns_motors() {
         let answered = terminal.await_exit(&mut asked);
         let shown = terminal.screen().text();
         assert!(
-            answered.success() || shown.contains("nothing is known of the vehicle yet"),
+            answered.success() || shown.contains("no state of the vehicle was received yet"),
             "{shown}"
         );
         answered.success().then_some(())

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use command_line::exit::Exit;
-use command_line::interrupt::survive_full_files;
-use command_line::output::{self, complain};
+use command_line::interrupt::ignore_file_size_signal;
+use command_line::output::{self, print_error};
 use orchestrator::cli::{Cli, Command, Get, Operate, OperatorCommand, RcCommand, Set};
 use orchestrator::commands::{
     Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate, operator,
@@ -16,8 +16,8 @@ use runtime::shared_page::Request;
 
 fn main() -> ExitCode {
     orchestrator::manual::completion::answer(Cli::command);
-    if let Err(error) = survive_full_files() {
-        complain(error);
+    if let Err(error) = ignore_file_size_signal() {
+        print_error(error);
         return Exit::Trouble.into();
     }
     let result = match Cli::parse().command {
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
     match result {
         Ok(exit) => output::end(exit).into(),
         Err(failure) => {
-            complain(format_args!("{:?}", failure.report));
+            print_error(format_args!("{:?}", failure.report));
             failure.exit.into()
         }
     }

@@ -1,10 +1,10 @@
-//! Performance of a laboratory's motion capture: the counts of its frames by their outcome, in the driver and in the
-//! machine's record.
+//! Statistics of a laboratory's motion capture: frames counted by their outcome, for the driver and the record of the
+//! machine.
 
 use std::borrow::Cow;
 
 crate::sample! {
-    /// The performance of a laboratory's motion capture; all counts since the start of the process that listens to it.
+    /// Statistics of a laboratory's motion capture. All counts are since the start of the receiving process.
     pub struct CaptureFigures {
         /// Wall time since the start of the run, ns.
         pub time_ns: u64,
@@ -12,14 +12,14 @@ crate::sample! {
             HEALTH_UNKNOWN = 0, HEALTH_SILENT = 1, HEALTH_ABSENT = 2, HEALTH_SETTLING = 3, HEALTH_GOOD = 4,
             HEALTH_DOUBTFUL = 5
         )]
-        /// Nobody has listened yet, nothing has come, no frame had the vehicle, its poses were not believed yet; the last
-        /// frame had a pose that was believed, or none.
+        /// Not started yet, nothing received, no frame with the vehicle, its poses not accepted yet; the last frame had
+        /// an accepted pose, or none.
         pub health: u32,
         /// Length of the reason, bytes.
         pub reason_length: u32,
-        /// Time at which the last pose that was believed arrived, ns since the start of the flight; 0 before the first.
+        /// Arrival time of the last accepted pose, ns since the start of the flight; 0 before the first.
         pub believed_at_ns: u64,
-        /// Frames a second in the last whole second in which any came, Hz; 0 before the first.
+        /// Frame rate in the last whole second with frames, Hz; 0 before the first.
         pub rate: f64,
         /// Mean time from capture to arrival in that second, s.
         pub latency: f64,
@@ -29,64 +29,64 @@ crate::sample! {
         pub jitter: f64,
         /// Drift of the sender's clock against the local one, per unit.
         pub drift: f64,
-        /// Frames that told of the vehicle or could have.
+        /// Frames that contain the vehicle or could have.
         pub frames: u64,
-        /// Frames whose pose was believed.
+        /// Frames whose pose was accepted.
         pub believed: u64,
         /// Frames without the vehicle's body.
         pub absent: u64,
-        /// Frames in which the body was not seen.
+        /// Frames in which the body was occluded.
         pub occluded: u64,
         /// Frames with a pose equal to the one before.
         pub frozen: u64,
-        /// Frames that had been there.
+        /// Frames received before.
         pub repeated: u64,
-        /// Frames behind a newer one.
+        /// Frames older than one before.
         pub late: u64,
-        /// Frames with a stamp that cannot be true.
+        /// Frames with an impossible timestamp.
         pub mistimed: u64,
         /// Frames before poses and clock had settled.
         pub unsettled: u64,
-        /// Frames with a place where the vehicle cannot be, or an attitude that it cannot have.
+        /// Frames with a position or an attitude that the vehicle cannot have reached.
         pub jumped: u64,
-        /// Frames with a pose where another body was.
+        /// Frames with a pose at which another body was.
         pub exchanged: u64,
         /// Number of jumps of the sender's clock that were followed.
         pub clock_steps: u64,
-        /// Frames that never came.
+        /// Frames that were never received.
         pub lost: u64,
-        /// Number of times that the numbers of frames started again.
+        /// Number of times that the frame numbers restarted.
         pub restarted: u64,
-        /// Number of times that a place was believed at last.
+        /// Number of times that poses were accepted after settling.
         pub settled: u64,
         /// Seconds whose rate was outside the stated band.
         pub rate_warnings: u64,
         /// Packets, or messages of a stream, that could not be read.
         pub malformed: u64,
-        /// Poses of the vehicle that were refused for their values: not a number, no rotation, no place in a laboratory.
+        /// Poses of the vehicle refused for their values: not a number, not a rotation, not a position in a laboratory.
         pub refused: u64,
-        /// The same of other bodies.
+        /// Refused poses of other bodies.
         pub others_refused: u64,
-        /// Packets from others than the server.
+        /// Packets from other senders than the server.
         pub foreign: u64,
-        /// Connections that were made, or servers that answered.
+        /// Connections established, or servers that answered.
         pub connections: u64,
-        /// Connections that ended or could not be made, and errors of a socket.
+        /// Connections that ended or could not be established, and socket errors.
         pub failures: u64,
-        /// Reasons of the refusals in words, each with its count; after the text zeros.
+        /// Reasons of the refusals as text, each with its count, filled up with zeros.
         pub reason: [u8; 200],
     }
 }
 
 impl CaptureFigures {
-    /// Returns the reasons of the refusals in words; empty if nothing was refused.
+    /// Returns the reasons of the refusals; empty without refusals.
     #[must_use]
     pub fn reason(&self) -> Cow<'_, str> {
         let length = (self.reason_length as usize).min(self.reason.len());
         String::from_utf8_lossy(&self.reason[..length])
     }
 
-    /// Returns names and counts of the frames' outcomes, in the order in which they are shown.
+    /// Returns the frames' outcomes with their counts, in the order of display.
     #[must_use]
     pub fn named(&self) -> [(&'static str, u64); 16] {
         [
@@ -109,7 +109,7 @@ impl CaptureFigures {
         ]
     }
 
-    /// Returns those of the names and counts that are of refused poses.
+    /// Returns the outcomes that refuse a pose, with their counts.
     fn drops(&self) -> [(&'static str, u64); 10] {
         let [
             _frames,
@@ -123,7 +123,7 @@ impl CaptureFigures {
         drops
     }
 
-    /// Returns the outcomes of frames whose pose was refused in words, each with its count; empty if none was.
+    /// Returns the outcomes that refused poses as text, each with its count; empty if there are none.
     #[must_use]
     pub fn drops_in_words(&self) -> String {
         let some = self.drops().into_iter().filter(|(_, count)| *count > 0);
@@ -131,7 +131,7 @@ impl CaptureFigures {
         words.join(", ")
     }
 
-    /// Returns the number of frames whose pose was refused, for all reasons.
+    /// Returns the number of frames whose pose was refused.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.drops().map(|(_, count)| count).iter().sum()

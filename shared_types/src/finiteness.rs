@@ -24,7 +24,7 @@ impl FinitenessCheck {
         let (rows, rest) = words.as_chunks::<LANES>();
         rows.iter().for_each(|row| self.add(row));
         match words.last_chunk::<LANES>() {
-            // Some of its words are added twice, which changes no answer.
+            // Some words are added twice, which does not change the result.
             Some(last) => self.add(last),
             None => self
                 .sums

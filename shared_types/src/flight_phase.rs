@@ -16,19 +16,19 @@ mod readiness;
 use crate::samples::PathReference;
 pub use readiness::{NotReady, ReadyLimits};
 
-/// Time for which the motors must stop without a break until the vehicle is on the ground, wherever it was, s.
+/// Time for which the motors must be stopped continuously until the vehicle is on the ground, from any height, s.
 ///
 /// A vehicle falls 20 m in this time, more than the height of any laboratory.
 pub const GROUNDED_AFTER: f64 = 2.0;
 
 /// Share of the speed of a descent below which a vehicle does not sink.
 pub const SINKING: f64 = 0.25;
-/// Share of the thrust that carries a vehicle below which something else carries it.
+/// Ratio of thrust to weight below which something else carries the vehicle.
 pub const UNLOADED: f64 = 0.75;
-/// Time for which a vehicle neither sinks nor is carried by its thrust until it has touched down, s.
+/// Time for which the vehicle neither sinks nor is carried by its thrust until it counts as touched down, s.
 pub const STANDING: f64 = 0.4;
 
-/// Time for which a request to arm waits until all is ready, s. After it the request lapses.
+/// Timeout of a request to arm: it lapses if the vehicle does not become ready in this time, s.
 pub const ARM_WITHIN: f64 = 0.5;
 
 /// Phase of a flight.
@@ -42,7 +42,7 @@ pub enum FlightPhase {
     TakeOff,
     /// Along the path.
     Fly,
-    /// From the vehicle's place to the ground.
+    /// From the vehicle's position to the ground.
     Land,
 }
 
@@ -69,11 +69,11 @@ pub struct Conditions {
     pub overdue: bool,
     /// The vehicle stands on the ground again.
     pub touched_down: bool,
-    /// The vehicle is seen again, and not where it was led.
+    /// The vehicle is tracked again, and not where the reference was.
     pub strayed: bool,
-    /// The vehicle is seen again, and is on the ground.
+    /// The vehicle is tracked again, and is on the ground.
     pub stranded: bool,
-    /// The vehicle is seen again, and rests on the ground.
+    /// The vehicle is tracked again, and rests on the ground.
     pub rests: bool,
     /// After a cold start, the path generator has found frames whose thrust carries a vehicle.
     pub found_flying: bool,
@@ -98,7 +98,7 @@ pub enum Cause {
     Overdue,
     /// The vehicle touched down.
     TouchedDown,
-    /// The vehicle was seen again elsewhere than where it was led.
+    /// The vehicle was tracked again elsewhere than at the reference.
     Strayed,
 }
 
@@ -107,7 +107,7 @@ pub enum Cause {
 pub struct Row {
     /// The phase before.
     pub from: FlightPhase,
-    /// The condition, in words.
+    /// The condition, for docs/safety.md.
     pub words: &'static str,
     /// Returns whether the condition holds.
     pub when: fn(&Conditions) -> bool,
@@ -146,7 +146,7 @@ pub const ROWS: [Row; 28] = {
         let words = "it is seen again, and not where it was led";
         row(from, to, Cause::Strayed, words, |now| now.airborne && now.strayed)
     }
-    // Without sight it has landed. A law that led it further would turn a vehicle that the ground holds.
+    // It has landed without being tracked. A law that continued would turn a vehicle that the ground holds.
     const fn rests(from: FlightPhase) -> Row {
         let words = "it is seen again at rest on the ground";
         row(from, Disarmed, Cause::TouchedDown, words, |now| {

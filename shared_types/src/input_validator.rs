@@ -1,12 +1,12 @@
 //! Input validator: it accepts or refuses the samples of an input; a service uses the last valid one.
 //!
 //! Failure policy:
-//! * a sample is tested once, when it is new. An impossible one is refused and counted, and the last good one stays in
-//!   use;
+//! * a sample is validated once, when it is new. An impossible one is refused and counted, and the last good one stays
+//!   in use;
 //! * a number that is not finite is impossible, and in most samples one above [`LARGEST`]; each service adds its own
 //!   tests, and [`StateValidator`] those of a vehicle's state;
-//! * a sample may also carry nothing new. Then it is not counted, but the age of the last good one goes on growing;
-//! * refusals, however many, are no reason to refuse the next sample: no validator refuses for ever.
+//! * a sample may carry nothing new. It is not counted, but the age of the last good one keeps growing;
+//! * earlier refusals are no reason to refuse the next sample: no validator refuses permanently.
 
 mod state;
 
@@ -91,7 +91,7 @@ impl<T: Sample> InputValidator<T> {
         Some(verdict)
     }
 
-    /// Returns the last good sample. A restarted service has that of its predecessor before it receives one.
+    /// Returns the last good sample. After a restart this is the one of the checkpoint, until another is received.
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&T> {
@@ -121,7 +121,7 @@ impl<T: Sample> InputValidator<T> {
         self.memory.refused
     }
 
-    /// Counts a sample as refused whose use has shown that it is impossible.
+    /// Counts a sample as refused that turned out to be impossible when it was used.
     pub fn refuse(&mut self) {
         self.memory.refused = self.memory.refused.saturating_add(1);
     }

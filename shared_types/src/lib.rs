@@ -1,17 +1,17 @@
 //! Types that Gerono's services share: samples, wiring, schedule and contracts.
 //!
-//! * [`mod@sample`]: the macro that declares a sample once (struct, `.msg` text, layout proof, layout hash);
+//! * [`mod@sample`]: the macro that declares a sample (struct, `.msg` text, layout proof, layout hash);
 //! * [`samples`]: the samples of the flight;
 //! * [`wiring`]: which service publishes and consumes which topic, written once;
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
-//! * [`schedule`]: the steps of the services and the due samples at each, computable by all;
-//! * [`capture_figures`]: the performance of a laboratory's motion capture;
+//! * [`schedule`]: the steps of the services and the due samples at each, which every process can compute;
+//! * [`capture_figures`]: statistics of a laboratory's motion capture;
 //! * [`checkpoint`]: the state of a service after a step;
 //! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
-//! * [`flight_phase`]: the phases from disarmed to disarmed, one table;
+//! * [`flight_phase`]: the phases from disarmed to disarmed, in one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
 //! * [`noise`]: random numbers as functions of seed, stream and tick;
-//! * [`path_stop`]: how a path comes to rest that is not led any more;
+//! * [`path_stop`]: the stop of a path without references or without a tracked vehicle;
 //! * [`rotation`]: the conventions of attitude;
 //! * [`tuning`]: gains that may change in flight.
 //!

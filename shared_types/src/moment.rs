@@ -18,22 +18,22 @@ pub struct Now {
 /// Number of values of [`Operator::arm_count`]: five bits of a step record.
 pub const ARM_COUNTS: u8 = 32;
 
-/// Requests of the operator. Hosts provide them, like the time. By default none: the motors stop.
+/// Requests of the operator. Hosts provide them, like the time. The default is none, with the motors stopped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Operator {
-    /// The motors may turn. A withdrawal in the air stops them there.
+    /// The motors may turn. Disarming in the air stops them there.
     pub armed: bool,
     /// Number of requests to arm so far, modulo [`ARM_COUNTS`]. A request that has been used or has lapsed keeps its
     /// number, so it cannot arm again; a new one has another number.
     pub arm_count: u8,
     /// The vehicle must land, and is disarmed then.
     pub land: bool,
-    /// The motors stop for ever: no withdrawal in a flight.
+    /// The motors are stopped until the end of the flight.
     pub killed: bool,
 }
 
 impl Operator {
-    /// The flight is flown, without further requests.
+    /// Armed from the start, without further requests.
     pub const FLYING: Self = Self {
         armed: true,
         arm_count: 1,

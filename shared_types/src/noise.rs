@@ -1,7 +1,7 @@
-//! Random numbers as functions of (seed, stream, tick): there is no state to save or to shift by a restart.
+//! Random numbers as functions of (seed, stream, tick): there is no state to save, and a restart does not shift them.
 //!
-//! The generator is ChaCha8, whose stream is stable across versions and can be entered at any place; normal numbers
-//! come from it by the polar form of Box and Muller over `libm`, so that they are equal on every machine.
+//! The generator is ChaCha8, whose stream is stable across versions and can be entered at any position; normal numbers
+//! come from it by the Box–Muller transform over `libm`, so that they are equal on every machine.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
@@ -27,20 +27,20 @@ pub enum Stream {
     Gusts = 7,
     /// Gusts of the Dryden model.
     Dryden = 8,
-    /// Lost samples of an edge; the edges follow each other.
+    /// Lost samples of an edge; the index of the edge is added.
     EdgeLoss = 0x100,
-    /// Random contents of the samples of an edge; the edges follow each other.
+    /// Random contents of the samples of an edge; the index of the edge is added.
     EdgeGarbage = 0x200,
 }
 
-/// Words of the generator that a tick may use: 32 numbers.
+/// Words of the generator reserved for a tick: 32 numbers.
 const WORDS_A_TICK: u128 = 64;
 
 /// Random numbers of a stream.
 #[derive(Clone, Debug)]
 pub struct Noise(ChaCha8Rng);
 
-/// Random numbers of a stream at a tick, one after the other.
+/// Random numbers of a stream at a tick, in sequence.
 #[derive(Debug)]
 pub struct Draws<'a>(&'a mut ChaCha8Rng);
 
@@ -51,7 +51,7 @@ impl Noise {
         Self::one_of(seed, stream, 0)
     }
 
-    /// Makes the random numbers of the `place`-th of several streams of a kind.
+    /// Creates the random numbers of the `place`-th of several streams of a kind.
     #[must_use]
     pub fn one_of(seed: u64, stream: Stream, place: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);

@@ -1,12 +1,13 @@
-//! The stop of a path that is not led any more, the same for all services.
+//! Stop of a path, the same for all services.
 //!
-//! The path generator brings the path to rest when cameras do not show the vehicle. The controller does so when no references
-//! come ([`Coasted`]), and a path generator that is back after such a gap goes on from where the controller has brought the path.
+//! The path generator stops the path when the vehicle is not tracked. The controller does so when no references arrive
+//! ([`Coasted`]), and a path generator that restarts after such a gap continues from where the controller has brought
+//! the path.
 
 /// Duration of dead reckoning after which the path generator begins to bring the path to rest, s.
 pub const BRAKE_AFTER: f64 = 0.1;
-/// Duration of the stop, s. The vehicle turns into it and out of it without sight, so a shorter one leaves it tilted by
-/// what a lost frame would have turned it, and a longer one ends when its velocity is known less well.
+/// Duration of the stop, s. Throughout it the vehicle is not tracked: after a shorter one it stays tilted by what a
+/// lost frame would have turned it, and at the end of a longer one its velocity is known less well.
 pub const BRAKE: f64 = 0.7;
 
 /// Stop of a rate: the quintic with the rate and the acceleration of its begin, and zero at its end.
@@ -17,13 +18,13 @@ pub struct Stop {
     duration: f64,
 }
 
-/// Largest deceleration with which a stop begins, in rates by durations of the stop: with more the rate would change its sign. Of
-/// k of them the rate is (1 − x)³ (1 + (3 − k) x + (6 − 3 k) x²) of that at the begin.
+/// Largest initial deceleration of a stop, in units of rate by duration: with more the rate would change its sign. For
+/// k units the rate is (1 − x)³ (1 + (3 − k) x + (6 − 3 k) x²) of the initial one.
 const STEEPEST_BEGIN: f64 = 2.5;
 
 impl Stop {
-    /// Makes a stop of this duration, s, from a rate, 1/s, and its derivative, 1/s². It never turns back: a deceleration that is
-    /// too steep for that is limited.
+    /// Creates a stop of a duration, s, from a rate, 1/s, and its derivative, 1/s². The rate never changes its sign: a
+    /// deceleration that is too large for that is limited.
     #[must_use]
     pub fn new([rate, acceleration]: [f64; 2], duration: f64) -> Self {
         let steepest = STEEPEST_BEGIN * rate.abs() / duration;
@@ -68,7 +69,7 @@ impl Stop {
         ]
     }
 
-    /// Returns the way of the parameter, which is the integral of the rate, some seconds after the begin.
+    /// Returns the change of the parameter, the integral of the rate, some seconds after the begin.
     #[must_use]
     pub fn way(&self, since_begin: f64) -> f64 {
         let Self {
@@ -84,20 +85,21 @@ impl Stop {
     }
 }
 
-/// Place and rates of a path of which no reference comes: it goes on at its acceleration, up to rest at most, and then stops.
+/// Parameter and rates of a path without references: it continues at its acceleration, at most until it rests, and then
+/// stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coasted {
-    /// Way of the parameter.
+    /// Change of the parameter.
     pub way: f64,
     /// The rate and its first two derivatives.
     pub rates: [f64; 3],
-    /// The stop that is being flown, with the time since its begin, s.
+    /// The stop in progress, with the time since its begin, s.
     pub stop: Option<(Stop, f64)>,
 }
 
 impl Coasted {
-    /// Returns where the path is some seconds after its last reference, which had this rate (1/s) and its derivative (1/s²), if
-    /// it goes on for a time (s) before its stop.
+    /// Extrapolates a path from its last reference, `elapsed` seconds ago, with its rate (1/s) and the derivative of it
+    /// (1/s²). The path continues for `goes_on_for` (s) before its stop.
     #[must_use]
     pub fn after(elapsed: f64, [rate, acceleration]: [f64; 2], goes_on_for: f64) -> Self {
         let rests_after = if rate * acceleration < 0.0 {

@@ -6,7 +6,7 @@ use crate::finiteness::FinitenessCheck;
 use crate::moment::Now;
 use crate::sample::{Header, Sample};
 
-/// The newest sample of a topic that has been delivered by now, if there is any.
+/// Newest sample of a topic delivered so far, if there is one.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a, T> {
     sample: Option<&'a T>,
@@ -14,7 +14,7 @@ pub struct Input<'a, T> {
 }
 
 impl<'a, T: Sample> Input<'a, T> {
-    /// Returns the newest sample delivered by now.
+    /// Returns the newest sample delivered so far.
     #[must_use]
     #[inline]
     pub fn newest(&self) -> Option<&'a T> {
@@ -49,14 +49,14 @@ impl<'a, T: Sample> Input<'a, T> {
     }
 }
 
-/// Place for a sample of a topic, if one is due at this step.
+/// Buffer for a sample of a topic, if one is due at this step.
 #[derive(Debug)]
 pub struct Output<'a, T> {
     sample: Option<&'a mut T>,
 }
 
 impl<'a, T: Sample> Output<'a, T> {
-    /// Returns the place of the sample, if one is due: zeroed, with its header filled in.
+    /// Returns the buffer of the sample, if one is due: zeroed, with its header filled in.
     #[inline]
     pub fn due(&mut self) -> Option<&mut T> {
         self.sample.as_deref_mut()
@@ -85,19 +85,19 @@ pub struct InputView<'a> {
 /// Output as hosts hold it: the bytes of a due sample.
 #[derive(Debug, Default)]
 pub struct OutputSlot<'a> {
-    /// The place of the sample, zeroed but for its header; `None` when none is due.
+    /// Buffer of the sample, zeroed except for its header; `None` when none is due.
     pub bytes: Option<&'a mut [u8]>,
 }
 
-/// A service's inputs, made from what a host holds. Implemented by the wiring table.
+/// A service's inputs, created from a host's views. Implemented by the wiring table.
 pub trait Inputs<'a> {
-    /// One view an input, in the order of the wiring table.
+    /// Creates the inputs from one view each, in the order of the wiring table.
     fn from_views(views: &[InputView<'a>]) -> Self;
 }
 
-/// A service's outputs, made from what a host holds. Implemented by the wiring table.
+/// A service's outputs, created from a host's slots. Implemented by the wiring table.
 pub trait Outputs<'a> {
-    /// One slot an output, in the order of the wiring table.
+    /// Creates the outputs from one slot each, in the order of the wiring table.
     fn from_slots(slots: &'a mut [OutputSlot<'_>]) -> Self;
 }
 

@@ -3,9 +3,9 @@
 //! [`sample!`](crate::sample!) declares a record once and yields
 //! * a `#[repr(C)]` struct of plain numbers without implicit padding (the derive of
 //!   [`zerocopy::IntoBytes`] is the compile-time proof),
-//! * the text of its ROS 2 message definition ([`Record::MSG_NAME`], [`msg_definition`]), under which every
-//!   tool that reads CDR decodes those very bytes,
-//! * its layout hash ([`layout_hash`]), which every process that opens a topic must have,
+//! * the text of its ROS 2 message definition ([`Record::MSG_NAME`], [`msg_definition`]), with which every tool that
+//!   reads CDR decodes these bytes,
+//! * its layout hash ([`layout_hash`]), in which all processes that open a topic must agree,
 //! * the check that every number in it is finite ([`Field::is_finite`]).
 //!
 //! A little-endian `repr(C)` struct without implicit padding is byte for byte an XCDR1 payload. For that reason only
@@ -157,12 +157,12 @@ impl Field for Flag {
     }
 }
 
-/// Place and type of a member of a record.
+/// Offset and type of a member of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Its name.
+    /// Name in the message definition.
     pub name: &'static str,
-    /// Its first byte.
+    /// Offset of its first byte.
     pub offset: usize,
     /// Name of the element type, such as `float64`.
     pub element: String,
@@ -241,7 +241,7 @@ pub fn msg_definition<R: Record>() -> String {
     text
 }
 
-/// Returns the hash of a record's layout: of its name, its members' names, types and order.
+/// Returns the hash of a record's layout: its name, and its members' names, types and order.
 ///
 /// Two processes exchange a sample only if their hashes agree; iceoryx2 alone compares name, size and alignment.
 #[must_use]
@@ -407,7 +407,7 @@ sample! {
     }
 }
 
-// External services and readers of logs of any build find it there.
+// External services, and readers of logs of any build, expect it at these offsets.
 const _: () = assert!(
     size_of::<Header>() == 24
         && std::mem::offset_of!(Header, tick) == 0

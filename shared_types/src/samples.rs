@@ -47,7 +47,7 @@ crate::sample! {
         pub velocity_body: [f64; 3],
         /// Angular velocity in {B}, rad/s; only with `velocities_measured`.
         pub angular_velocity_body: [f64; 3],
-        /// `true` if the body was seen; if not, all else is zero.
+        /// `true` if the body was tracked; if not, all else is zero.
         pub tracked: Flag,
         /// `true` if the velocities are measured (ideal cameras); if not, they are zero.
         pub velocities_measured: Flag,
@@ -77,7 +77,7 @@ crate::sample! {
         pub position_sigma: f64,
         /// Captures refused as outliers since the start of the flight.
         pub captures_refused: u32,
-        /// `true` if the state rests on a measurement of the body that is recent enough.
+        /// `true` if the state is based on a measurement of the body that is recent enough.
         pub tracked: Flag,
         /// `true` if due captures are missing, so that the state is predicted further than usual.
         pub coasting: Flag,
@@ -85,7 +85,7 @@ crate::sample! {
         pub pad0: [u8; 2],
     }
 
-    /// Desired place of the vehicle: the point of the path, its γ-derivatives and the timing law's terms.
+    /// Reference: the point of the path, its γ-derivatives and the timing law's terms.
     ///
     /// During take-off and landing, the path is a straight line, and γ the time on it in s.
     pub struct PathReference {
@@ -120,12 +120,12 @@ crate::sample! {
         pub yaw_rate: f64,
         /// Impossible states refused since the start of the flight.
         pub states_refused: u32,
-        /// `true` if the place of the vehicle is known; if not the path stands still.
+        /// `true` if the position of the vehicle is known; if not, the path stands still.
         pub vehicle_known: Flag,
         #[values(
             PHASE_DISARMED = 0, PHASE_ARMED = 1, PHASE_TAKE_OFF = 2, PHASE_FLY = 3, PHASE_LAND = 4
         )]
-        /// The phase of the flight; one without phases is flown from its start.
+        /// Phase of the flight; a flight without phases is in the phase `fly` from its start.
         pub phase: u8,
         /// `true` if the vehicle is airborne, as far as its motion shows.
         pub airborne: Flag,
@@ -135,7 +135,7 @@ crate::sample! {
             CAUSE_STRAYED = 8,
             CAUSE_ENVELOPE_LANDS = 16, CAUSE_ENVELOPE_KILLS = 32
         )]
-        /// Cause of the phase. To the two of the envelope the limit is added that was exceeded (`limit` of the frame).
+        /// Cause of the phase. The causes of the envelope are added to the exceeded limit (`limit` of the frame).
         pub cause: u8,
     }
 
@@ -150,13 +150,13 @@ crate::sample! {
         /// Body rates in {B}, rad/s; with `MODE_RATES`.
         pub rates_body: [f64; 3],
         #[values(MODE_TORQUE = 0, MODE_RATES = 1, MODE_FAILSAFE = 2)]
-        /// Quantities that the vehicle is to follow; none in failsafe.
+        /// Quantities that the vehicle shall follow; none in failsafe.
         pub mode: u32,
         /// Explicit padding.
         pub pad0: u32,
     }
 
-    /// Estimates of the unknown parameters, for people.
+    /// Estimates of the unknown parameters, for display.
     pub struct ControlAdaptation {
         /// Common header.
         pub header: Header,
@@ -176,7 +176,7 @@ crate::sample! {
         pub observer_mass_estimate: f64,
         /// Impossible inputs refused since the start of the flight.
         pub inputs_refused: u32,
-        /// `true` if the estimates are frozen, without valid data to learn from.
+        /// `true` if the estimates are frozen, because there are no valid data to adapt to.
         pub resting: Flag,
         #[values(STAGE_LAW = 0, STAGE_HOLD = 1, STAGE_LEVEL = 2, STAGE_DESCEND = 3, STAGE_FAILSAFE = 4)]
         /// Failsafe stage: the law, or by the age of its inputs a safer command.
@@ -207,8 +207,8 @@ crate::sample! {
     pub struct RcFrame {
         /// Common header.
         pub header: Header,
-        /// Channels as sent, in the link's units: thrust, roll rate, pitch rate, yaw rate, and none after them; all
-        /// zero on the ideal link and in failsafe frames.
+        /// Channels as sent, in the link's units: thrust, roll rate, pitch rate, yaw rate, then unused ones; all zero
+        /// on the ideal link and in failsafe frames.
         pub channels: [u16; 16],
         /// T commanded by the frame, N.
         pub thrust: f64,
@@ -217,7 +217,7 @@ crate::sample! {
         /// Body rates commanded by the frame in {B}, rad/s; with `MODE_RATES`.
         pub rates_body: [f64; 3],
         #[values(MODE_TORQUE = 0, MODE_RATES = 1)]
-        /// Quantities that the vehicle is to follow.
+        /// Quantities that the vehicle shall follow.
         pub mode: u32,
         /// Saturated frames since the start of the flight, this one included.
         pub saturated_frames: u32,
@@ -237,9 +237,9 @@ crate::sample! {
         /// Limit of the envelope to which `action` belongs; none if the operator killed.
         pub limit: u8,
         #[values(ACTION_NONE = 0, ACTION_WARN = 1, ACTION_LAND = 2, ACTION_KILL = 3)]
-        /// Action of the transmitter for it: a warning, a demand to land, or a permanent stop of the motors.
+        /// Action of the transmitter for the limit: a warning, a demand to land, or a permanent stop of the motors.
         pub action: u8,
-        /// `true` if the transmitter's needed inputs exist and are recent.
+        /// `true` if the transmitter's required inputs exist and are recent.
         pub inputs_fresh: Flag,
         /// Explicit padding.
         pub pad0: [u8; 6],
@@ -258,7 +258,7 @@ crate::sample! {
         pub kind: u32,
         /// Length of `text`, bytes.
         pub text_length: u32,
-        /// The event in words, UTF-8, filled up with zeros.
+        /// The event as text, UTF-8, filled up with zeros.
         pub text: [u8; 120],
     }
 
@@ -272,32 +272,32 @@ crate::sample! {
 }
 
 impl MocapPose {
-    /// Bits of the first byte of the padding: parts of the pose that are not the vehicle's. They are not in the message
-    /// definition, which would change the layout of every log.
+    /// Bits of the first byte of the padding: invalid parts of the pose. They are not in the message definition, which
+    /// would change the layout of every log.
     const POSITION_REFUSED: u8 = 1;
     const ATTITUDE_REFUSED: u8 = 2;
 
-    /// States which parts are the vehicle's.
+    /// Sets which parts of the pose are valid.
     pub fn set_parts(&mut self, has_position: bool, has_attitude: bool) {
         let bit = |is_there: bool, bit: u8| if is_there { 0 } else { bit };
         self.pad0[0] = bit(has_position, Self::POSITION_REFUSED) | bit(has_attitude, Self::ATTITUDE_REFUSED);
     }
 
-    /// Returns whether the body was seen, and this is its position.
+    /// Returns whether the body was tracked with a valid position.
     #[must_use]
     #[inline]
     pub fn has_position(&self) -> bool {
         self.tracked.is_set() && self.pad0[0] & Self::POSITION_REFUSED == 0
     }
 
-    /// Returns whether the body was seen, and this is its attitude.
+    /// Returns whether the body was tracked with a valid attitude.
     #[must_use]
     #[inline]
     pub fn has_attitude(&self) -> bool {
         self.tracked.is_set() && self.pad0[0] & Self::ATTITUDE_REFUSED == 0
     }
 
-    /// Returns whether the body was seen with position and attitude.
+    /// Returns whether the body was tracked with a valid position and attitude.
     #[must_use]
     #[inline]
     pub fn is_whole(&self) -> bool {
@@ -306,7 +306,7 @@ impl MocapPose {
 }
 
 impl ControlTelemetry {
-    /// Largest number of numbers.
+    /// Maximum number of values.
     pub const NUMBERS: usize = 32;
 }
 
@@ -319,11 +319,11 @@ impl RunEvent {
     /// A value of [`kind`](Self::kind): gains change as the scenario plans. Not in the message definition either.
     pub const KIND_GAINS_CHANGE: u32 = 13;
 
-    /// A value of [`kind`](Self::kind): the kill switch of a flight in real time is lost or found again. Not in the message
-    /// definition either.
+    /// A value of [`kind`](Self::kind): the kill switch of a flight in real time is lost or connected again. Not in the
+    /// message definition either.
     pub const KIND_KILL_SWITCH: u32 = 14;
 
-    /// Returns the event in words; the readable part of a text that is not valid UTF-8.
+    /// Returns the event as text; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {
         let length = (self.text_length as usize).min(self.text.len());
@@ -336,7 +336,7 @@ impl PathReference {
     /// ([`NotReady`](crate::flight_phase::NotReady)). They are not in the message definition, which would change the layout
     /// of every log.
     pub const CAUSE_NOT_READY_STATE: u8 = 9;
-    /// The vehicle was not seen.
+    /// The vehicle was not tracked.
     pub const CAUSE_NOT_READY_SIGHT: u8 = 10;
     /// The estimator had not converged.
     pub const CAUSE_NOT_READY_ESTIMATE: u8 = 11;
@@ -360,7 +360,7 @@ impl VehicleState {
 }
 
 impl RcFrame {
-    /// Returns whether a receiver accepts it: its numbers are finite, and its mode is known.
+    /// Returns whether a receiver accepts the frame: its numbers are finite, and its mode is known.
     #[must_use]
     #[inline]
     pub fn is_whole(&self) -> bool {

@@ -1,9 +1,9 @@
-//! Schedule: the steps of the services and the due sample at each, a timed dataflow that every process can compute.
+//! Schedule: the steps of the services and the due samples at each, a timed dataflow that every process can compute.
 //!
-//! A service steps at the ticks `phase + n·period`; a topic is published at such ticks of its own, each of them a step
+//! A service steps at the ticks `phase + n·period`; a topic is published at ticks of the same form, each of them a step
 //! of its publisher; an edge (topic → consumer) delivers `latency` ticks after publication. So at any tick each
-//! consumer knows the due sample of each input, and in lock step waits for exactly that one: results cannot depend on
-//! the scheduling of processes. Every cycle of edges holds a tick of delay.
+//! consumer can compute the due sample of each input, and in lock step waits for exactly that one: results cannot
+//! depend on the scheduling of processes. Every cycle of edges contains a tick of delay.
 //!
 //! A planned outage of a service is a part of the schedule: at its ticks the service does not step, nothing is
 //! published, and the due sample of its consumers is the last one before. So is a planned fault of an edge: late or
@@ -24,8 +24,8 @@ pub use outage_schedule::{Outage, OutageKind, OutageSchedule};
 use crate::sample::Header;
 use crate::wiring::{InputSpec, OutputSpec, ServiceId, Topic};
 
-/// Returns how many ticks before its delivery a sample acts in a service. The vehicle's step of a tick covers the time since
-/// the tick before, so that a frame acts from the tick before its delivery on.
+/// Returns how many ticks before its delivery a sample acts in a service. The vehicle's step at a tick covers the time
+/// since the tick before, so a frame acts from the tick before its delivery.
 #[must_use]
 pub fn acts_before_delivery(service: ServiceId) -> u64 {
     u64::from(service == ServiceId::Plant)
@@ -92,7 +92,7 @@ impl Rate {
     }
 }
 
-/// Error of a set of rates and latencies that is no schedule.
+/// Error of rates and latencies that form no schedule.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScheduleError {
     /// Services that wait for each other within one tick, in the order of the cycle.
@@ -111,12 +111,12 @@ pub enum ScheduleError {
         /// The publisher.
         publisher: ServiceId,
     },
-    /// The controller joins the state and the reference of equal tick, but gets them of different ticks.
+    /// The controller joins state and reference of equal ticks, but gets them of different ticks.
     #[error(
         "at tick {tick} the controller would join a state and a reference of different ticks: give `path_generator` and `controller` the same period, phase and input latencies"
     )]
     UnequalJoin {
-        /// First tick at which it happens.
+        /// First tick at which the ticks differ.
         tick: u64,
     },
 }
@@ -215,7 +215,7 @@ impl Schedule {
         self
     }
 
-    /// Returns the same schedule in a laboratory, where cameras see a real vehicle in place of the simulated plant.
+    /// Returns the same schedule in a laboratory, where cameras observe a real vehicle in place of the simulated plant.
     #[must_use]
     pub fn with_real_world(mut self) -> Self {
         self.world_is_real = true;
@@ -229,14 +229,14 @@ impl Schedule {
         self
     }
 
-    /// Returns the same schedule with telemetry of a controller that is not Gerono's own.
+    /// Returns the same schedule with the telemetry of a foreign controller.
     #[must_use]
     pub fn with_telemetry(mut self) -> Self {
         self.has_telemetry = true;
         self
     }
 
-    /// Returns whether the flight has a topic: telemetry is only there where the scenario names its numbers.
+    /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
         self.has_telemetry || topic != Topic::ControlTelemetry
@@ -248,7 +248,7 @@ impl Schedule {
         Topic::ALL.into_iter().filter(published)
     }
 
-    /// Returns the outputs of a service that the flight has; those that it lacks are last in the wiring table.
+    /// Returns the outputs of a service that the flight has; a missing one is the last in the wiring table.
     pub fn outputs(&self, service: ServiceId) -> impl Iterator<Item = &'static OutputSpec> {
         let outputs = service.outputs().iter();
         outputs.filter(|output| self.has_topic(output.topic))
@@ -273,7 +273,7 @@ impl Schedule {
             .filter(|&(service, input)| self.reads(service, input))
     }
 
-    /// Returns whether the plant is simulated. The truth of a real one is not known, and is not published.
+    /// Returns whether the plant is simulated. The truth of a real one is unknown, and is not published.
     #[must_use]
     pub fn simulates_the_world(&self) -> bool {
         !self.world_is_real
@@ -292,8 +292,8 @@ impl Schedule {
         is_out || self.edge_faults.iter().flatten().any(|faults| !faults.is_empty())
     }
 
-    /// Makes a schedule in which every service steps and every topic is published at every tick, latencies as in the
-    /// wiring table.
+    /// Creates a schedule in which every service steps and every topic is published at every tick, with the latencies
+    /// of the wiring table.
     ///
     /// # Panics
     /// Never: the wiring table itself has no cycle without delay.
@@ -372,7 +372,8 @@ impl Schedule {
         self.latencies[service.index()][input]
     }
 
-    /// Returns the time from a sample's publication until it acts in an input, ticks: its latency, but for the vehicle.
+    /// Returns the time from a sample's publication until it acts in an input, ticks: its latency, except for the
+    /// vehicle.
     #[must_use]
     pub fn acts_after(&self, service: ServiceId, input: usize) -> u64 {
         self.latency(service, input)
@@ -385,7 +386,7 @@ impl Schedule {
         &self.order
     }
 
-    /// Returns an input of a service, for the queries of each step.
+    /// Returns the edge of an input, for the queries of each step.
     #[must_use]
     pub fn edge(&self, service: ServiceId, input: usize) -> Edge {
         let topic = service.inputs()[input].topic;
@@ -402,7 +403,7 @@ impl Schedule {
         }
     }
 
-    /// Returns an output of a service, for the queries of each step.
+    /// Returns the publication of a topic, for the queries of each step.
     #[must_use]
     pub fn publication(&self, topic: Topic) -> Publication {
         Publication {
@@ -439,8 +440,8 @@ impl Schedule {
         latency + published.period - spacing + first
     }
 
-    /// Returns the largest lead, in ticks, of an input's publisher over its consumer: the delays and periods around any
-    /// cycle of edges through both limit it.
+    /// Returns the maximum lead, in ticks, of an input's publisher over its consumer: it is limited by the delays and
+    /// periods around any cycle of edges through both.
     #[must_use]
     pub fn run_ahead_ticks(&self) -> u64 {
         let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
@@ -455,7 +456,7 @@ impl Schedule {
         latencies + periods
     }
 
-    /// Returns the places of an input's buffer with which no publisher waits for its consumer.
+    /// Returns the size of an input's buffer with which no publisher waits for its consumer, samples.
     #[must_use]
     pub fn buffer_size(&self, topic: Topic) -> u64 {
         self.run_ahead_ticks() / self.topic_rate(topic).period + 2
@@ -473,7 +474,7 @@ impl Schedule {
         for tick in steps {
             let due = |service, input, tick| self.edge(service, input).due_sample(tick);
             let reference = due(CONTROLLER, 1, tick);
-            // The reference is for the time of the path generator's state, not for its tick.
+            // The reference belongs to the time of the path generator's state, not to its tick.
             let referred = reference.and_then(|at| due(ServiceId::PathGenerator, 0, at));
             if reference.is_some() && referred != due(CONTROLLER, 0, tick) {
                 return Err(ScheduleError::UnequalJoin { tick });

@@ -15,13 +15,13 @@ use crate::wiring::ServiceId;
 
 /// Pure step logic of a service.
 pub trait Service: Send {
-    /// Its identifier in the wiring table.
+    /// Identifier in the wiring table.
     const ID: ServiceId;
-    /// The inputs that the wiring table gives it.
+    /// Inputs by the wiring table.
     type Inputs<'a>: Inputs<'a>;
-    /// The outputs that the wiring table gives it.
+    /// Outputs by the wiring table.
     type Outputs<'a>: Outputs<'a>;
-    /// State on which the next step depends besides its inputs.
+    /// State on which, besides the inputs, the next step depends.
     type State: Record;
 
     /// Advances to `now` and writes the outputs that are due.
@@ -41,10 +41,10 @@ pub trait Service: Send {
 /// Error of a service that cannot be built or connected.
 pub type BuildError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Service, or the error that prevented it.
+/// Service, or the error of its construction.
 pub type Built = Result<Box<dyn ErasedService>, BuildError>;
 
-/// Service as hosts see it. Implemented for every [`Service`].
+/// Service as hosts use it. Implemented for every [`Service`].
 pub trait ErasedService: Send {
     /// Returns its identifier.
     fn id(&self) -> ServiceId;
@@ -52,24 +52,25 @@ pub trait ErasedService: Send {
     fn step(&mut self, now: &Now, inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]);
     /// [`Service::tune`].
     fn tune(&mut self, _gains: Option<&Gains>) {}
-    /// Returns whether hosts must call [`try_saved_state`](Self::try_saved_state) after each step. It does not change.
+    /// Returns whether hosts must call [`try_saved_state`](Self::try_saved_state) after each step. The result is
+    /// constant.
     fn has_trials(&self) -> bool {
         false
     }
-    /// Tries, after a step whose samples are published, whether the saved state is all of the state: for code that is not
-    /// Gerono's own, whose `save` may forget a part.
+    /// Checks, after a step whose samples are published, that the saved state is complete: for foreign code, whose
+    /// `save` may omit a part.
     ///
     /// # Errors
-    /// What is forgotten, as far as it can be said.
+    /// The omitted part, as far as it can be determined.
     fn try_saved_state(&mut self) -> Result<(), String> {
         Ok(())
     }
-    /// Brings hardware that it is connected to to rest: the flight has ended. It is not called when this process ends before
-    /// the flight, and another one goes on.
+    /// Brings connected hardware to rest at the end of the flight. It is not called if this process ends earlier and
+    /// another one continues.
     fn finish(&mut self) {}
     /// Returns the size of a saved state, bytes.
     fn state_size(&self) -> usize;
-    /// Hands the bytes of [`Service::save`], `state_size` of them, to `keep`.
+    /// Passes the bytes of [`Service::save`], `state_size` of them, to `keep`.
     fn save_with(&self, keep: &mut dyn FnMut(&[u8]));
     /// [`Service::save`] into `state_size` bytes.
     ///

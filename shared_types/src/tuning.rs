@@ -5,7 +5,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// Gains of the adaptive law that may change in flight: neither the layout of a state nor the schedule depends on them.
 ///
-/// They are no part of a service's state. A host gives them to a service before the first step for which they hold
+/// They are not part of a service's state. A host passes them to a service before the first step at which they apply
 /// ([`Service::tune`](crate::Service::tune)), and again to a process that replaces a dead one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
@@ -22,7 +22,7 @@ pub struct Gains {
     pub lambda_mass: f64,
     /// Diagonal of Λb, gains of the estimator of b.
     pub lambda_disturbance: [f64; 3],
-    /// Λw is this times the identity, gain of the estimator of w.
+    /// Gain of the estimator of w: Λw is this times the identity.
     pub lambda_inertia: f64,
     /// κ, weight of the prediction error beside z2 in the estimators of η and b, s.
     pub prediction_gain: f64,

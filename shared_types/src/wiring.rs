@@ -1,7 +1,7 @@
 //! Wiring table: the publisher and the consumers of each topic, stated in one place only.
 //!
-//! The table at the end of this file gives the ports, the schedule's edges, the in-process wiring, the recorder's
-//! channels and the picture in the documentation.
+//! The table at the end of this file determines the ports, the schedule's edges, the in-process wiring, the recorder's
+//! channels and the diagram in the documentation.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::samples::{
     RunEvent, VehicleState, VehicleTruth,
 };
 
-/// Set of external services: for each service in the order of the wiring table, whether a program flies in its place.
+/// Set of external services: for each service in the order of the wiring table, whether a program replaces it.
 pub type ExternalServices = [bool; ServiceId::ALL.len()];
 
 /// Input of a service.
@@ -155,7 +155,7 @@ impl ServiceId {
         self as usize
     }
 
-    /// Returns whether the service simulates the vehicle and its surroundings, whose time never stands still.
+    /// Returns whether the service simulates the vehicle and its surroundings, whose time never stops.
     #[must_use]
     #[inline]
     pub const fn is_the_world(self) -> bool {
@@ -232,7 +232,7 @@ macro_rules! wiring {
             #[inline]
             pub const fn kind(self) -> &'static SampleKind {
                 const KINDS: [SampleKind; Topic::ALL.len()] = [$(SampleKind::of::<$topic>()),+];
-                // Hosts find the header of a sample without knowing its type.
+                // Hosts find the header of a sample without its type.
                 const { $(assert!(std::mem::offset_of!($topic, header) == 0);)+ }
                 &KINDS[self.index()]
             }

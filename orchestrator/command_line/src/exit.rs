@@ -2,43 +2,41 @@
 
 use std::process::ExitCode;
 
-/// The end of a command, as other programs see it.
+/// Result of a command as an exit code reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// It did what it was asked to.
+    /// The command completed.
     Success,
-    /// It could not, for a reason that has nothing to do with the flight.
+    /// A failure outside of the flight: the machine, a missing file, or a file that is not a log.
     Trouble,
-    /// The command line or the scenario is wrong; nothing was started.
     BadInput,
-    /// The flight failed: a service died, gave up or computed nonsense, or processes flew other bytes than one process.
+    /// A service died, gave up or computed a number that is not finite, or the processes' bytes differ from those of
+    /// one process.
     FlightFailed,
-    /// The results could not be written.
     NotWritten,
-    /// A figure of the paper is no longer reproduced as it was.
+    /// A figure of the paper is no longer reproduced within its limits.
     Regressed,
-    /// The machine is not fit for the flight.
     Unfit,
-    /// A live run refused what it was asked for.
+    /// A live run refused the command.
     Refused,
-    /// A replay's samples differ from the log, or not all could be compared; or two logs differ.
+    /// The samples of a replay differ from the log or could not all be compared, or two logs differ.
     Diverged,
     /// The flight was flown to its end, and the vehicle was lost.
     Lost,
-    /// A log is incomplete or damaged: the result is of the part that could be read, or there is none.
+    /// A log is incomplete or damaged: results cover the readable part, or there are none.
     Incomplete,
-    /// A signal ended the run in good order.
+    /// A signal ended the run cleanly.
     Signal(i32),
 }
 
 impl Exit {
-    /// Whether a flight of another process has come to its planned end, as its exit code tells, with the vehicle or without.
+    /// Returns whether the exit code of another process reports a flight that reached its planned end, lost or not.
     #[must_use]
     pub fn is_flown(code: Option<i32>) -> bool {
         matches!(code, Some(0 | 9))
     }
 
-    /// Each code with its meaning, for help and manual.
+    /// Exit codes with their meanings, for the help and the manual.
     pub const MEANINGS: [(&str, &str); 12] = [
         ("0", "done"),
         (
@@ -75,7 +73,7 @@ impl Exit {
         ),
     ];
 
-    /// Exit codes as `gerono help` shows them.
+    /// Returns the exit codes as `gerono help` shows them.
     #[must_use]
     pub fn help() -> String {
         let codes = Self::MEANINGS.map(|(code, meaning)| format!("  {code}: {meaning}"));
@@ -84,7 +82,7 @@ impl Exit {
 }
 
 impl Exit {
-    /// Returns the end of a command that read logs, and did with them what it was asked to as far as they go.
+    /// Returns the exit of a command that has read logs: [`Self::Incomplete`] if its results cover only a part of them.
     #[must_use]
     pub fn of_logs(are_complete: bool) -> Self {
         if are_complete {
@@ -94,7 +92,6 @@ impl Exit {
         }
     }
 
-    /// Returns the code that the system is told.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -109,7 +106,7 @@ impl Exit {
             Self::Diverged => 8,
             Self::Lost => 9,
             Self::Incomplete => 10,
-            // As shells report it.
+            // The convention of shells.
             Self::Signal(number) => u8::try_from(128 + number).unwrap_or(u8::MAX),
         }
     }

@@ -12,17 +12,15 @@ use scenario_file::printable::report_of;
 
 use crate::exit::Exit;
 
-/// A failure that ends a command early: the message for the user and the exit code.
+/// Failure that ends a command early.
 #[derive(Debug)]
 pub struct Failure {
-    /// The message for the user.
     pub report: Report,
-    /// The exit code.
     pub exit: Exit,
 }
 
 impl Failure {
-    /// Makes the failure of a command from an error or a sentence.
+    /// Creates a failure from an error or a message.
     #[must_use]
     pub fn new(exit: Exit, error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self {
@@ -31,16 +29,16 @@ impl Failure {
         }
     }
 
-    /// Trouble with the machine, or a log that is incomplete or damaged ([`Exit::Incomplete`]).
+    /// Creates a failure of the machine, or [`Exit::Incomplete`] if an incomplete or damaged log caused it.
     #[must_use]
     pub fn trouble(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let error = error.into();
         let mut causes = successors(Some(&*error as &(dyn Error + 'static)), |&error| error.source());
         let is_incomplete = causes.any(|cause| {
-            let of_log = cause.downcast_ref::<LogReadError>();
-            let of_machine = cause.downcast_ref::<HostReadError>();
-            of_log.is_some_and(LogReadError::is_incomplete)
-                || of_machine.is_some_and(HostReadError::is_incomplete)
+            let log_error = cause.downcast_ref::<LogReadError>();
+            let host_error = cause.downcast_ref::<HostReadError>();
+            log_error.is_some_and(LogReadError::is_incomplete)
+                || host_error.is_some_and(HostReadError::is_incomplete)
         });
         let exit = if is_incomplete {
             Exit::Incomplete
@@ -50,13 +48,13 @@ impl Failure {
         Self::new(exit, error)
     }
 
-    /// A wrong command line or scenario.
+    /// Creates the failure for a wrong command line or scenario.
     #[must_use]
     pub fn bad_input(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::new(Exit::BadInput, error)
     }
 
-    /// Results that could not be written.
+    /// Creates the failure for results that could not be written.
     #[must_use]
     pub fn not_written(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::new(Exit::NotWritten, error)

@@ -1,4 +1,5 @@
-//! Ctrl-C, SIGTERM and the end of the terminal (SIGHUP) end a run in good order: the log is closed, nothing is left behind.
+//! Signals that end a run cleanly: Ctrl-C, SIGTERM and the end of the terminal (SIGHUP). The log is closed and nothing
+//! is left behind.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -6,29 +7,29 @@ use std::sync::atomic::AtomicUsize;
 use flight::interrupt::Interrupt;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 
-/// Lets a file that grows beyond its limit (SIGXFSZ) no longer end the process: the write fails, as on a full disk, and is
-/// handled there.
+/// Ignores SIGXFSZ: a write beyond the file size limit then fails like one to a full disk instead of ending the
+/// process.
 ///
 /// # Errors
-/// If the system does not permit it.
-pub fn survive_full_files() -> std::io::Result<()> {
+/// If the handler cannot be installed.
+pub fn ignore_file_size_signal() -> std::io::Result<()> {
     signal_hook::flag::register_usize(SIGXFSZ, Arc::default(), 1).map(drop)
 }
 
-/// Listens to SIGINT, SIGTERM and, unless `nohup` or its like ignores it, SIGHUP from now on.
+/// Handles SIGINT, SIGTERM and, unless the process was started with it ignored (`nohup`), SIGHUP.
 ///
 /// # Errors
-/// If the system does not permit it.
+/// If a handler cannot be installed.
 pub fn install() -> std::io::Result<Interrupt> {
     let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
     let numbers: Vec<i32> = [SIGINT, SIGTERM].into_iter().chain(hang_up).collect();
     listen_to(&numbers)
 }
 
-/// Listens to all signals that end a program at a terminal: also SIGHUP and SIGQUIT.
+/// Handles all signals by which a terminal ends a program, also SIGQUIT and an ignored SIGHUP.
 ///
 /// # Errors
-/// If the system does not permit it.
+/// If a handler cannot be installed.
 pub fn install_in_terminal() -> std::io::Result<Interrupt> {
     listen_to(&[SIGINT, SIGTERM, SIGHUP, SIGQUIT])
 }
@@ -42,7 +43,7 @@ fn listen_to(numbers: &[i32]) -> std::io::Result<Interrupt> {
     Ok(Interrupt::of(signal))
 }
 
-/// Returns whether this process has been started with a signal ignored.
+/// Returns whether this process was started with a signal ignored.
 fn is_ignored(number: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mut masks = status.lines().filter_map(|line| line.strip_prefix("SigIgn:"));

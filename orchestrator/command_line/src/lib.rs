@@ -1,4 +1,4 @@
-//! Functions that commands share: failure and exit, output, progress.
+//! What the commands share: exit codes, failures, output, progress.
 
 pub mod exit;
 pub mod failure;

@@ -1,4 +1,4 @@
-//! The output of commands, and the logs that they are given.
+//! Output of commands, and lookup of the logs in their arguments.
 
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -12,9 +12,10 @@ use serde::Serialize;
 use crate::exit::Exit;
 use crate::failure::Failure;
 
-/// The log that a path means: the file itself, or the run's log in the folder, be it complete, recovered or never closed.
+/// Returns the log that a path names: the file itself, or the log in a run's folder, whether complete, recovered or
+/// never closed.
 ///
-/// Says so if it was recovered or has topics in part only, for no command may take such a log for the whole one.
+/// Prints a note if the log was recovered or omits samples: its results are then not those of the whole flight.
 #[must_use]
 pub fn log_path(path: &Path) -> PathBuf {
     let log = log_meant_by(path);
@@ -31,7 +32,7 @@ pub fn log_path(path: &Path) -> PathBuf {
     log
 }
 
-/// Says which topics a log has in part only, as its scenario asks.
+/// Prints a note about the topics that a log omits at its scenario's request.
 pub fn note_omissions(log: &Path, omissions: Option<String>) {
     if let Some(omissions) = omissions {
         note(format_args!(
@@ -41,7 +42,7 @@ pub fn note_omissions(log: &Path, omissions: Option<String>) {
     }
 }
 
-/// Writes a file of results as JSON, whole or not at all ([`result_file`]).
+/// Writes results as JSON, atomically ([`result_file`]).
 ///
 /// # Errors
 /// [`Failure`] if it cannot be written.
@@ -50,7 +51,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), Failure> {
     write(path, &(text + "\n"))
 }
 
-/// Writes a file of results, whole or not at all ([`result_file`]).
+/// Writes results, atomically ([`result_file`]).
 ///
 /// # Errors
 /// [`Failure`] if it cannot be written.
@@ -58,47 +59,47 @@ pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     result_file::write(path, text, &[]).map_err(|error| not_written(path, &error))
 }
 
-/// Returns the failure to write a file of results.
+/// Returns the failure for a file of results that could not be written.
 #[must_use]
 pub fn not_written(path: &Path, error: &std::io::Error) -> Failure {
     Failure::not_written(format!("cannot write {}: {error}", path.display()))
 }
 
-/// Tells of something that is not an error, beside the results.
+/// Prints a note on standard error.
 pub fn note(text: impl std::fmt::Display) {
-    complain(format_args!("note: {}", printable_lines(&text.to_string())));
+    print_error(format_args!("note: {}", printable_lines(&text.to_string())));
 }
 
-/// Tells of an error. A full disk behind standard error changes no exit code.
-pub fn complain(text: impl std::fmt::Display) {
+/// Prints an error on standard error. If that fails, as on a full disk, the exit code stays.
+pub fn print_error(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Prints results, made harmless for a terminal.
+/// Prints results on standard output, with control characters replaced.
 pub fn print(text: impl std::fmt::Display) {
     print_as_it_is(printable_lines(&text.to_string()));
 }
 
-/// Prints results that have colours. A reader that takes no more of them (`gerono check … | head`) has what it wants; any
-/// other error is kept for [`end`].
+/// Prints results that contain colour codes. A reader that closes the pipe early (`gerono check … | head`) is no error;
+/// [`end`] reports any other error.
 pub fn print_as_it_is(text: impl std::fmt::Display) {
     let mut output = std::io::stdout().lock();
     if let Err(error) = write!(output, "{text}").and_then(|()| output.flush())
         && error.kind() != ErrorKind::BrokenPipe
     {
-        let _ = UNPRINTED.set(error);
+        let _ = PRINT_ERROR.set(error);
     }
 }
 
-/// The first error of printing.
-static UNPRINTED: OnceLock<std::io::Error> = OnceLock::new();
+/// First error of printing.
+static PRINT_ERROR: OnceLock<std::io::Error> = OnceLock::new();
 
-/// Ends a command that has printed its results: they are not there if a disk behind standard output was full.
+/// Returns the exit of a command that has printed its results: [`Exit::NotWritten`] if printing failed.
 #[must_use]
 pub fn end(exit: Exit) -> Exit {
-    match UNPRINTED.get() {
+    match PRINT_ERROR.get() {
         Some(error) if exit == Exit::Success => {
-            complain(format_args!("cannot write to standard output: {error}"));
+            print_error(format_args!("cannot write to standard output: {error}"));
             Exit::NotWritten
         }
         _ => exit,

@@ -1,4 +1,4 @@
-//! Progress of a flight on the terminal, on standard error; nothing where nobody looks.
+//! Progress of a flight on standard error; hidden unless that is a terminal.
 
 use std::io::Write;
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use shared_types::Schedule;
 
 use scenario_file::printable::{printable, printable_lines};
 
-/// Time between two updates of the bar.
+/// Update period of the bar.
 const UPDATE_PERIOD: Duration = Duration::from_millis(100);
 
-/// Time that a terminal may take to show the last messages.
+/// Timeout for a terminal to show the last messages.
 const TERMINAL_LIMIT: Duration = Duration::from_secs(1);
 
-/// A bar of whole flights; nothing where standard error is no terminal.
+/// Returns a bar of completed flights; hidden unless standard error is a terminal.
 ///
 /// # Panics
 /// Never: the template is well-formed.
@@ -30,7 +30,7 @@ pub fn flights(count: usize) -> ProgressBar {
     bar
 }
 
-/// A bar of whole flights with their rate; nothing where standard error is no terminal.
+/// Returns a bar of completed flights with their rate; hidden unless standard error is a terminal.
 ///
 /// # Panics
 /// Never: the template is well-formed.
@@ -42,7 +42,7 @@ pub fn rated_flights(count: u64) -> ProgressBar {
     bar
 }
 
-/// Says that something takes a while; nothing where standard error is no terminal.
+/// Returns a spinner with a label; hidden unless standard error is a terminal.
 #[must_use]
 pub fn waiting(what: &'static str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner();
@@ -51,43 +51,44 @@ pub fn waiting(what: &'static str) -> ProgressBar {
     spinner
 }
 
-/// A bar of simulated time, and messages above it.
+/// Bar of simulated time, with messages above it.
 ///
-/// A thread of its own draws it: a terminal that is stopped (Ctrl-S), slow or gone holds up no flight.
+/// A separate thread draws it: a terminal that is stopped (Ctrl-S), slow or closed does not delay the flight.
 #[derive(Debug)]
 pub struct Progress {
     tick: Arc<AtomicU64>,
     messages: Messages,
-    /// Ends with the thread that draws.
-    painter: Receiver<()>,
+    /// Disconnected when the drawing thread ends.
+    drawing: Receiver<()>,
 }
 
-/// Tells people at the terminal something, without waiting for the terminal.
+/// Sender of messages to the terminal. Sending does not wait for the terminal.
 #[derive(Clone, Debug, Default)]
-pub struct Messages(Option<Sender<Said>>);
+pub struct Messages(Option<Sender<Event>>);
 
 #[derive(Debug)]
-enum Said {
+enum Event {
     Message(String),
     End,
 }
 
 impl Messages {
     /// Shows a message above the progress, on standard error.
-    pub fn say(&self, text: impl Into<String>) {
-        self.send(Said::Message(text.into()));
+    pub fn show(&self, text: impl Into<String>) {
+        self.send(Event::Message(text.into()));
     }
 
-    fn send(&self, said: Said) {
+    fn send(&self, event: Event) {
         if let Some(sender) = &self.0 {
-            // It fails once the bar is gone, and then there is nobody to tell.
-            let _ = sender.send(said);
+            // It fails once the bar is gone; there is no terminal thread to show the message then.
+            let _ = sender.send(event);
         }
     }
 }
 
 impl Progress {
-    /// A bar for a flight; hidden if asked for, or if standard error is no terminal. Messages are shown all the same.
+    /// Creates the bar of a flight; hidden on request or unless standard error is a terminal. Messages are shown in any
+    /// case.
     #[must_use]
     pub fn new(schedule: &Schedule, title: &str, hidden: bool) -> Self {
         let target = if hidden {
@@ -101,56 +102,56 @@ impl Progress {
         bar.set_message(printable(title).into_owned());
         let tick = Arc::new(AtomicU64::new(0));
         let (sender, receiver) = mpsc::channel();
-        let (alive, painter) = mpsc::channel();
-        let drawing = std::thread::Builder::new().name("progress".to_owned());
-        // Without a thread for it nothing is shown, and the flight goes on.
-        let _ = drawing.spawn({
+        let (running, drawing) = mpsc::channel();
+        let thread = std::thread::Builder::new().name("progress".to_owned());
+        // If the thread cannot be started, the flight continues without progress.
+        let _ = thread.spawn({
             let tick = Arc::clone(&tick);
             move || {
-                paint(&bar, &tick, &receiver);
-                drop(alive);
+                draw(&bar, &tick, &receiver);
+                drop(running);
             }
         });
         Self {
             tick,
             messages: Messages(Some(sender)),
-            painter,
+            drawing,
         }
     }
 
-    /// No bar at all, and no messages.
+    /// Returns a progress without bar and messages.
     #[must_use]
     pub fn hidden() -> Self {
         Self {
             tick: Arc::default(),
             messages: Messages::default(),
-            painter: mpsc::channel().1,
+            drawing: mpsc::channel().1,
         }
     }
 
-    /// For messages from elsewhere.
+    /// Returns a sender of messages above the bar.
     #[must_use]
     pub fn messages(&self) -> Messages {
         self.messages.clone()
     }
 
-    /// `tick` is whole.
+    /// Reports a completed tick.
     #[inline]
     pub fn tick(&self, tick: u64) {
         self.tick.store(tick, Ordering::Relaxed);
     }
 
-    /// Returns where a flight may store its last tick by itself.
+    /// Returns the counter into which a flight stores its last tick directly.
     #[must_use]
     pub fn shared_tick(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.tick)
     }
 
-    /// Takes the bar away, once all messages are shown; not later than a stopped terminal permits.
+    /// Removes the bar once all messages are shown, or after a second if the terminal is stopped.
     pub fn clear(&mut self) {
-        self.messages.send(Said::End);
-        // It fails with the end of the thread, which is what is waited for.
-        let _ = self.painter.recv_timeout(TERMINAL_LIMIT);
+        self.messages.send(Event::End);
+        // Disconnection is the expected result: the thread has ended.
+        let _ = self.drawing.recv_timeout(TERMINAL_LIMIT);
     }
 }
 
@@ -160,16 +161,16 @@ impl Drop for Progress {
     }
 }
 
-/// Draws the bar and shows messages until the end is told.
-fn paint(bar: &ProgressBar, tick: &AtomicU64, said: &Receiver<Said>) {
+/// Draws the bar and shows messages until the channel is closed or [`Event::End`] arrives.
+fn draw(bar: &ProgressBar, tick: &AtomicU64, events: &Receiver<Event>) {
     loop {
-        match said.recv_timeout(UPDATE_PERIOD) {
-            Ok(Said::Message(text)) => bar.suspend(|| {
-                // A terminal that is gone shows nothing.
+        match events.recv_timeout(UPDATE_PERIOD) {
+            Ok(Event::Message(text)) => bar.suspend(|| {
+                // Errors of a closed terminal are ignored.
                 let _ = writeln!(std::io::stderr(), "{}", printable_lines(&text));
             }),
             Err(RecvTimeoutError::Timeout) => bar.set_position(tick.load(Ordering::Relaxed)),
-            Ok(Said::End) | Err(RecvTimeoutError::Disconnected) => break,
+            Ok(Event::End) | Err(RecvTimeoutError::Disconnected) => break,
         }
     }
     bar.finish_and_clear();

@@ -1,10 +1,10 @@
-//! A terminal to which text of others is written.
+//! Terminal output of text from other programs.
 
 use std::io::{self, Write};
 
 use scenario_file::printable::printable_lines;
 
-/// Hands lines on to a terminal, each as [`printable_lines`].
+/// Writer that passes each line to a terminal as [`printable_lines`].
 #[derive(Debug)]
 pub struct Terminal<W: Write> {
     screen: W,
@@ -12,7 +12,6 @@ pub struct Terminal<W: Write> {
 }
 
 impl<W: Write> Terminal<W> {
-    /// Before a terminal.
     pub fn new(screen: W) -> Self {
         let line = Vec::new();
         Self { screen, line }

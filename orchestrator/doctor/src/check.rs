@@ -2,20 +2,19 @@
 
 use serde::Serialize;
 
-/// The fitness of something for a flight.
+/// Verdict of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CheckOutcome {
-    /// As it should be.
     Green,
-    /// It flies, but not as well as it could or as it was asked to.
+    /// The flight works, but worse than it could or than the scenario asks.
     Yellow,
-    /// It does not fly, or in real time the result is worth nothing.
+    /// The flight fails, or its result in real time is worthless.
     Red,
 }
 
 impl CheckOutcome {
-    /// As people and programs read it.
+    /// Returns the name in reports and JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -26,22 +25,19 @@ impl CheckOutcome {
     }
 }
 
-/// Something that was looked at.
+/// Finding of a check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What.
     pub name: &'static str,
-    /// Its fitness.
     pub verdict: CheckOutcome,
-    /// The finding, with the number that the verdict rests on.
+    /// The finding, with the number that the verdict is based on.
     pub figure: String,
-    /// The fix, unless it is good.
+    /// The fix; none for a green verdict.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fix: Option<String>,
 }
 
 impl Check {
-    /// As it should be.
     #[must_use]
     pub fn green(name: &'static str, figure: impl Into<String>) -> Self {
         Self {
@@ -52,7 +48,6 @@ impl Check {
         }
     }
 
-    /// Not as good as it could be.
     #[must_use]
     pub fn yellow(name: &'static str, figure: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
@@ -62,7 +57,6 @@ impl Check {
         }
     }
 
-    /// Would not work.
     #[must_use]
     pub fn red(name: &'static str, figure: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
@@ -71,7 +65,8 @@ impl Check {
         }
     }
 
-    /// Something that a scenario asks for and does not get: bad if it insists, else a pity.
+    /// Returns the check of a setting that the system refuses: red if the scenario's deployment is strict, otherwise
+    /// yellow.
     #[must_use]
     pub fn refused(
         is_strict: bool,
@@ -87,7 +82,7 @@ impl Check {
     }
 }
 
-/// A number of bytes for people.
+/// Formats a number of bytes with a binary prefix.
 #[must_use]
 pub fn bytes(count: u64) -> String {
     let mut value = count as f64;

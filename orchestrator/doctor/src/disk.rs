@@ -1,4 +1,4 @@
-//! The folder of the results: whether a flight's log fits, and whether it can be written as fast as it grows.
+//! The disk of the results: whether a flight's log fits, and whether it can be written fast enough.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -9,22 +9,22 @@ use super::check::{Check, bytes};
 use super::host::{HostFacts, Space};
 use super::needs::Needs;
 
-/// The number of bytes that the measurement writes.
-const PROBE: u64 = 64 << 20;
+/// Bytes written by the measurement.
+const PROBE_BYTES: u64 = 64 << 20;
 
-/// Share of the free space that measuring may take for its while.
+/// The measurement uses at most 1 / `PROBE_SHARE` of the free space.
 const PROBE_SHARE: u64 = 10;
 
-/// Longest time that measuring takes, but for the end of its last write.
-const LONGEST: Duration = Duration::from_secs(2);
+/// Time limit of the measurement, without its last write.
+const TIME_LIMIT: Duration = Duration::from_secs(2);
 
-/// Number of flights that are to fit for comfort.
-const COMFORTABLE_FLIGHTS: u64 = 10;
+/// Number of flights that must fit for a green verdict.
+const GREEN_FLIGHTS: u64 = 10;
 
-/// The least ratio of the disk's speed to the log's for comfort: others write as well.
-const COMFORTABLE_SPEED: f64 = 4.0;
+/// Ratio of the disk's speed to the log's growth for a green verdict: other programs write as well.
+const GREEN_SPEED_RATIO: f64 = 4.0;
 
-/// The folder that results of `runs` would be on: itself, or the nearest above it that is there already.
+/// Returns the folder `runs`, or its nearest ancestor that exists.
 #[must_use]
 pub fn nearest_folder(runs: &Path) -> PathBuf {
     let here = || PathBuf::from(".");
@@ -33,7 +33,7 @@ pub fn nearest_folder(runs: &Path) -> PathBuf {
         .map_or_else(here, Path::to_owned)
 }
 
-/// Returns whether a flight's log fits.
+/// Checks whether a flight's log fits on the disk.
 #[must_use]
 pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     const NAME: &str = "disk space";
@@ -52,14 +52,14 @@ pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     );
     if free < needs.log_bytes {
         Check::red(NAME, figure, fix)
-    } else if free / COMFORTABLE_FLIGHTS < needs.log_bytes {
+    } else if free / GREEN_FLIGHTS < needs.log_bytes {
         Check::yellow(NAME, figure, fix)
     } else {
         Check::green(NAME, figure)
     }
 }
 
-/// Returns whether the log of a flight in real time can be written as fast as it grows.
+/// Checks whether the log of a flight in real time can be written as fast as it grows.
 #[must_use]
 pub fn speed(measured: &io::Result<f64>, needs: &Needs) -> Check {
     const NAME: &str = "disk speed";
@@ -84,7 +84,7 @@ pub fn speed(measured: &io::Result<f64>, needs: &Needs) -> Check {
     );
     if speed < rate {
         Check::red(NAME, figure, fix)
-    } else if speed < COMFORTABLE_SPEED * rate {
+    } else if speed < GREEN_SPEED_RATIO * rate {
         Check::yellow(NAME, figure, fix)
     } else {
         Check::green(NAME, figure)
@@ -92,29 +92,29 @@ pub fn speed(measured: &io::Result<f64>, needs: &Needs) -> Check {
 }
 
 fn flight(needs: &Needs) -> &'static str {
-    if needs.is_stated {
+    if needs.has_scenario {
         "this flight"
     } else {
         "a flight at 1 kHz"
     }
 }
 
-/// Measures the speed at which a folder takes data that is forced to the disk, bytes/s; `None` if it was stopped.
+/// Measures the speed at which data reach the disk, bytes/s; `None` if it was stopped.
 ///
-/// The file has no name while it is written: whatever ends this process, nothing is left.
+/// The file is unlinked before it is written: nothing is left, however this process ends.
 ///
 /// # Errors
-/// If the folder cannot be written.
+/// If the folder is not writable.
 pub fn measure(folder: &Path, free: u64, stopped: impl Fn() -> bool) -> io::Result<Option<f64>> {
-    let mut file = nameless(folder)?;
-    // Not zeros, which some file systems do not store.
+    let mut file = unlinked_file(folder)?;
+    // Zeros would not be stored by some file systems.
     let block: Vec<u8> = (0..1 << 20_u32)
         .map(|index: u32| (index.wrapping_mul(2_654_435_761) >> 24) as u8)
         .collect();
-    let most = PROBE.min(free / PROBE_SHARE).max(block.len() as u64);
+    let most = PROBE_BYTES.min(free / PROBE_SHARE).max(block.len() as u64);
     let started = Instant::now();
     let mut written = 0;
-    while written < most && started.elapsed() < LONGEST {
+    while written < most && started.elapsed() < TIME_LIMIT {
         if stopped() {
             return Ok(None);
         }
@@ -126,7 +126,7 @@ pub fn measure(folder: &Path, free: u64, stopped: impl Fn() -> bool) -> io::Resu
 }
 
 #[expect(clippy::disallowed_methods, reason = "the file loses its name at once")]
-fn nameless(folder: &Path) -> io::Result<File> {
+fn unlinked_file(folder: &Path) -> io::Result<File> {
     let path = folder.join(format!(".gerono-doctor-{}", std::process::id()));
     let file = OpenOptions::new().write(true).create_new(true).open(&path)?;
     fs::remove_file(&path)?;

@@ -1,34 +1,33 @@
-//! Facts that a machine shows of itself.
+//! Facts about the machine, read from /proc and /sys.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Place where the doctor looks: the files of this machine, or those of a test.
+/// Source of the facts: the files of this machine, or those of a test.
 pub struct HostFacts {
     root: PathBuf,
     space: Box<SpaceOf>,
 }
 
-/// Tells the space of the file system that a path is on.
+/// Function that returns the space of the file system that holds a path.
 type SpaceOf = dyn Fn(&Path) -> io::Result<Space>;
 
 /// Space of a file system, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Space {
-    /// In all.
     pub total: u64,
-    /// The bytes that this user may still write.
+    /// Available to this user.
     pub free: u64,
 }
 
-/// Number of the capability to lock memory (capabilities(7)).
+/// Capability to lock memory (capabilities(7)).
 pub const CAP_IPC_LOCK: u32 = 14;
-/// Number of the capability to set priorities.
+/// Capability to set real-time priorities.
 pub const CAP_SYS_NICE: u32 = 23;
 
 impl HostFacts {
-    /// This machine.
+    /// Returns the facts of this machine.
     #[must_use]
     pub fn this() -> Self {
         Self {
@@ -37,27 +36,27 @@ impl HostFacts {
         }
     }
 
-    /// Returns the content of a file without the space around it.
+    /// Returns the contents of a file, trimmed.
     #[must_use]
     pub fn text(&self, path: &str) -> Option<String> {
         let text = fs::read_to_string(self.root.join(path)).ok()?;
         Some(text.trim().to_owned())
     }
 
-    /// Space of the file system that a path is on.
+    /// Returns the space of the file system that holds a path.
     ///
     /// # Errors
-    /// If there is no such path.
+    /// If the path does not exist.
     pub fn space(&self, path: &Path) -> io::Result<Space> {
         (self.space)(path)
     }
 
-    /// The limit to which a run may raise a resource, by its name in /proc/self/limits; `u64::MAX` is none.
+    /// Returns a limit by its name in /proc/self/limits; `u64::MAX` means unlimited.
     #[must_use]
     pub fn limit(&self, name: &str) -> Option<u64> {
         let limits = self.text("proc/self/limits")?;
         let line = limits.lines().find_map(|line| line.strip_prefix(name))?;
-        // The soft limit, which is in force, and the hard one, up to which everyone may raise it.
+        // The columns are the soft and the hard limit. The hard one counts: any process may raise its soft limit to it.
         match line.split_whitespace().nth(1)? {
             "unlimited" => Some(u64::MAX),
             number => number.parse().ok(),
@@ -73,7 +72,7 @@ impl HostFacts {
             .is_some_and(|set| set >> number & 1 == 1)
     }
 
-    /// The cores that this process may use.
+    /// Returns the cores in this process's affinity mask.
     #[must_use]
     pub fn allowed_cores(&self) -> Vec<u32> {
         self.status("Cpus_allowed_list:")
@@ -81,14 +80,14 @@ impl HostFacts {
             .unwrap_or_default()
     }
 
-    /// The cores of a file of /sys/devices/system/cpu.
+    /// Returns the cores listed in a file of /sys/devices/system/cpu.
     #[must_use]
     pub fn cores(&self, file: &str) -> Vec<u32> {
         let list = self.text(&format!("sys/devices/system/cpu/{file}"));
         list.map(|list| core_list(&list)).unwrap_or_default()
     }
 
-    /// A line of /proc/self/status.
+    /// Returns a value of /proc/self/status.
     fn status(&self, name: &str) -> Option<String> {
         let status = self.text("proc/self/status")?;
         let line = status.lines().find_map(|line| line.strip_prefix(name))?;
@@ -104,7 +103,7 @@ fn space_of(path: &Path) -> io::Result<Space> {
     })
 }
 
-/// The cores of a list such as `0-3,8`.
+/// Parses a list of cores such as `0-3,8`.
 fn core_list(list: &str) -> Vec<u32> {
     let ranges = list.split(',').filter_map(|part| {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -113,7 +112,7 @@ fn core_list(list: &str) -> Vec<u32> {
     ranges.flatten().collect()
 }
 
-/// Cores as people write them.
+/// Formats a list of cores.
 #[must_use]
 pub fn shown_cores(cores: &[u32]) -> String {
     let numbers: Vec<_> = cores.iter().map(u32::to_string).collect();
@@ -124,7 +123,7 @@ pub fn shown_cores(cores: &[u32]) -> String {
     }
 }
 
-/// A machine of a test: its files, and space of all its file systems.
+/// Returns a fake machine for tests: its files, and the space of all its file systems.
 #[cfg(test)]
 #[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 pub(super) fn fake(files: &[(&str, &str)], space: Option<Space>) -> (tempfile::TempDir, HostFacts) {

@@ -1,16 +1,16 @@
-//! Whether this machine is fit for a flight: what is good, what is poor, what would not work, and the fix.
+//! Fitness of this machine for a flight: findings, verdicts and fixes.
 //!
-//! A check is a function of what a [`HostFacts`] shows (files of /proc and /sys, free space) and of what the flight needs
-//! ([`Needs`]), or of a measurement; it returns a [`Check`] and changes nothing. Measurements are made apart from
-//! their judgement: [`wake_up::measure`], [`disk::measure`].
+//! A check is a function of the machine's facts ([`HostFacts`]: files of /proc and /sys, free space) and the needs of
+//! the flight ([`Needs`]), or of a measurement. It returns a [`Check`] and changes nothing. Measurements are separate
+//! from their verdicts: [`wake_up::measure`], [`disk::measure`].
 //!
 //! * [`memory`]: shared memory, locked memory, huge pages;
 //! * [`scheduling`]: real-time priority and throttling;
 //! * [`processor`]: cores and their isolation, governor, clock source;
-//! * [`disk`], [`runs`], [`wake_up`]: the folder of the results, other runs, how late a sleeper wakes;
-//! * [`report`]: for people and for programs.
+//! * [`disk`], [`runs`], [`wake_up`]: disk of the results, other runs, wake-up latency;
+//! * [`report`]: the report as text and JSON.
 //!
-//! Failure policy: what cannot be read is not good; it is told as such and never ends the examination.
+//! Failure policy: a fact that cannot be read is a finding that is not green; it never ends the examination.
 
 pub mod check;
 pub mod disk;
@@ -27,7 +27,7 @@ pub use check::{Check, CheckOutcome};
 pub use host::HostFacts;
 pub use needs::Needs;
 
-/// Everything that can be told without measuring, in the order in which it is shown.
+/// Returns all checks that need no measurement, in the order of the report.
 #[must_use]
 pub fn examine(host: &HostFacts, needs: &Needs) -> Vec<Check> {
     vec![

@@ -1,4 +1,4 @@
-//! Memory: what the processes share, what they may lock, how large its pages are.
+//! Memory: shared memory, locked memory, huge pages.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use super::check::{Check, bytes};
 use super::host::{CAP_IPC_LOCK, HostFacts};
 use super::needs::Needs;
 
-/// Number of times that a run's need is to fit into free shared memory for a comfortable flight: runs may be several.
-const COMFORTABLE: u64 = 4;
+/// Number of runs whose shared memory must fit for a green verdict: several may run at once.
+const GREEN_RUNS: u64 = 4;
 
-/// Returns whether there is room for the samples.
+/// Checks whether shared memory has room for the samples of a run.
 #[must_use]
 pub fn shared(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "shared memory";
@@ -32,14 +32,14 @@ pub fn shared(host: &HostFacts, needs: &Needs) -> Check {
     );
     if space.free < needs.shared_memory {
         Check::red(NAME, figure, fix)
-    } else if space.free < COMFORTABLE * needs.shared_memory {
+    } else if space.free < GREEN_RUNS * needs.shared_memory {
         Check::yellow(NAME, figure, fix)
     } else {
         Check::green(NAME, figure)
     }
 }
 
-/// Returns whether memory may be locked.
+/// Checks whether memory may be locked.
 #[must_use]
 pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "locked memory";
@@ -57,7 +57,7 @@ pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
         None => "the limit cannot be read".to_owned(),
     };
     let may = is_privileged || limit.is_some_and(|limit| limit >= LOCKED_MEMORY);
-    match (may, needs.lock_memory, needs.is_stated) {
+    match (may, needs.lock_memory, needs.has_scenario) {
         (true, _, _) => Check::green(NAME, shown),
         (false, true, _) => {
             let figure = format!("the scenario locks it, but {shown}");
@@ -71,7 +71,7 @@ pub fn locked(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Returns whether the system makes large pages of small ones behind everyone's back, which stops who uses them.
+/// Checks transparent huge pages: with `always` the kernel migrates pages in flight and stalls their users.
 #[must_use]
 pub fn huge_pages(host: &HostFacts) -> Check {
     const NAME: &str = "huge pages";
@@ -139,7 +139,7 @@ mod tests {
         const IPC_LOCK: &str = "0000000000004000";
         let unstated = Needs::ordinary();
         let indifferent = Needs {
-            is_stated: true,
+            has_scenario: true,
             ..unstated.clone()
         };
         let asking = Needs {

@@ -1,4 +1,4 @@
-//! The demands of a flight on the machine.
+//! Requirements of a flight.
 
 use scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
 use shared_types::{Schedule, ServiceId};
@@ -6,47 +6,46 @@ use shared_types::{Schedule, ServiceId};
 use run_log::predicted_bytes;
 use supervisor::reserve;
 
-/// The demands of a flight on the machine, and those of its scenario.
+/// Requirements of a flight on the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Needs {
-    /// `true` if a scenario was given; if not, the needs are those of an ordinary flight.
-    pub is_stated: bool,
-    /// `true` if the scenario insists on its deployment.
+    /// `true` if a scenario was given; otherwise the needs are those of an ordinary flight.
+    pub has_scenario: bool,
+    /// `true` if the scenario's deployment is strict.
     pub is_strict: bool,
-    /// The cores that it states.
+    /// The cores that the scenario sets.
     pub cores: Vec<u32>,
-    /// The highest priority that it states.
+    /// The highest priority that the scenario sets.
     pub priority: Option<u32>,
-    /// `true` if memory is to be locked.
+    /// `true` if any service locks its memory.
     pub lock_memory: bool,
-    /// The use that the service of highest priority makes of the machine.
-    pub foremost: ServiceDeployment,
-    /// Length of the flight, s.
+    /// Deployment of the service of highest priority.
+    pub highest_priority: ServiceDeployment,
+    /// Duration of the flight, s.
     pub duration: f64,
-    /// Size of the log, bytes.
+    /// Predicted size of the log, bytes.
     pub log_bytes: u64,
-    /// Shared memory, bytes.
     pub shared_memory: u64,
-    /// Time for which a step waits for inputs that are due, s.
+    /// Timeout of a step for inputs that are due, s.
     pub grace: f64,
 }
 
 impl Needs {
-    /// Those of a scenario.
+    /// Returns the needs of a scenario.
     #[must_use]
     pub fn of(scenario: &Scenario, schedule: &Schedule) -> Self {
         let uses = ServiceId::ALL.map(|service| scenario.deployment_of(service));
         let mut cores: Vec<u32> = uses.iter().filter_map(|settings| settings.core).collect();
         cores.sort_unstable();
         cores.dedup();
-        let foremost = uses.iter().max_by_key(|settings| settings.priority);
+        let highest_priority = uses.iter().max_by_key(|settings| settings.priority);
         Self {
-            is_stated: true,
+            has_scenario: true,
             is_strict: scenario.deployment.as_ref().is_some_and(|stated| stated.strict),
             cores,
             priority: uses.iter().filter_map(|settings| settings.priority).max(),
             lock_memory: uses.iter().any(|settings| settings.lock_memory == Some(true)),
-            foremost: foremost.copied().unwrap_or_default(),
+            highest_priority: highest_priority.copied().unwrap_or_default(),
             duration: scenario.duration,
             log_bytes: predicted_bytes(schedule),
             shared_memory: reserve::needed(),
@@ -54,7 +53,7 @@ impl Needs {
         }
     }
 
-    /// Those of an ordinary flight: a minute in which every service steps every millisecond.
+    /// Returns the needs of an ordinary flight: 60 s in which every service steps at 1 kHz.
     #[must_use]
     pub fn ordinary() -> Self {
         let hover = Curve::Hover(Hover {
@@ -68,12 +67,12 @@ impl Needs {
             last_tick,
         );
         Self {
-            is_stated: false,
+            has_scenario: false,
             ..Self::of(&scenario, &schedule)
         }
     }
 
-    /// Returns the speed at which the log of a flight in real time grows, bytes/s.
+    /// Returns the growth of the log of a flight in real time, bytes/s.
     #[must_use]
     pub fn log_rate(&self) -> f64 {
         self.log_bytes as f64 / self.duration.max(f64::MIN_POSITIVE)
@@ -98,9 +97,9 @@ mod tests {
             "real_time.grace=0.001",
         ]);
         assert_eq!((needs.cores, needs.priority), (vec![0, 1], Some(30)));
-        assert!(needs.is_strict && needs.lock_memory && needs.is_stated);
+        assert!(needs.is_strict && needs.lock_memory && needs.has_scenario);
         assert_eq!(
-            (needs.foremost.core, needs.foremost.priority),
+            (needs.highest_priority.core, needs.highest_priority.priority),
             (Some(0), Some(30))
         );
         assert_eq!(needs.grace, 0.001);
@@ -119,7 +118,7 @@ mod tests {
     #[test]
     fn an_ordinary_flight_asks_for_nothing() {
         let ordinary = Needs::ordinary();
-        assert!(!ordinary.is_stated && !ordinary.is_strict && !ordinary.lock_memory);
+        assert!(!ordinary.has_scenario && !ordinary.is_strict && !ordinary.lock_memory);
         assert_eq!((ordinary.priority, ordinary.cores), (None, vec![]));
     }
 }

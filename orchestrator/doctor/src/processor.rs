@@ -1,4 +1,4 @@
-//! The processor: how many cores, for whom, how fast, and what its clock costs.
+//! The processor: cores, isolation, frequency governor and clock source.
 
 use runtime::deployment::Setting;
 
@@ -6,8 +6,8 @@ use super::check::Check;
 use super::host::{HostFacts, shown_cores};
 use super::needs::Needs;
 
-/// Clock sources that are read without the kernel's help.
-const QUICK_CLOCKS: [&str; 5] = [
+/// Clock sources that are read without a system call.
+const FAST_CLOCKS: [&str; 5] = [
     "tsc",
     "kvm-clock",
     "hyperv_clocksource_tsc_page",
@@ -15,10 +15,11 @@ const QUICK_CLOCKS: [&str; 5] = [
     "riscv_clocksource",
 ];
 
-/// Clock sources that step with the timer interrupt, milliseconds apart.
+/// Clock sources that advance with the timer interrupt, in steps of milliseconds.
 const COARSE_CLOCKS: [&str; 2] = ["jiffies", "refined-jiffies"];
 
-/// The cores that a run may use: the allowed ones, and isolated ones, which nobody is given without asking.
+/// Returns the cores that a run may use: those in the affinity mask, and isolated ones, which are in no mask by
+/// default.
 fn usable_cores(host: &HostFacts) -> Vec<u32> {
     let mut cores = host.allowed_cores();
     cores.extend(host.cores("isolated"));
@@ -27,7 +28,7 @@ fn usable_cores(host: &HostFacts) -> Vec<u32> {
     cores
 }
 
-/// Returns whether there are cores enough, and those that the scenario states.
+/// Checks whether a core is left for the recorder, and whether the cores that the scenario sets are usable.
 #[must_use]
 pub fn cores(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "cores";
@@ -54,7 +55,7 @@ pub fn cores(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Returns whether the stated cores are kept free of other work.
+/// Checks whether the cores that the scenario sets are isolated from other work.
 #[must_use]
 pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "isolation of cores";
@@ -77,7 +78,7 @@ pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
         let figure = format!("{figure}; other work comes to {}, too", shown_cores(&shared));
         let fix = format!("boot the kernel with `isolcpus={list} nohz_full={list}` (docs/deployment.md)");
         Check::yellow(NAME, figure, fix)
-    } else if needs.is_stated && needs.cores.is_empty() && !isolated.is_empty() {
+    } else if needs.has_scenario && needs.cores.is_empty() && !isolated.is_empty() {
         let fix = format!("state `deployment.core`, for example {}", isolated[0]);
         Check::yellow(NAME, format!("{figure}; the scenario does not use them"), fix)
     } else {
@@ -85,7 +86,7 @@ pub fn isolation(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Returns whether the cores run at full speed at once.
+/// Checks whether the cores run at full frequency.
 #[must_use]
 pub fn governor(host: &HostFacts) -> Check {
     const NAME: &str = "frequency governor";
@@ -106,7 +107,7 @@ pub fn governor(host: &HostFacts) -> Check {
     }
 }
 
-/// Returns whether the clock is quick to read.
+/// Checks the cost and the resolution of the clock.
 #[must_use]
 pub fn clock_source(host: &HostFacts) -> Check {
     const NAME: &str = "clock source";
@@ -119,7 +120,7 @@ pub fn clock_source(host: &HostFacts) -> Check {
         .unwrap_or_default();
     let better = available
         .split_whitespace()
-        .find(|clock| QUICK_CLOCKS.contains(clock));
+        .find(|clock| FAST_CLOCKS.contains(clock));
     let fix = match better {
         Some(better) => format!("echo {better} > /{FOLDER}/current_clocksource"),
         None => {
@@ -127,7 +128,7 @@ pub fn clock_source(host: &HostFacts) -> Check {
                 .to_owned()
         }
     };
-    if QUICK_CLOCKS.contains(&current.as_str()) {
+    if FAST_CLOCKS.contains(&current.as_str()) {
         Check::green(NAME, format!("`{current}`"))
     } else if COARSE_CLOCKS.contains(&current.as_str()) {
         Check::red(
@@ -168,7 +169,7 @@ mod tests {
 
     fn on(cores: &[u32], is_strict: bool) -> Needs {
         Needs {
-            is_stated: true,
+            has_scenario: true,
             cores: cores.to_vec(),
             is_strict,
             ..Needs::ordinary()

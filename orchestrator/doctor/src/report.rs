@@ -1,4 +1,4 @@
-//! The findings, for people and for programs.
+//! The report of all checks, as text and JSON.
 
 use std::fmt::Write;
 
@@ -7,25 +7,23 @@ use serde::Serialize;
 use super::check::{Check, CheckOutcome};
 use super::wake_up::{Lateness, microseconds};
 
-/// Width of the text, characters: that of the smallest terminal.
+/// Width of the text, columns: that of the smallest common terminal.
 const WIDTH: usize = 80;
 
-/// Place where what was found begins, characters.
+/// Column at which findings begin.
 const FIGURE_COLUMN: usize = 30;
 
-/// Everything that was found.
+/// Findings of all checks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MachineReport {
     /// The worst verdict.
     pub verdict: CheckOutcome,
-    /// The checks.
     pub checks: Vec<Check>,
-    /// The lateness of wake-ups.
     pub wake_ups: Lateness,
 }
 
 impl MachineReport {
-    /// Of these checks.
+    /// Creates the report.
     #[must_use]
     pub fn new(checks: Vec<Check>, wake_ups: Lateness) -> Self {
         let worst = checks.iter().map(|check| check.verdict).max();
@@ -36,7 +34,7 @@ impl MachineReport {
         }
     }
 
-    /// For people: a line a check with the fix below, and how late wake-ups were.
+    /// Returns the report as text: a line for each check with the fix below it, then the wake-up latencies.
     #[must_use]
     pub fn text(&self, is_coloured: bool) -> String {
         let mut text = String::new();
@@ -61,7 +59,7 @@ impl MachineReport {
     }
 }
 
-/// The lateness of wake-ups.
+/// Formats the lateness of wake-ups as a table.
 fn table(wake_ups: &Lateness) -> String {
     let rows = wake_ups.rows();
     let names = rows.map(|(name, _)| format!("{name:>10}")).concat();
@@ -75,7 +73,7 @@ fn table(wake_ups: &Lateness) -> String {
     )
 }
 
-/// The word of a verdict, seven characters wide, in its colour.
+/// Returns the name of a verdict, seven characters wide, optionally coloured.
 fn coloured(verdict: CheckOutcome, is_coloured: bool) -> String {
     let word = format!("{:<7}", verdict.name());
     let colour = match verdict {
@@ -90,7 +88,7 @@ fn coloured(verdict: CheckOutcome, is_coloured: bool) -> String {
     }
 }
 
-/// A text in lines that begin at a column, broken between words.
+/// Wraps a text between words; later lines are indented to `column`.
 fn wrapped(text: &str, column: usize) -> String {
     let mut wrapped = String::new();
     let mut at = column;

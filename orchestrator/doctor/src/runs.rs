@@ -1,4 +1,4 @@
-//! Other runs: live ones, which take time from this one, and dead ones, which have left something behind.
+//! Other runs: live ones, which compete for the processor, and dead ones, which left files behind.
 
 use std::io;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use super::check::Check;
 use run_client::run_root::RunRoots;
 use run_client::runs::MachineRun;
 
-/// Returns whether another run of this machine is alive, of any user.
+/// Checks whether other runs of any user are alive on this machine.
 #[must_use]
 pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
     const NAME: &str = "other runs";
@@ -29,7 +29,7 @@ pub fn live(found: &io::Result<Vec<MachineRun>>) -> Check {
     }
 }
 
-/// Returns whether dead runs have left something behind.
+/// Checks whether dead runs left files behind.
 #[must_use]
 pub fn dead(found: &io::Result<RunRoots>) -> Check {
     const NAME: &str = "dead runs";

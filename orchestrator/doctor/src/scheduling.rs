@@ -1,4 +1,4 @@
-//! Precedence on a core: real-time priority, and the share of a core that it may take.
+//! Scheduling: real-time priority and throttling.
 
 use runtime::deployment::{FIFO_PRIORITY, Setting};
 
@@ -6,10 +6,10 @@ use super::check::Check;
 use super::host::{CAP_SYS_NICE, HostFacts};
 use super::needs::Needs;
 
-/// Share of a core below which real-time work is held back while it does no wrong.
+/// Share of a core below which throttling stops services that behave well.
 const LEAST_SHARE: f64 = 0.5;
 
-/// Returns whether a real-time priority may be had.
+/// Checks whether real-time priorities are permitted.
 #[must_use]
 pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time priority";
@@ -25,7 +25,7 @@ pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     };
     let wanted = needs.priority.unwrap_or(FIFO_PRIORITY);
     let may = is_privileged || limit.is_some_and(|limit| limit >= u64::from(wanted));
-    match (may, needs.priority, needs.is_stated) {
+    match (may, needs.priority, needs.has_scenario) {
         (true, _, _) => Check::green(NAME, shown),
         (false, Some(priority), _) => {
             let figure = format!("the scenario states {priority}, but: {shown}");
@@ -39,7 +39,7 @@ pub fn priority(host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Checks the share of a core that real-time work may take before it is held back.
+/// Checks the share of a core that real-time work may use before it is throttled.
 #[must_use]
 pub fn throttling(host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "real-time throttling";
@@ -76,7 +76,7 @@ mod tests {
     fn cases() -> [Needs; 4] {
         let unstated = Needs::ordinary();
         let indifferent = Needs {
-            is_stated: true,
+            has_scenario: true,
             ..unstated.clone()
         };
         let asking = Needs {

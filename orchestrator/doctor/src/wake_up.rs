@@ -1,4 +1,4 @@
-//! The wake-up latency of a sleeper: the least time by which every step of a flight in real time is late.
+//! Wake-up latency: the minimum delay of every step of a flight in real time.
 
 use std::time::Duration;
 
@@ -13,30 +13,28 @@ use super::host::HostFacts;
 use super::needs::Needs;
 use super::processor;
 
-/// Time between two wake-ups, ns.
+/// Period of the wake-ups, ns.
 const PERIOD_NS: u64 = 1_000_000;
 
-/// The lateness of wake-ups.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lateness {
-    /// The number of measurements.
     pub count: usize,
-    /// Half of them were at most so late, s.
+    /// Median, s.
     pub p50: f64,
-    /// 99 of 100 were at most so late, s.
+    /// 99th percentile, s.
     pub p99: f64,
-    /// 999 of 1000 were at most so late, s.
+    /// 99.9th percentile, s.
     pub p99_9: f64,
-    /// None was later, s.
+    /// Maximum, s.
     pub max: f64,
 }
 
 impl Lateness {
-    /// From what was measured, ns; at least one.
+    /// Computes the quantiles of a non-empty list of measurements, ns.
     fn of(mut measured: Vec<u64>) -> Self {
         measured.sort_unstable();
         let last = measured.len() - 1;
-        // The smallest that so many in a thousand do not exceed.
+        // The smallest measurement not exceeded by `share` of 1000.
         let per_mille = |share: usize| {
             let rank = (measured.len() * share).div_ceil(1000);
             seconds(measured[rank.saturating_sub(1)])
@@ -50,7 +48,7 @@ impl Lateness {
         }
     }
 
-    /// The quantiles with their names.
+    /// Returns the quantiles with their names.
     #[must_use]
     pub fn rows(&self) -> [(&'static str, f64); 4] {
         [
@@ -62,7 +60,7 @@ impl Lateness {
     }
 }
 
-/// Sleeps to deadlines that are a millisecond apart, as a service of these settings would; `None` if it was stopped.
+/// Sleeps until deadlines one millisecond apart, with the deployment of a service; `None` if it was stopped.
 ///
 /// # Panics
 /// Never: the measuring thread does not.
@@ -73,27 +71,27 @@ pub fn measure(
     stopped: impl Fn() -> bool + Send,
 ) -> Option<Lateness> {
     std::thread::scope(|scope| {
-        // A thread of its own: core and priority end with it.
+        // A separate thread: core and priority do not outlive the measurement.
         let sleeper = scope.spawn(|| {
             let settings = ServiceDeployment {
                 lock_memory: None,
                 ..settings
             };
-            // What is not permitted is told by the checks of the limits.
-            let _told_elsewhere: Vec<Refusal> = deployment::apply(&settings);
-            sleep_and_look(lasts, stopped)
+            // Refused settings are reported by the checks of the limits.
+            let _reported_elsewhere: Vec<Refusal> = deployment::apply(&settings);
+            measure_wake_ups(lasts, stopped)
         });
         sleeper.join().expect("the measuring thread does not panic")
     })
 }
 
-fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Lateness> {
+fn measure_wake_ups(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Lateness> {
     let count = (nanoseconds(lasts.as_secs_f64()) / PERIOD_NS).max(1);
     let mut measured = Vec::with_capacity(usize::try_from(count).unwrap_or_default());
     let mut deadline = monotonic_ns();
     for _ in 0..count {
         deadline += PERIOD_NS;
-        // A signal wakes early: look whether it was meant for us, and sleep on.
+        // A signal wakes the thread early: check for a stop, then sleep on.
         while monotonic_ns() < deadline {
             if stopped() {
                 return None;
@@ -105,7 +103,7 @@ fn sleep_and_look(lasts: Duration, stopped: impl Fn() -> bool) -> Option<Latenes
     Some(Lateness::of(measured))
 }
 
-/// Returns whether wake-ups are sharp enough: a step flies with what it has once its `grace` is over.
+/// Checks whether wake-ups are punctual: a step starts without missing inputs once its `grace` has passed.
 #[must_use]
 pub fn judge(lateness: &Lateness, host: &HostFacts, needs: &Needs) -> Check {
     const NAME: &str = "wake-ups";
@@ -125,9 +123,9 @@ pub fn judge(lateness: &Lateness, host: &HostFacts, needs: &Needs) -> Check {
     }
 }
 
-/// Returns what makes wake-ups sharper, of that only what is not so already.
+/// Returns the changes that would reduce the latency, without those already made.
 fn fix(host: &HostFacts, needs: &Needs) -> String {
-    let ServiceDeployment { core, priority, .. } = needs.foremost;
+    let ServiceDeployment { core, priority, .. } = needs.highest_priority;
     let isolated = host.cores("isolated");
     let has_own_core = core.is_some_and(|core| isolated.contains(&core));
     let has_governor = processor::governor(host).fix.is_none();
@@ -142,7 +140,7 @@ fn fix(host: &HostFacts, needs: &Needs) -> String {
     changes.join("; ") + " (docs/deployment.md)"
 }
 
-/// A short time for people.
+/// Formats a time as microseconds.
 #[must_use]
 pub fn microseconds(time: f64) -> String {
     format!("{:.0} µs", 1e6 * time)
@@ -201,7 +199,7 @@ mod tests {
             ];
             let (_folder, host) = fake(&files, None);
             let mut needs = Needs::ordinary();
-            (needs.foremost.core, needs.foremost.priority) = (core, priority);
+            (needs.highest_priority.core, needs.highest_priority.priority) = (core, priority);
             fix(&host, &needs)
         };
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The kinds of faults of the matrix, with the values that they need.
+//! Kinds of faults in the matrix, with their parameters.
 
 use std::str::FromStr;
 
@@ -10,32 +10,32 @@ use shared_types::Topic;
 
 use super::{DELAY, FRACTION, RANGE, injection_times};
 
-/// A kind of fault, as the matrix knows them.
+/// Kind of fault of the matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(into = "&'static str")]
 pub enum MatrixFault {
-    /// A service dies and comes back with what it knew.
+    /// A service dies and restarts from its last state.
     OffWarm,
-    /// A service dies and comes back as at the start of the flight.
+    /// A service dies and restarts from its initial state.
     OffCold,
-    /// A service stands still.
+    /// A service stops stepping.
     Freeze,
-    /// Samples are late.
+    /// Samples arrive late.
     Delay,
-    /// Samples are lost.
+    /// Samples are lost at random.
     Intermittent,
-    /// Samples repeat the last one before.
+    /// Samples repeat the last one before the fault.
     Stuck,
-    /// One number is wrong, and could be true.
+    /// One field is wrong by a plausible amount.
     Wrong,
-    /// All numbers are random, and could be true.
+    /// All fields are random within a plausible range.
     GarbageInRange,
     /// All bits are random.
     Garbage,
 }
 
 impl MatrixFault {
-    /// All of them, those of services first.
+    /// All kinds, those of services first.
     pub const ALL: [Self; 9] = [
         Self::OffWarm,
         Self::OffCold,
@@ -48,7 +48,7 @@ impl MatrixFault {
         Self::Garbage,
     ];
 
-    /// Name on the command line and in reports.
+    /// Returns the name on the command line and in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl MatrixFault {
         }
     }
 
-    /// Returns its kind in a scenario.
+    /// Returns the kind of fault in a scenario.
     #[must_use]
     pub fn kind(self) -> FaultKind {
         match self {
@@ -78,13 +78,13 @@ impl MatrixFault {
         }
     }
 
-    /// Returns whether it can befall this target: services are off or frozen, samples all else.
+    /// Returns whether the fault applies to a target: outages to services, all others to edges.
     #[must_use]
-    pub fn befalls(self, target: Target) -> bool {
+    pub fn applies_to(self, target: Target) -> bool {
         self.kind().is_outage() == matches!(target, Target::Service(_))
     }
 
-    /// The fault of a target from `at` on, for so long, s.
+    /// Returns the fault of a target from `at` for a duration, s.
     #[must_use]
     pub fn fault(self, target: Target, scenario: &Scenario, at: f64, lasts: f64) -> Fault {
         let mut fault = Fault::new(self.kind(), at);
@@ -115,12 +115,12 @@ impl MatrixFault {
 }
 
 impl From<MatrixFault> for &'static str {
-    fn from(trouble: MatrixFault) -> Self {
-        trouble.name()
+    fn from(fault: MatrixFault) -> Self {
+        fault.name()
     }
 }
 
-/// One number that is wrong, and by what.
+/// Error of one field.
 struct Error {
     field: &'static str,
     scale: Option<f64>,
@@ -128,8 +128,8 @@ struct Error {
 }
 
 impl Error {
-    /// Returns the wrong content of a topic: something that nobody can see in one sample alone. A position is off by
-    /// 0.1 m, a thrust is a fifth too small.
+    /// Returns a plausible error of a topic, which no check of a single sample detects: a position is off by 0.1 m, a
+    /// thrust is 20 % too small.
     fn of(topic: Topic) -> Self {
         match topic {
             Topic::ControlCommand | Topic::RcFrame => Self {
@@ -146,7 +146,7 @@ impl Error {
     }
 }
 
-/// One or more kinds of faults, by a name on the command line: `off` and `garbage` mean two each.
+/// One or more kinds of faults under one name on the command line: `off` and `garbage` each mean two.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MatrixFaults(pub Vec<MatrixFault>);
 
@@ -155,10 +155,10 @@ impl FromStr for MatrixFaults {
 
     fn from_str(name: &str) -> Result<Self, ValueError> {
         let all = MatrixFault::ALL.into_iter();
-        let of_name: Vec<_> = all
-            .filter(|trouble| trouble.name() == name || trouble.kind().name() == name)
+        let matching: Vec<_> = all
+            .filter(|fault| fault.name() == name || fault.kind().name() == name)
             .collect();
-        if of_name.is_empty() {
+        if matching.is_empty() {
             let names = FaultKind::ALL.map(FaultKind::name).into_iter();
             let mut names: Vec<_> = names.chain(MatrixFault::ALL.map(MatrixFault::name)).collect();
             names.sort_unstable();
@@ -168,7 +168,7 @@ impl FromStr for MatrixFaults {
                 there_is: known_names(name, &names),
             });
         }
-        Ok(Self(of_name))
+        Ok(Self(matching))
     }
 }
 
@@ -185,13 +185,13 @@ mod tests {
             let plain = scenario(tick, 22.0);
             let services = services().map(Target::Service);
             for target in services.chain(EdgeName::all().map(Target::Edge)) {
-                for trouble in MatrixFault::ALL
+                for fault in MatrixFault::ALL
                     .into_iter()
-                    .filter(|trouble| trouble.befalls(target))
+                    .filter(|fault| fault.applies_to(target))
                 {
                     let mut scenario = plain.clone();
-                    scenario.fault = vec![trouble.fault(target, &scenario, 11.0, 2.2)];
-                    assert_eq!(scenario.problems(), [], "{target}, {}", trouble.name());
+                    scenario.fault = vec![fault.fault(target, &scenario, 11.0, 2.2)];
+                    assert_eq!(scenario.problems(), [], "{target}, {}", fault.name());
                 }
             }
         }

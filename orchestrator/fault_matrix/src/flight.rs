@@ -1,4 +1,4 @@
-//! Flies a cell of the matrix and looks on: in this process, or as processes that really die.
+//! Flies a cell of the matrix, in this process or as separate processes that really die.
 
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -21,46 +21,46 @@ use supervisor::supervision::SupervisionObserver;
 use supervisor::supervision::Supervisor;
 use supervisor::{Ending, Outcome, RunFailure, lock_step};
 
-/// The result of a flight.
+/// Result of a cell's flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightResult {
-    /// The effect of the fault; none if it was not reached.
+    /// The effect of the fault; `None` if the flight ended before it.
     pub report: Option<FaultReport>,
     /// The loss of the vehicle, if it was lost.
     pub loss: Option<Loss>,
-    /// `true` if the vehicle stood disarmed at its end.
+    /// `true` if the vehicle stood disarmed at the end.
     pub stands_disarmed: bool,
-    /// Reason why the flight ended early, if the fault ended it.
+    /// Reason why the fault ended the flight early, if it did.
     pub ended: Option<Ended>,
-    /// Digest of all samples, if it was asked for.
+    /// Digest of all samples, if requested.
     pub digest: Option<String>,
 }
 
-/// Effects of a fault on a flight beside losing the vehicle.
+/// Failure of the flight other than a loss of the vehicle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// A service computed a number that is not finite; these are the words for it.
+    /// A service computed a number that is not finite; the message.
     NotFinite(String),
-    /// A service died of what it was given, again and again as a process, once and for all in this one.
+    /// A service died of its inputs: repeatedly as a process, once in this process.
     Died,
 }
 
-/// The way to fly a cell.
+/// Execution of a cell's flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// In this process.
     InProcess {
-        /// `true` to take the digest of all samples, which takes its time.
+        /// `true` to compute the digest of all samples, which takes time.
         with_digest: bool,
     },
-    /// As one process a service, with the digest.
+    /// As one process for each service, with the digest.
     Processes,
 }
 
 /// Flies a cell and compares it with the undisturbed flight.
 ///
 /// # Errors
-/// [`NotFlown`]. What a fault does to the vehicle is no error, but an interrupt is one.
+/// [`NotFlown`]. The fault's effects on the vehicle are no error, but an interrupt is.
 pub fn fly(
     cell: &MatrixCell,
     way: Way,
@@ -79,8 +79,8 @@ pub fn fly(
         digest: with_digest.then(ExperimentDigest::default),
     };
     let outcome = match way {
-        Way::InProcess { .. } => in_this_process(scenario, &mut observer, interrupt),
-        Way::Processes => as_processes(scenario, &mut observer, interrupt),
+        Way::InProcess { .. } => fly_in_process(scenario, &mut observer, interrupt),
+        Way::Processes => fly_as_processes(scenario, &mut observer, interrupt),
     };
     let ended = match outcome? {
         Some(Outcome::Completed) => None,
@@ -96,13 +96,13 @@ pub fn fly(
     Ok(observer.finish(&schedule, ended))
 }
 
-/// Returns the end of the flight; nothing if a service panicked, which is how it would die as a process.
-fn in_this_process(
+/// Returns the outcome; `None` if a service panicked, which would kill its process.
+fn fly_in_process(
     scenario: &Scenario,
     observer: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, RunFailure> {
-    // What it leaves half done is its own; the observer has had whole ticks.
+    // Unwind safety: the flight's half-finished state is dropped, and the observer has received whole ticks only.
     let flight = AssertUnwindSafe(|| in_process::fly(scenario, observer, interrupt));
     match catch_unwind(flight) {
         Ok(ending) => Ok(Some(Ending::from(ending?).outcome)),
@@ -110,25 +110,18 @@ fn in_this_process(
     }
 }
 
-fn as_processes(
+fn fly_as_processes(
     scenario: &Scenario,
     observer: &mut Observer,
     interrupt: &Interrupt,
 ) -> Result<Option<Outcome>, RunFailure> {
     let deployment = Deployment::default();
     let quiet = Messages::default();
-    let ending = lock_step::fly(
-        scenario,
-        &deployment,
-        observer,
-        interrupt,
-        &quiet,
-        &mut Unrecorded,
-    )?;
+    let ending = lock_step::fly(scenario, &deployment, observer, interrupt, &quiet, &mut NoRecord)?;
     Ok(Some(ending.outcome))
 }
 
-/// Looks at the samples of a flight; none is kept.
+/// Evaluates the samples of a flight without storing them.
 struct Observer {
     tracker: Tracker,
     loss: LossWatch,
@@ -179,10 +172,10 @@ impl TickSink for Observer {
     }
 }
 
-/// Keeps no record of the machine.
-struct Unrecorded;
+/// Observer that records nothing about the machine.
+struct NoRecord;
 
-impl SupervisionObserver for Unrecorded {
+impl SupervisionObserver for NoRecord {
     fn ready(&mut self, _supervisor: &Supervisor<'_>, _core: Option<usize>) {}
     fn changed(&mut self, _supervisor: &Supervisor<'_>) {}
     fn progressed(&mut self, _supervisor: &Supervisor<'_>, _tick: u64) {}

@@ -1,48 +1,48 @@
-//! When the faults of the matrix begin, unless told: spread over those parts of the flight in which nothing else happens.
+//! Default injection times: spread over the quiet parts of the flight.
 
 use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
 
-/// Time for which the vehicle is left alone after the start and after each change of it, s: it has settled by then.
+/// Settling time after the start and after each planned change of the vehicle, s.
 const SETTLING: f64 = 10.0;
 
-/// A time as the nearest whole number of ticks, s.
+/// Rounds a time to the nearest tick, s.
 #[must_use]
 pub fn on_tick(scenario: &Scenario, time: f64) -> f64 {
     let tick = nanoseconds(scenario.schedule.tick).max(1);
     seconds((nanoseconds(time) + tick / 2) / tick * tick)
 }
 
-/// So many moments, spread evenly over the calm parts of the flight: with 10 s since anything happened, and
-/// `watched` (s) until it does. Where nothing is calm, over the flight.
+/// Returns `count` injection times, spread evenly over the quiet parts of the flight: at least 10 s after a
+/// change and `watched` (s) before the next. Without a quiet part, spreads them over the whole flight.
 #[must_use]
 pub fn spread(scenario: &Scenario, count: usize, watched: f64) -> Vec<f64> {
-    let mut calm = calm_parts(scenario, watched);
-    if calm.is_empty() {
-        calm.push((0.0, scenario.duration));
+    let mut quiet = quiet_parts(scenario, watched);
+    if quiet.is_empty() {
+        quiet.push((0.0, scenario.duration));
     }
-    let whole: f64 = calm.iter().map(|(from, to)| to - from).sum();
+    let whole: f64 = quiet.iter().map(|(from, to)| to - from).sum();
     (0..count)
         .map(|number| {
             let share = (number as f64 + 0.5) / count as f64;
-            on_tick(scenario, at(&calm, share * whole))
+            on_tick(scenario, at(&quiet, share * whole))
         })
         .collect()
 }
 
-/// Begins and ends of the calm parts, s.
-fn calm_parts(scenario: &Scenario, watched: f64) -> Vec<(f64, f64)> {
+/// Returns begin and end of the quiet parts, s.
+fn quiet_parts(scenario: &Scenario, watched: f64) -> Vec<(f64, f64)> {
     let changes = scenario.vehicle.change.iter().map(|change| change.at);
-    let mut happenings: Vec<f64> = changes.chain([0.0, scenario.duration]).collect();
-    happenings.sort_by(f64::total_cmp);
-    happenings
+    let mut changes: Vec<f64> = changes.chain([0.0, scenario.duration]).collect();
+    changes.sort_by(f64::total_cmp);
+    changes
         .windows(2)
         .map(|pair| (pair[0] + SETTLING, pair[1] - watched))
         .filter(|(from, to)| from < to)
         .collect()
 }
 
-/// The moment that lies so far into the parts, s.
+/// Returns the time at a distance from the begin of the parts, counted along the parts only, s.
 fn at(parts: &[(f64, f64)], mut way: f64) -> f64 {
     for (from, to) in parts {
         if way <= to - from {
@@ -62,7 +62,7 @@ mod tests {
     fn faults_begin_when_the_vehicle_has_settled_and_is_left_alone() {
         // It changes at 30 s.
         let scenario = scenario(0.001, 60.0);
-        assert_eq!(calm_parts(&scenario, 8.0), [(10.0, 22.0), (40.0, 52.0)]);
+        assert_eq!(quiet_parts(&scenario, 8.0), [(10.0, 22.0), (40.0, 52.0)]);
         assert_eq!(spread(&scenario, 3, 8.0), [14.0, 22.0, 48.0]);
         assert_eq!(spread(&scenario, 1, 8.0), [22.0]);
     }

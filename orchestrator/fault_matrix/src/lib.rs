@@ -1,12 +1,12 @@
-//! The fault matrix: every service and every edge of the wiring, every kind of fault, at several moments.
+//! The fault matrix: every service and every edge of the wiring, every kind of fault, at several injection times.
 //!
-//! * [`fault_kind`]: the kinds of faults and what is wrong with which topic;
-//! * [`injection_times`]: when they begin, unless told;
-//! * [`plan`]: the flights: a scenario for every cell;
-//! * [`flight`]: flying them, each a function of its scenario alone;
-//! * [`undisturbed`]: the flight without a fault, by which the others are judged;
-//! * [`survival`]: judging them;
-//! * [`report`], [`table`]: showing it.
+//! * [`fault_kind`]: kinds of faults and their parameters;
+//! * [`injection_times`]: default injection times;
+//! * [`plan`]: the cells, each with its scenario;
+//! * [`flight`]: flies a cell; its result depends on its scenario alone;
+//! * [`undisturbed`]: the flight without a fault, as the reference of the verdicts;
+//! * [`survival`]: the verdicts;
+//! * [`report`], [`table`]: the report as JSON and as a table.
 
 pub mod fault_kind;
 pub mod flight;
@@ -18,29 +18,27 @@ pub mod table;
 pub mod truth;
 pub mod undisturbed;
 
-/// Time for which a fault lasts unless told, s: after so long the last frame is still good enough, and a little later it is
-/// not.
+/// Default duration of a fault, s: the last frame is still usable after this time, and no longer a little later.
 pub const LASTS: f64 = 0.1;
 
-/// Time for which a cell is flown after its fault unless told, s: two settling times of the law.
+/// Default time flown after a fault, s: two settling times of the control law.
 pub const AFTER: f64 = 8.0;
 
-/// The default number of moments.
+/// Default number of injection times.
 pub const MOMENTS: usize = 3;
 
-/// By how much samples are late with a delay, s: more than twice the longest period of the laboratory.
+/// Delay of late samples, s: more than twice the longest period of the laboratory.
 pub const DELAY: f64 = 0.05;
 
-/// Share of the samples that are lost intermittently.
+/// Fraction of samples lost by an intermittent edge.
 pub const FRACTION: f64 = 0.5;
 
-/// Largest magnitude of garbage in range: each number could be true, in m, m/s, rad/s or N.
+/// Maximum magnitude of garbage in range, in m, m/s, rad/s or N: each number is plausible.
 pub const RANGE: f64 = 10.0;
 
-/// The largest ratio of the vehicle's distance to the bound, which it must come back to, for a fault to count as
-/// survived.
+/// Maximum ratio of the vehicle's distance to the bound for the verdict "survived".
 pub const SURVIVES: f64 = 1.5;
 
-/// The distance from a moment at which the undisturbed flight is looked at, s: a vehicle that a fault holds up meets
-/// what the scenario plans a little later.
+/// Half width of the window in which the undisturbed flight is compared, s: a fault may delay the vehicle's reaction to
+/// planned changes.
 pub const BESIDE: f64 = 0.5;

@@ -1,4 +1,4 @@
-//! Which flights the matrix is made of.
+//! The flights of the matrix.
 
 use scenario::{EdgeName, Problem, Scenario, Target};
 use serde::Serialize;
@@ -8,46 +8,44 @@ use super::fault_kind::MatrixFault;
 use super::injection_times;
 use metrics::summary::faults::PlannedFault;
 
-/// The services that can fail: all but the plant, which is the vehicle itself.
+/// Returns the services that can fail: all but the plant, which is the vehicle itself.
 pub fn services() -> impl Iterator<Item = ServiceId> {
     let all = ServiceId::ALL.into_iter();
     all.filter(|&service| service != ServiceId::Plant)
 }
 
-/// A fault and its target.
+/// Fault kind and target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatrixCase {
-    /// Whom.
     pub target: Target,
-    /// What.
-    pub trouble: MatrixFault,
+    pub fault: MatrixFault,
 }
 
-/// Time at which faults begin, how long they last, and how long is flown after them, s.
+/// Injection times, and durations of the fault and of the flight after it, s.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Times {
-    /// Time at which they begin.
+    /// Injection times.
     pub moments: Vec<f64>,
-    /// Time for which they last.
+    /// Duration of a fault.
     pub lasts: f64,
-    /// Time for which is flown after them.
+    /// Time flown after a fault.
     pub after: f64,
 }
 
 /// One flight of the matrix.
 #[derive(Clone, Debug)]
 pub struct MatrixCell {
-    /// The fault and its target; none in an undisturbed flight.
+    /// The fault and its target; `None` in an undisturbed flight.
     pub case: Option<MatrixCase>,
-    /// Time at which it begins, or would, s.
+    /// Injection time, also in an undisturbed flight, s.
     pub moment: f64,
-    /// The scenario that is flown: to its end, or until some time after the fault.
+    /// The scenario of the flight; it ends some time after the fault.
     pub scenario: Scenario,
-    /// The fault as the flight is watched for it, also where there is none.
+    /// The fault that the flight's evaluation expects, also in an undisturbed flight.
     pub watched: PlannedFault,
 }
 
-/// All cases of these services and edges and kinds, the services first.
+/// Returns all applicable combinations of services, edges and kinds, the services first.
 #[must_use]
 pub fn cases(services: &[ServiceId], edges: &[EdgeName], faults: &[MatrixFault]) -> Vec<MatrixCase> {
     let services = services.iter().copied().map(Target::Service);
@@ -56,16 +54,16 @@ pub fn cases(services: &[ServiceId], edges: &[EdgeName], faults: &[MatrixFault])
     targets
         .into_iter()
         .flat_map(|target| {
-            let fitting = faults.iter().filter(move |trouble| trouble.befalls(target));
-            fitting.map(move |&trouble| MatrixCase { target, trouble })
+            let fitting = faults.iter().filter(move |fault| fault.applies_to(target));
+            fitting.map(move |&fault| MatrixCase { target, fault })
         })
         .collect()
 }
 
-/// A cell for every moment without a fault, and one for every case and moment.
+/// Returns an undisturbed cell for every injection time, then one for every case and injection time.
 ///
 /// # Errors
-/// What of it cannot be flown, in the scenario's terms.
+/// The first problem of a cell's scenario.
 pub fn cells(scenario: &Scenario, cases: &[MatrixCase], times: &Times) -> Result<Vec<MatrixCell>, Problem> {
     let rows = std::iter::once(None).chain(cases.iter().copied().map(Some));
     rows.flat_map(|case| times.moments.iter().map(move |&moment| (case, moment)))
@@ -80,15 +78,15 @@ fn cell(
     times: &Times,
 ) -> Result<MatrixCell, Problem> {
     let mut scenario = plain.clone();
-    if let Some(MatrixCase { target, trouble }) = case {
-        scenario.fault = vec![trouble.fault(target, plain, moment, times.lasts)];
-        // Before the flight is cut: what is planned for later than its new end shall not be a problem.
+    if let Some(MatrixCase { target, fault }) = case {
+        scenario.fault = vec![fault.fault(target, plain, moment, times.lasts)];
+        // Validated before the duration is cut: events planned after the new end are no problem.
         if let Some(problem) = scenario.problems().into_iter().next() {
             return Err(problem);
         }
     }
     let end = injection_times::on_tick(plain, moment + times.lasts + times.after);
-    // Beyond the planned end where needed: a way back that is cut off is no loss, and one that is not seen no survival.
+    // Beyond the planned end where needed: a recovery that is cut off is neither a loss nor a survival.
     scenario.duration = end;
     Ok(MatrixCell {
         case,
@@ -154,7 +152,7 @@ mod tests {
         };
         let case = MatrixCase {
             target: Target::Service(ServiceId::Controller),
-            trouble: MatrixFault::Freeze,
+            fault: MatrixFault::Freeze,
         };
         let problem = cells(&scenario(0.001, 20.0), &[case], &late).unwrap_err();
         assert_eq!(problem.key.to_string(), "fault.0.at");

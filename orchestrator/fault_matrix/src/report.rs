@@ -1,6 +1,6 @@
-//! The results of the cells: the content of `faults.json` and of the table.
+//! The report of the matrix: the content of `faults.json` and of the table.
 //!
-//! Nothing of the machine is in it: equal programs and scenarios write equal reports.
+//! It contains nothing of the machine: equal programs and scenarios write equal reports.
 
 use serde::Serialize;
 
@@ -11,42 +11,40 @@ use super::{BESIDE, DELAY, FRACTION, RANGE, SURVIVES};
 use metrics::SETTLED;
 use metrics::summary::faults::FaultReport;
 
-/// The whole of it.
+/// Report of a fault matrix.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MatrixReport {
     /// Name of the scenario.
     pub scenario: String,
-    /// Its seed.
     pub seed: u64,
-    /// Time at which faults begin and how long they last.
     #[serde(flatten)]
     pub times: Times,
-    /// The values of the faults and of their verdicts.
+    /// Parameters of the faults and of the verdicts.
     pub values: Values,
-    /// Number of faults that were survived, and so on.
+    /// Numbers of faults by verdict.
     pub counts: Counts,
-    /// `true` if the cells were flown as processes too, and had to be equal.
+    /// `true` if the cells were also flown as processes and had to be equal.
     pub compared_with_processes: bool,
-    /// Place where processes differed from the flight in one process, in words.
+    /// Cells whose processes differed from the flight in one process, as sentences.
     pub differences: Vec<String>,
-    /// One for every target and kind, the undisturbed flight first.
+    /// One row for each target and kind, the undisturbed flight first.
     pub rows: Vec<Row>,
 }
 
-/// The values of the faults and of their verdicts.
+/// Parameters of the faults and of the verdicts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Values {
-    /// By how much samples are late, s.
+    /// Delay of late samples, s.
     pub delay: f64,
-    /// Share of samples lost intermittently.
+    /// Fraction of intermittently lost samples.
     pub fraction: f64,
-    /// Largest magnitude of garbage in range.
+    /// Maximum magnitude of garbage in range.
     pub range: f64,
-    /// Least bound, m.
+    /// Minimum of the bound, m.
     pub settled: f64,
-    /// The largest ratio to the bound that counts as survived.
+    /// Maximum ratio to the bound for "survived".
     pub survives: f64,
-    /// The distance from a moment at which the undisturbed flight is looked at, s.
+    /// Half width of the window in which the undisturbed flight is compared, s.
     pub beside: f64,
 }
 
@@ -61,47 +59,45 @@ impl Values {
     };
 }
 
-/// Number of faults by outcome; the undisturbed flight does not count.
+/// Numbers of faults by verdict, without the undisturbed flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Survived.
     pub survived: usize,
     /// Left the bound and came back.
     pub degraded: usize,
-    /// Lost.
     pub lost: usize,
-    /// Noticed by any service.
+    /// Detected by any service.
     pub noticed: usize,
 }
 
-/// The effect of one kind of fault on one target.
+/// Results of one kind of fault on one target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Service or edge; none in the undisturbed flight.
+    /// Service or edge; `None` in the undisturbed flight.
     pub target: Option<String>,
-    /// The kind of fault; none in the undisturbed flight.
+    /// `None` in the undisturbed flight.
     pub fault: Option<&'static str>,
-    /// The worst of its verdicts.
+    /// The worst verdict.
     pub worst: Survival,
-    /// One for every moment.
+    /// One cell for each injection time.
     pub cells: Vec<CellReport>,
 }
 
-/// The result of a flight.
+/// Result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellReport {
-    /// Time at which the fault began, s.
+    /// Injection time, s.
     pub moment: f64,
-    /// The verdict on the vehicle.
+    /// Verdict on the vehicle.
     pub verdict: Survival,
-    /// Reason why it is lost, if it is.
+    /// Reason of a loss.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<MatrixLoss>,
-    /// The effect of the fault; none if the flight ended before it began.
+    /// Effect of the fault; `None` if the flight ended before it.
     pub report: Option<FaultReport>,
 }
 
-/// Makes the report of cells and what they came to, in their order.
+/// Creates the report of cells and their results, in their order.
 #[must_use]
 pub fn report(
     scenario: &str,
@@ -141,7 +137,7 @@ fn row(cells: &[(&MatrixCell, &FlightResult)]) -> Row {
     let worst = reports.iter().map(|cell| cell.verdict).max();
     Row {
         target: case.map(|case| case.target.to_string()),
-        fault: case.map(|case| case.trouble.name()),
+        fault: case.map(|case| case.fault.name()),
         worst: worst.unwrap_or(Survival::Survived),
         cells: reports,
     }

@@ -1,4 +1,4 @@
-//! Judging a flight of the matrix.
+//! Verdicts on the flights of the matrix.
 
 use serde::Serialize;
 
@@ -6,23 +6,23 @@ use super::SURVIVES;
 use super::flight::{Ended, FlightResult};
 use metrics::loss::Reason;
 
-/// The verdicts on the vehicle. The worst comes last.
+/// Verdict on the vehicle, from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Survival {
-    /// It strayed no farther than [`SURVIVES`] times the bound.
+    /// The distance stayed within [`SURVIVES`] times the bound.
     Survived,
-    /// It did, and came back inside the bound for good, or stood disarmed at the end.
+    /// The distance exceeded that, and the vehicle returned inside the bound for good or stood disarmed at the end.
     Degraded,
-    /// It did not come back, was lost by the limits of the scenario, a number was not finite, or a service died of it.
+    /// The vehicle did not return or was lost by the limits of the scenario, a number was not finite, or a service
+    /// died.
     Lost,
 }
 
 impl Survival {
-    /// All of them.
     pub const ALL: [Self; 3] = [Self::Survived, Self::Degraded, Self::Lost];
 
-    /// As tables show it.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -33,12 +33,10 @@ impl Survival {
     }
 }
 
-/// Reason why a vehicle is lost.
+/// Reason of a loss.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct MatrixLoss {
-    /// In short.
     pub reason: &'static str,
-    /// More details, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub details: Option<String>,
 }
@@ -52,7 +50,7 @@ impl MatrixLoss {
     }
 }
 
-/// The verdict on a flight, and for one that is lost why.
+/// Returns the verdict on a flight, with the reason of a loss.
 #[must_use]
 pub fn judge(flown: &FlightResult) -> (Survival, Option<MatrixLoss>) {
     if let Some(loss) = loss(flown) {
@@ -91,7 +89,7 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
             details: Some(format!("lost at {} s: {loss}", loss.time)),
         });
     }
-    // On the ground there is no path to come back to: a touch-down is judged by the limits alone.
+    // On the ground there is no path to return to: only the limits judge a touch-down.
     if flown.stands_disarmed {
         return None;
     }

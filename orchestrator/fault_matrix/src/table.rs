@@ -1,4 +1,4 @@
-//! The matrix as people read it, on a terminal and in documents.
+//! The matrix as a table, for a terminal and for documents.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -8,7 +8,7 @@ use metrics::SETTLED;
 use metrics::summary::faults::{BEFORE, Detection};
 use report::text_table::TextTable;
 
-/// The table: a line for every target and kind.
+/// Returns the table: a line for each target and kind.
 #[must_use]
 pub fn sheet(report: &MatrixReport) -> TextTable {
     let mut header = vec!["what fails".to_owned(), "how".to_owned()];
@@ -17,7 +17,7 @@ pub fn sheet(report: &MatrixReport) -> TextTable {
     TextTable::new("", &header, report.rows.iter().map(line))
 }
 
-/// Returns the key of the table.
+/// Returns the legend of the table.
 #[must_use]
 pub fn key() -> String {
     format!(
@@ -28,7 +28,7 @@ pub fn key() -> String {
     )
 }
 
-/// Returns how many faults came to what.
+/// Returns the numbers of faults by verdict.
 #[must_use]
 pub fn counts(report: &MatrixReport) -> String {
     let counts = report.counts;
@@ -39,7 +39,7 @@ pub fn counts(report: &MatrixReport) -> String {
     )
 }
 
-/// Describes the flight in a line.
+/// Returns scenario, seed and injection times in a line.
 #[must_use]
 pub fn title(report: &MatrixReport) -> String {
     let moments: Vec<_> = report.times.moments.iter().map(f64::to_string).collect();
@@ -52,7 +52,7 @@ pub fn title(report: &MatrixReport) -> String {
     )
 }
 
-/// The whole report as a Markdown document.
+/// Returns the report as a Markdown document.
 #[must_use]
 pub fn markdown(report: &MatrixReport) -> String {
     let mut text = format!(
@@ -85,7 +85,7 @@ impl Display for MatrixReport {
     }
 }
 
-/// Returns the remarks: on numbers that are not finite, and on the comparison with processes.
+/// Returns the remarks: details of losses, and the comparison with processes.
 fn remarks(report: &MatrixReport) -> Vec<String> {
     let mut lines = Vec::new();
     for row in &report.rows {
@@ -117,7 +117,7 @@ fn line(row: &Row) -> Vec<String> {
     cells
 }
 
-/// The verdict of a cell, with the reason if there is one.
+/// Formats the verdict of a cell, with the reason if there is one.
 fn verdict(cell: &CellReport) -> String {
     let name = cell.verdict.name();
     match &cell.why {
@@ -135,7 +135,7 @@ fn peak(row: &Row) -> String {
     largest.map_or_else(|| "–".to_owned(), |peak| format!("{peak:.4}"))
 }
 
-/// The longest way back; those that have none are told.
+/// Formats the longest return time; "not back" if any cell has none.
 fn back(row: &Row) -> String {
     let mut ways = row
         .cells
@@ -145,7 +145,7 @@ fn back(row: &Row) -> String {
     longest.map_or_else(|| "not back".to_owned(), |after| format!("{after:.3}"))
 }
 
-/// The latest notice, and how many of the moments were noticed at all if not all were.
+/// Formats the latest detection, with the number of cells that have one unless all have.
 fn noticed(row: &Row) -> String {
     let notices: Vec<Detection> = row
         .cells

@@ -1,9 +1,10 @@
-//! The true distance of a vehicle from its path, also where the truth stands in another log than the flight.
+//! True distance of a vehicle from its path; the truth may be in another log than the flight.
 //!
-//! The error is the distance from the path of [`metrics`] at every tick of the truth. A flight in a laboratory does not know the truth. If its world was simulated
-//! (`gerono world`), that has kept it, by a clock of its own; both logs say when their clocks began.
+//! The error is the distance from the path of [`metrics`] at every tick of the truth. The log of a flight in a
+//! laboratory has no truth. If the laboratory was simulated (`gerono world`), the simulator recorded it by its own
+//! clock; both logs record when their clocks started.
 //!
-//! The vehicle is judged while it flies along the path: from the first reference of that phase to its last.
+//! The vehicle is evaluated along the path: from the first reference of the phase `fly` to its last.
 
 use std::path::{Path, PathBuf};
 
@@ -19,21 +20,19 @@ use metrics::{ULTIMATE_WINDOW, read};
 use reproduce::windows::AVERAGED;
 use run_log::{LogReadError, LogReader, flight_start, host_log_beside};
 
-/// Reason why there is nothing to compare.
+/// Reason why a flight cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
-    /// A log cannot be read.
     #[error("{0}")]
     Log(#[from] LogReadError),
-    /// Nothing says when a clock began.
+    /// The start of a clock is not recorded.
     #[error(
         "nothing beside {} says when the flight's clock began; keep host.mcap beside run.mcap, of flights in real time", .0.display()
     )]
     NoStart(PathBuf),
-    /// The vehicle never flew along the path.
     #[error("in {} the vehicle never flew along its path", .0.display())]
     NeverFlew(PathBuf),
-    /// Nobody knew the truth while it did.
+    /// The log contains no truth for that time.
     #[error(
         "{} does not know the truth of the time in which the vehicle flew along its path; in a laboratory, name the log of \
          `gerono world` with --world", .0.display()
@@ -41,66 +40,64 @@ pub enum TruthError {
     NoTruth(PathBuf),
 }
 
-/// Its distance in a part of a flight.
+/// Statistics of the distance in a part of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// Which part.
     pub name: &'static str,
-    /// From when to when, s since the beginning of the truth's clock.
+    /// Begin and end, s since the start of the truth's clock.
     pub span: [f64; 2],
-    /// Root mean square of the distance, m.
+    /// Root mean square, m.
     pub rmse: f64,
-    /// Its standard deviation, m.
+    /// Standard deviation, m.
     pub deviation: f64,
-    /// The largest, m.
+    /// Maximum, m.
     pub largest: f64,
 }
 
-/// Its distance.
+/// Result of the comparison with the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
-    /// By parts.
     pub parts: Vec<Part>,
     /// Mean of the true disturbance in the last [`AVERAGED`] seconds, in {I}, m/s².
     pub disturbance: [f64; 3],
-    /// Mean of π(b̂) there, in {I}, m/s².
+    /// Mean of π(b̂) in the same time, in {I}, m/s².
     pub disturbance_estimate: [f64; 3],
 }
 
-/// A span of time, ns since the beginning of the truth's clock.
+/// Interval of time, ns since the start of the truth's clock.
 type Span = [u64; 2];
 
-/// The samples of a flight.
-struct FlightResult {
+/// Samples of a flight.
+struct FlightSamples {
     references: Vec<PathReference>,
     adaptations: Vec<ControlAdaptation>,
-    /// Time at which the vehicle flew along the path, by the flight's clock, ns.
+    /// Interval of the phase `fly`, by the flight's clock, ns.
     on_path: Span,
 }
 
-/// From the flight's clock to the truth's.
+/// Offset from the flight's clock to the truth's, ns.
 #[derive(Clone, Copy)]
 struct Shift(i64);
 
 impl Shift {
-    /// A time of the flight as one of the truth; `None` before its beginning.
+    /// Converts a time of the flight to one of the truth; `None` before the start of the truth's clock.
     fn of_flight(self, time_ns: u64) -> Option<u64> {
         time_ns.checked_add_signed(self.0)
     }
 
-    /// A time of the truth as one of the flight.
+    /// Converts a time of the truth to one of the flight.
     fn of_truth(self, time_ns: u64) -> Option<u64> {
         time_ns.checked_add_signed(-self.0)
     }
 }
 
-/// Compares a flight with the truth in its own log, or in that of a world. `last` is how much of the end counts as the last
-/// part, s.
+/// Compares a flight with the truth in its own log, or in that of a simulator. `last` is the length of the last part,
+/// s.
 ///
 /// # Errors
 /// [`TruthError`].
 pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, TruthError> {
-    let flown = FlightResult::read(flight)?;
+    let flown = FlightSamples::read(flight)?;
     let shift = match world {
         None => Shift(0),
         Some(world) => Shift(start_of(flight)?.wrapping_sub(start_of(world)?).cast_signed()),
@@ -126,7 +123,7 @@ pub fn compare(flight: &Path, world: Option<&Path>, last: f64) -> Result<Truth, 
     })
 }
 
-impl FlightResult {
+impl FlightSamples {
     fn read(flight: &Path) -> Result<Self, TruthError> {
         let mut reader = LogReader::open(flight)?;
         let (mut references, mut adaptations) = (Vec::new(), Vec::new());
@@ -150,7 +147,8 @@ impl FlightResult {
         })
     }
 
-    /// Adds the distances from the path to those parts that they belong to; the mean of the true disturbance in a span.
+    /// Adds the distances from the path to the parts that contain them; returns the mean of the true disturbance in
+    /// `averaged`.
     fn judge(
         &self,
         truth: LogReader,
@@ -182,7 +180,7 @@ impl FlightResult {
         Ok(disturbance.map(|component| component.mean()))
     }
 
-    /// Mean of π(b̂) in a span, in {I}, m/s².
+    /// Returns the mean of π(b̂) in a span, in {I}, m/s².
     fn estimate(&self, shift: Shift, averaged: &Span) -> [f64; 3] {
         let mut estimate: [Statistics; 3] = Default::default();
         for adaptation in &self.adaptations {
@@ -203,7 +201,8 @@ fn start_of(log: &Path) -> Result<u64, TruthError> {
         .ok_or_else(|| TruthError::NoStart(log.to_owned()))
 }
 
-/// The parts of a flight along the path: before the first event of the scenario, from there to the last part, the last part.
+/// Returns the parts of a flight along the path: before the first event of the scenario, from there to the last part,
+/// the last part, all.
 fn parts(scenario: &Scenario, [begin, end]: Span, last: f64) -> Vec<(&'static str, Span, Statistics)> {
     let event = metrics::changes(scenario).min_by(f64::total_cmp).map(nanoseconds);
     let event = event.filter(|event| (begin..end).contains(event));

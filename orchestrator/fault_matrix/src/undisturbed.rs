@@ -1,4 +1,4 @@
-//! The flight without a fault: how far the vehicle is from its path anyway, when the scenario changes it or the air.
+//! The flight without a fault: the distance from the path that the scenario's own changes cause.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -14,19 +14,18 @@ use flight::{Outcome, in_process};
 use metrics::tracker::{Moment, Tracker};
 use supervisor::RunFailure;
 
-/// Reason why a flight could not be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFlown {
-    /// The flight failed, and not of the fault.
+    /// The flight failed for another reason than the fault.
     #[error(transparent)]
     Failed(#[from] RunFailure),
-    /// The user asked for the end, by this signal.
+    /// The user interrupted it by this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
 }
 
-/// Distances of the undisturbed vehicle from its path by tick, m: the largest within [`BESIDE`] of each; shared by all
-/// flights that are judged by them.
+/// Distances of the undisturbed vehicle from its path by tick, m: the maximum within [`BESIDE`] of each. Shared by all
+/// flights that are compared with it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Undisturbed(Arc<[f64]>);
 
@@ -34,7 +33,7 @@ impl Undisturbed {
     /// Flies `scenario`, which plans no fault, to `end` (s) in this process.
     ///
     /// # Errors
-    /// [`NotFlown`]. That the vehicle is lost, or a number not finite, is no error.
+    /// [`NotFlown`]. A lost vehicle or a number that is not finite is no error.
     pub fn fly(scenario: &Scenario, end: f64, interrupt: &Interrupt) -> Result<Self, NotFlown> {
         let mut scenario = scenario.clone();
         scenario.duration = scenario.duration.min(end);
@@ -45,10 +44,10 @@ impl Undisturbed {
             return Err(NotFlown::Interrupted(signal));
         }
         let beside = usize::try_from(nanoseconds(BESIDE) / schedule.tick_ns()).unwrap_or(usize::MAX);
-        Ok(Self(largest_beside(&distances.finish(), beside).into()))
+        Ok(Self(sliding_maximum(&distances.finish(), beside).into()))
     }
 
-    /// The largest distance of the undisturbed vehicle near a tick, m; none if it was not flown so far.
+    /// Returns the maximum distance of the undisturbed vehicle near a tick, m; `None` if its flight ended before.
     #[must_use]
     #[inline]
     pub fn near(&self, tick: u64) -> Option<f64> {
@@ -56,7 +55,7 @@ impl Undisturbed {
     }
 }
 
-/// Keeps the distance of every tick; 0 where there is none.
+/// Distance of every tick; 0 where there is none.
 struct Distances {
     tracker: Tracker,
     distances: Vec<f64>,
@@ -98,9 +97,9 @@ impl TickSink for Distances {
     }
 }
 
-/// Of every value the largest of those at most `beside` places away.
-fn largest_beside(values: &[f64], beside: usize) -> Vec<f64> {
-    // Places of values that may still be the largest of a window, falling in value.
+/// Returns for every value the maximum within `beside` indices (monotonic queue).
+fn sliding_maximum(values: &[f64], beside: usize) -> Vec<f64> {
+    // Indices of values that may still be the maximum of a window, in falling order of value.
     let mut candidates = std::collections::VecDeque::new();
     let mut next = 0;
     (0..values.len())
@@ -132,7 +131,7 @@ mod tests {
         fn a_window_s_largest_value_is_found(
             values in proptest::collection::vec(0.0..1.0f64, 0..60), beside in 0usize..70,
         ) {
-            let found = largest_beside(&values, beside);
+            let found = sliding_maximum(&values, beside);
             prop_assert_eq!(found.len(), values.len());
             for (place, found) in found.into_iter().enumerate() {
                 let window = place.saturating_sub(beside)..(place + beside + 1).min(values.len());

@@ -1,4 +1,4 @@
-//! What the fresh image does: it says the cause in words, and sees to the processes of the run.
+//! Work of the fresh image: it describes the cause and ends the processes of the run.
 
 use std::os::unix::fs::MetadataExt;
 use std::time::{Duration, Instant};
@@ -8,36 +8,36 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, kill_process_group, pidfd_open};
 
-use crate::{Fault, IN_WORDS};
+use crate::{Fault, SENTENCE};
 
-/// A process of the run that has not been on a processor for so long hangs: services in flight step more often.
+/// CPU idle time after which a process of the run counts as hung: services in flight step more often.
 const IDLE_LIMIT: Duration = Duration::from_secs(10);
 
-/// Period at which they are looked at.
-const LOOK_PERIOD: Timespec = Timespec {
+/// Period of the check.
+const CHECK_PERIOD: Timespec = Timespec {
     tv_sec: 1,
     tv_nsec: 0,
 };
 
-/// Kills the processes of the run, or only the external programs among them if its services go on alone, and waits until
-/// all have ended.
-pub fn end_processes(flies_on: bool) {
-    let processes = processes_of_the_run();
+/// Kills the processes of the run and waits until all have ended. If the services continue alone (`services_continue`), kills
+/// only external programs.
+pub fn end_processes(services_continue: bool) {
+    let processes = run_processes();
     for &pid in &processes {
-        if !flies_on || program_of(number_of(pid)).is_some() {
+        if !services_continue || replaced_service(number_of(pid)).is_some() {
             let _ = kill_process(pid, Signal::KILL);
             let _ = kill_process_group(pid, Signal::KILL);
         }
     }
-    await_ends(processes.into_iter().map(Awaited::new).collect());
+    wait_for_ends(processes.into_iter().map(Awaited::new).collect());
 }
 
-/// A process of the run that is waited for.
+/// Process of the run that has not ended yet.
 struct Awaited {
     pid: Pid,
-    /// Time for which it has been on a processor, ns, and since when it has not been again.
+    /// CPU time, ns, and when it last increased.
     idle: (Option<u64>, Instant),
-    /// `true` once it was killed because it was idle for too long.
+    /// It was killed because it was idle for too long.
     is_killed: bool,
 }
 
@@ -50,14 +50,14 @@ impl Awaited {
         }
     }
 
-    /// Returns whether it is still waited for. One that hangs is killed, and one that does not end even then is left.
-    fn goes_on(&mut self) -> bool {
+    /// Returns whether to wait on. Kills a hung process; one that does not end even then is given up.
+    fn must_wait(&mut self) -> bool {
         let ended = rustix::process::waitpid(Some(self.pid), WaitOptions::NOHANG);
         if !matches!(ended, Ok(None) | Err(Errno::INTR)) {
             return false;
         }
         let activity = Activity::of(number_of(self.pid));
-        // Kernels without these figures tell nothing, or 0.
+        // Kernels without these figures report none, or 0.
         let cpu_time = activity
             .map(|activity| activity.cpu_time_ns)
             .filter(|&time| time > 0);
@@ -75,64 +75,64 @@ impl Awaited {
     }
 }
 
-/// Waits until all of them have ended: services that go on alone do so by themselves, unless they hang.
-fn await_ends(mut awaited: Vec<Awaited>) {
-    awaited.retain_mut(Awaited::goes_on);
+/// Waits until all processes have ended. Services that continue alone end by themselves, unless they hang.
+fn wait_for_ends(mut awaited: Vec<Awaited>) {
+    awaited.retain_mut(Awaited::must_wait);
     while let Some(one) = awaited.first() {
         let Ok(death) = pidfd_open(one.pid, PidfdFlags::empty()) else {
             awaited.remove(0);
             continue;
         };
         let mut death = [PollFd::new(&death, PollFlags::IN)];
-        // An interrupted or failed poll is one in which nothing happened: the look below decides.
-        let _ = poll(&mut death, Some(&LOOK_PERIOD));
-        awaited.retain_mut(Awaited::goes_on);
+        // An interrupted or failed poll is harmless: the check below decides.
+        let _ = poll(&mut death, Some(&CHECK_PERIOD));
+        awaited.retain_mut(Awaited::must_wait);
     }
 }
 
-/// Returns a cause in words.
+/// Describes a cause in a sentence for the user.
 #[must_use]
-pub fn in_words(cause: &str) -> String {
-    if let Some(words) = cause.strip_prefix(IN_WORDS) {
+pub fn describe(cause: &str) -> String {
+    if let Some(words) = cause.strip_prefix(SENTENCE) {
         return words.to_owned();
     }
     let Fault {
         signal,
         segment,
-        maker,
-    } = Fault::of(cause);
+        creator,
+    } = Fault::parse(cause);
     let Some(segment) = segment else {
         return format!(
-            "it met a fault in its memory ({signal}): the run's shared memory was damaged by another program, or this is a \
+            "it had a memory fault ({signal}): the run's shared memory was damaged by another program, or this is a \
              defect of gerono"
         );
     };
-    let maker = maker.map_or_else(String::new, |pid| format!(", the memory of {}", process(pid)));
+    let creator = creator.map_or_else(String::new, |pid| format!(", the memory of {}", process(pid)));
     if signal == "SIGBUS" {
         format!(
-            "the run's shared memory was truncated by another program, or /dev/shm is full: {segment}{maker}"
+            "the run's shared memory was truncated by another program, or /dev/shm is full: {segment}{creator}"
         )
     } else {
-        format!("the run's shared memory was damaged by another program: {segment}{maker} ({signal})")
+        format!("the run's shared memory was damaged by another program: {segment}{creator} ({signal})")
     }
 }
 
-/// A process as people know it.
+/// Describes a process by its role.
 fn process(pid: u32) -> String {
     if pid == std::process::id() {
         return "the orchestrator itself".to_owned();
     }
     let called = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
     let called = called.trim_end();
-    match (program_of(pid), scenario::role_of_process(called)) {
+    match (replaced_service(pid), scenario::role_of_process(called)) {
         (Some(service), _) => format!("process {pid} (the program in place of `{service}`)"),
         (None, Some(_)) => format!("process {pid} (`{called}`)"),
         (None, None) => format!("process {pid}"),
     }
 }
 
-/// The service in whose place a process flies, if it is that of an external program.
-fn program_of(pid: u32) -> Option<String> {
+/// Returns the service that an external program replaces, from the environment of its process.
+fn replaced_service(pid: u32) -> Option<String> {
     let environment = std::fs::read(format!("/proc/{pid}/environ")).ok()?;
     let mut variables = environment.split(|&byte| byte == 0);
     let name = format!("{}=", runtime::external_service::SERVICE_VARIABLE);
@@ -140,9 +140,9 @@ fn program_of(pid: u32) -> Option<String> {
     Some(String::from_utf8_lossy(value).into_owned())
 }
 
-/// The children of this process that are services of its run, or programs in their place. The shell from which it comes
-/// may have left it others.
-fn processes_of_the_run() -> Vec<Pid> {
+/// Returns the children of this process that are services of the run or external programs. Other children may come from
+/// the shell that executed this process.
+fn run_processes() -> Vec<Pid> {
     let program = |of: &str| {
         let found = std::fs::metadata(format!("/proc/{of}/exe"));
         found.map(|found| (found.dev(), found.ino()))
@@ -151,8 +151,8 @@ fn processes_of_the_run() -> Vec<Pid> {
     let is_of_the_run = |pid: &Pid| {
         let number = number_of(*pid);
         match program(&number.to_string()) {
-            Ok(program) => Some(program) == own || program_of(number).is_some(),
-            // It is dying: it has no memory any more, but may still hold the lock on the run's place.
+            Ok(program) => Some(program) == own || replaced_service(number).is_some(),
+            // It is exiting: its memory is gone, but it may still hold the lock on the run's folder.
             Err(error) => error.kind() == std::io::ErrorKind::NotFound,
         }
     };

@@ -1,13 +1,14 @@
-//! The last resort when an orchestrator cannot go on at all: it met a fault in shared memory, its work inside
-//! iceoryx2 does not end, or it met what it holds to be impossible.
+//! Last resort of an orchestrator that cannot continue: it hit a memory fault in shared memory, a call into iceoryx2
+//! does not return, or it panicked.
 //!
-//! Its memory cannot be trusted then, and part of it is gone. So it becomes a fresh image of the same program,
-//! `gerono postmortem`: the same process, and thus still the parent of the services, without any of the memory. That one
-//! says what has happened, sees to the services, removes the run's shared memory and ends with exit code 1. No second
-//! process is needed beforehand, and nothing but `execv`, a mask of signals and reads of `/proc` happens inside the signal handler.
+//! Its memory cannot be trusted then, and part of it may be gone. So the process executes a fresh image of the same
+//! program, `gerono postmortem`: it keeps its PID, and so remains the parent of the services, but starts with new
+//! memory. The image reports the cause, ends the services, removes the run's shared memory and exits with code 1. No
+//! second process is needed beforehand, and the signal handler does nothing but `execv`, a change of the signal mask
+//! and reads of `/proc`.
 //!
-//! In simulated time the services are killed. In real time they go on alone, as after any other death of the
-//! orchestrator: they land the vehicle, or fly on, or are taken over by `gerono attach`.
+//! In simulated time the services are killed. In real time they continue alone, as after any other death of the
+//! orchestrator: they land the vehicle, complete the flight, or are taken over by `gerono attach`.
 #![expect(
     unsafe_code,
     reason = "signal handlers and execv can only be reached by calls of libc"
@@ -28,46 +29,46 @@ use rustix::fs::{Mode, OFlags};
 use shared_types::ExternalServices;
 use shared_types::ServiceId;
 
-/// Longest description of a cause, bytes.
+/// Maximum length of a cause, bytes.
 const CAUSE: usize = 1024;
 
-/// The beginning of a cause that is described in words, not by a signal and a mapping.
-pub const IN_WORDS: &str = "WORDS ";
+/// Prefix of a cause that is a sentence, not a signal and a mapping.
+pub const SENTENCE: &str = "WORDS ";
 
-/// The signals that end an orchestrator whose memory is damaged, and what a cause begins with.
+/// Signals that end an orchestrator with damaged memory, with the prefix of their causes.
 const FAULTS: [(c_int, &[u8]); 3] = [
     (libc::SIGBUS, b"SIGBUS "),
     (libc::SIGSEGV, b"SIGSEGV "),
     (libc::SIGABRT, b"SIGABRT "),
 ];
 
-/// The command line of the image that this process becomes, made before it is needed.
+/// Command line of the image, prepared in advance: nothing may be allocated in a signal handler.
 struct Plan {
-    /// Ends with a null pointer. Points into `words` and `cause`.
+    /// Ends with a null pointer. Points into `_words` and `cause`.
     line: Vec<*const c_char>,
     _words: Vec<CString>,
-    /// Ends with a 0.
+    /// Terminated by 0.
     cause: Box<[u8; CAUSE]>,
-    /// For what is read while the cause is looked for.
+    /// Buffer for reading `/proc/self/maps` in the handler.
     page: Box<[u8; 4096]>,
 }
 
-/// The plan of the flight under way. The thread that takes it carries it out, once.
+/// Plan of the current flight. The thread that takes it executes it, once.
 static PLAN: AtomicPtr<Plan> = AtomicPtr::new(null_mut());
 
-/// The process that the plan is for.
+/// Process that the plan belongs to.
 static OWNER: AtomicI32 = AtomicI32::new(0);
 
-/// While it lives, this process ends in good order whatever happens to its memory.
+/// Guard of a flight: while it exists, memory faults and panics end the process cleanly.
 #[derive(Debug)]
 pub struct Postmortem(());
 
 impl Postmortem {
-    /// Prepares for a flight whose results go to `folder`, and in which these programs fly in place of services: they may be
-    /// what has damaged its memory.
+    /// Prepares for a flight whose results go to `folder`. `external_services` are the services replaced by external
+    /// programs, which may be the cause of damaged memory.
     ///
     /// # Errors
-    /// If the folder's name cannot be told on a command line, or if the system has no thread left.
+    /// If the folder's name contains a 0 byte, a handler cannot be installed, or no thread is available.
     pub fn prepare(host: &str, folder: &Path, external_services: ExternalServices) -> std::io::Result<Self> {
         let external_services = ServiceId::ALL
             .into_iter()
@@ -91,8 +92,9 @@ impl Postmortem {
             cause,
             page: Box::new([0; 4096]),
         };
-        // That of an earlier flight of this process was taken back.
-        // Release: a signal handler on any thread that sees the pointer sees the plan behind it.
+        // A plan of an earlier flight of this process was removed by `drop`.
+        // Release, paired with the swap in `take_plan`: a signal handler on any thread that reads the pointer also
+        // reads the plan behind it.
         OWNER.store(own_pid(), Ordering::Relaxed);
         PLAN.store(Box::into_raw(Box::new(plan)), Ordering::Release);
         handle_faults()?;
@@ -114,23 +116,23 @@ impl Drop for Postmortem {
 }
 
 fn take_plan() -> Option<Box<Plan>> {
-    // One atomic swap: of two threads that fail at once, one finds the plan and the other finds nothing.
+    // An atomic swap: of two threads that fail at once, one gets the plan and the other gets null. Acquire,
+    // paired with the store in `prepare`: the taker reads a complete plan.
     let plan = PLAN.swap(null_mut(), Ordering::AcqRel);
-    // SAFETY: the pointer came from `Box::into_raw`, and the swap gives it to one taker only.
+    // SAFETY: the pointer came from `Box::into_raw`, and the swap returns it to one caller only.
     (!plan.is_null()).then(|| unsafe { Box::from_raw(plan) })
 }
 
-/// Ends this process in good order, for a reason in words. Returns only if no flight is under way, or if the system
-/// does not let it become another image.
+/// Ends this process cleanly, with a reason for the user. Returns only if no flight is under way or `execv` fails.
 fn give_up(reason: &str) {
     if let Some(mut plan) = take_plan() {
-        plan.describe(&[IN_WORDS.as_bytes(), reason.as_bytes()]);
-        plan.carry_out();
+        plan.describe(&[SENTENCE.as_bytes(), reason.as_bytes()]);
+        plan.execute();
     }
 }
 
 impl Plan {
-    /// Sets the cause, cut off where it is too long.
+    /// Stores the cause, truncated to the maximum length.
     fn describe(&mut self, parts: &[&[u8]]) {
         let mut at = 0;
         for &byte in parts.iter().copied().flatten().take_while(|&&byte| byte != 0) {
@@ -142,19 +144,19 @@ impl Plan {
         self.cause[at] = 0;
     }
 
-    /// Becomes the fresh image. It sees to the services and removes what the run had; no signal that asks for the end keeps it from that.
-    fn carry_out(&self) {
+    /// Executes the fresh image, with termination requests blocked so that they do not interrupt its clean-up.
+    fn execute(&self) {
         block_requests_to_end();
-        // SAFETY: path and words end with 0, the line with a null pointer, and all of them outlive the call.
+        // SAFETY: path and words are terminated by 0, the line by a null pointer, and all of them outlive the call.
         unsafe { libc::execv(c"/proc/self/exe".as_ptr(), self.line.as_ptr()) };
-        // Only reached where that was refused; what follows the handler ends the process.
+        // Reached only if `execv` failed; the caller then ends the process.
         let _ = rustix::io::write(rustix::stdio::stderr(), b"gerono: cannot end in good order\n");
     }
 }
 
-/// Keeps SIGINT, SIGTERM and SIGHUP from this thread, and so from the image that it becomes.
+/// Blocks SIGINT, SIGTERM and SIGHUP in this thread; the mask is inherited by the image.
 fn block_requests_to_end() {
-    // SAFETY: a set of numbers, of which all zeros is a valid value; the calls write to it alone and may be made in a handler.
+    // SAFETY: all zeros is a valid `sigset_t`; the calls write only to it and are async-signal-safe.
     unsafe {
         let mut requests: libc::sigset_t = std::mem::zeroed();
         libc::sigemptyset(&raw mut requests);
@@ -165,17 +167,16 @@ fn block_requests_to_end() {
     }
 }
 
-/// Lets faults be handled, on the stack that Rust's runtime keeps for them. What the flight knows is not touched: nothing
-/// here allocates or locks.
+/// Installs the fault handlers, on the alternate stack of Rust's runtime. The handler uses only the plan: it neither
+/// allocates nor locks.
 fn handle_faults() -> std::io::Result<()> {
     for (signal, _) in FAULTS {
-        // SAFETY: a structure of numbers, of which all zeros is a valid value.
+        // SAFETY: all zeros is a valid `sigaction`.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
         action.sa_sigaction = on_fault as *const () as usize;
-        // The signal is not blocked in the handler: what is blocked stays so in the next image.
+        // SA_NODEFER leaves the signal unblocked in the handler: a blocked signal would stay blocked in the next image.
         action.sa_flags = libc::SA_SIGINFO | libc::SA_ONSTACK | libc::SA_NODEFER;
-        // SAFETY: the handler is a function of the type that SA_SIGINFO asks for, and does nothing that is not safe in a
-        // handler.
+        // SAFETY: the handler has the signature that SA_SIGINFO requires, and is async-signal-safe.
         if unsafe { libc::sigaction(signal, &raw const action, null_mut()) } != 0 {
             return Err(std::io::Error::last_os_error());
         }
@@ -188,14 +189,14 @@ fn own_pid() -> i32 {
 }
 
 extern "C" fn on_fault(signal: c_int, info: *mut libc::siginfo_t, _context: *mut c_void) {
-    // SAFETY: back to what happens without a handler; after this one the same fault ends the process.
+    // SAFETY: restores the default action, so that after the handler the same fault ends the process.
     unsafe { libc::signal(signal, libc::SIG_DFL) };
-    // A child between `fork` and `exec` inherits this handler and the plan, and is not the orchestrator.
+    // A child between `fork` and `exec` inherits this handler and the plan, but is not the orchestrator.
     if own_pid() != OWNER.load(Ordering::Relaxed) {
         return;
     }
     if let Some(mut plan) = take_plan() {
-        // SAFETY: the system gives a valid structure; of an abort the address means nothing and is in no mapping.
+        // SAFETY: the kernel passes a valid structure; for an abort the address is meaningless and lies in no mapping.
         let address = unsafe { (*info).si_addr() } as usize;
         let name = FAULTS
             .iter()
@@ -204,19 +205,19 @@ extern "C" fn on_fault(signal: c_int, info: *mut libc::siginfo_t, _context: *mut
         let mut mapping = [0; 512];
         let length = mapping_at(address, &mut plan.page[..], &mut mapping);
         plan.describe(&[name, &mapping[..length]]);
-        plan.carry_out();
-        // Its memory is not given back: the allocator may have been what was interrupted.
+        plan.execute();
+        // The plan is leaked: the fault may have interrupted the allocator.
         std::mem::forget(plan);
     }
 }
 
-/// Copies the name of the file that is mapped at an address; its length. Allocates nothing.
+/// Copies the name of the file mapped at an address and returns its length. Does not allocate.
 fn mapping_at(address: usize, page: &mut [u8], name: &mut [u8]) -> usize {
     let flags = OFlags::RDONLY | OFlags::CLOEXEC;
     let Ok(maps) = rustix::fs::open(c"/proc/self/maps", flags, Mode::empty()) else {
         return 0;
     };
-    // A line is read into `line`, of which what does not fit is left out.
+    // A longer line is truncated.
     let (mut line, mut length) = ([0u8; 640], 0);
     while let Ok(read @ 1..) = rustix::io::read(&maps, &mut *page) {
         for &byte in &page[..read] {
@@ -236,7 +237,7 @@ fn mapping_at(address: usize, page: &mut [u8], name: &mut [u8]) -> usize {
     0
 }
 
-/// The path of a line of `/proc/self/maps`, if it is that of an address.
+/// Returns the path in a line of `/proc/self/maps` if its range contains the address.
 fn path_if_at(line: &[u8], address: usize) -> Option<&[u8]> {
     let mut fields = line.split(|&byte| byte == b' ').filter(|field| !field.is_empty());
     let mut bounds = fields.next()?.split(|&byte| byte == b'-');
@@ -244,7 +245,7 @@ fn path_if_at(line: &[u8], address: usize) -> Option<&[u8]> {
     if !(from..until).contains(&address) {
         return None;
     }
-    // Permissions, offset, device and inode lie before it.
+    // Permissions, offset, device and inode come before the path.
     fields.nth(4)
 }
 
@@ -256,11 +257,11 @@ fn hexadecimal(digits: &[u8]) -> Option<usize> {
 }
 
 thread_local! {
-    /// `true` while a panic of this thread ends what it does and not the flight.
+    /// `true` while a panic of this thread ends only its current action, not the flight.
     static IS_CONTAINED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs what a client has asked for; `None` if it panicked. The flight goes on in any case.
+/// Runs an action for a client; `None` if it panicked. The flight continues in any case.
 pub fn contained<T>(action: impl FnOnce() -> T) -> Option<T> {
     let outer = IS_CONTAINED.replace(true);
     let done = catch_unwind(AssertUnwindSafe(action));
@@ -268,18 +269,18 @@ pub fn contained<T>(action: impl FnOnce() -> T) -> Option<T> {
     done.ok()
 }
 
-/// Lets a panic of the thread that flies end the process in good order, after it was told as ever: unwinding would stop
-/// the services with the vehicle in the air.
+/// Makes a panic of the flight thread end the process cleanly, after the usual report: unwinding would stop the
+/// services with the vehicle airborne.
 fn handle_panics() {
     static HANDLED: Once = Once::new();
     HANDLED.call_once(|| {
         let flying = std::thread::current().id();
-        let tell = std::panic::take_hook();
+        let report = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
-            tell(panic);
+            report(panic);
             if std::thread::current().id() == flying && !IS_CONTAINED.get() {
                 give_up(
-                    "it met what cannot be, see above: the run's shared memory was damaged by another program, or this is \
+                    "it panicked, see above: the run's shared memory was damaged by another program, or this is \
                      a defect of gerono",
                 );
             }
@@ -287,34 +288,33 @@ fn handle_panics() {
     });
 }
 
-/// Whose memory a fault was met in, as a cause tells.
+/// Memory fault, as parsed from a cause.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Fault<'a> {
-    /// Name of the signal.
     pub signal: &'a str,
-    /// The shared memory, if it was in some.
+    /// The shared-memory segment, if the address was in one.
     pub segment: Option<&'a str>,
-    /// The process that had made it.
-    pub maker: Option<u32>,
+    /// The process that created the segment.
+    pub creator: Option<u32>,
 }
 
 impl<'a> Fault<'a> {
-    /// Returns the meaning of a cause.
+    /// Parses a cause.
     #[must_use]
-    pub fn of(cause: &'a str) -> Self {
+    pub fn parse(cause: &'a str) -> Self {
         let (signal, path) = cause.split_once(' ').unwrap_or((cause, ""));
         let segment = path.strip_prefix("/dev/shm/").filter(|name| !name.is_empty());
         Self {
             signal,
             segment,
-            maker: segment.and_then(maker_of),
+            creator: segment.and_then(creator_of),
         }
     }
 }
 
-/// The process that has made a segment: iceoryx2's names end with the number of the port that it belongs to, or first of two,
-/// and such a number holds that of its process.
-fn maker_of(segment: &str) -> Option<u32> {
+/// Returns the process that created a segment. iceoryx2 ends the names with the ID of its port, of two ports the
+/// first counts, and a port ID contains the PID of its process.
+fn creator_of(segment: &str) -> Option<u32> {
     let (name, kind) = segment.rsplit_once('.')?;
     let mut numbers = name.rsplit('_').map(str::parse::<u128>);
     let last = numbers.next()?.ok()?;
@@ -325,12 +325,12 @@ fn maker_of(segment: &str) -> Option<u32> {
     u32::try_from((port >> 64) & u128::from(u32::MAX)).ok()
 }
 
-/// The words of a plan's command line.
+/// Words of a plan's command line.
 #[cfg(test)]
 fn words_of(line: &[*const c_char]) -> Vec<String> {
     let words = line.iter().copied().take_while(|word| !word.is_null());
     let text = |word| {
-        // SAFETY: the words of a plan end with 0 and live as long as it.
+        // SAFETY: the words of a plan are terminated by 0 and live as long as the plan.
         let word = unsafe { std::ffi::CStr::from_ptr(word) };
         word.to_string_lossy().into_owned()
     };
@@ -410,11 +410,11 @@ mod tests {
             "SIGSEGV /dev/shm/gerono_1-0_b9fc73_{of_13168}_158456567937868172660194675427.connection"
         );
         for (cause, signal) in [(&data, "SIGBUS"), (&connection, "SIGSEGV")] {
-            let fault = Fault::of(cause);
-            assert_eq!((fault.signal, fault.maker), (signal, Some(13168)));
+            let fault = Fault::parse(cause);
+            assert_eq!((fault.signal, fault.creator), (signal, Some(13168)));
         }
         for elsewhere in ["SIGSEGV ", "SIGSEGV /usr/bin/gerono", "SIGABRT", ""] {
-            assert_eq!(Fault::of(elsewhere).segment, None);
+            assert_eq!(Fault::parse(elsewhere).segment, None);
         }
     }
 

@@ -1,8 +1,8 @@
-//! The recorded states of a service before some of its steps.
+//! Recorded checkpoints of a service.
 
 use std::collections::BTreeMap;
 
-/// Checkpoints of one service, by the tick of the first step that they do not know of.
+/// Checkpoints of one service, by the tick of the first step that each does not include.
 #[derive(Debug, Default)]
 pub(super) struct RecordedCheckpoints(BTreeMap<u64, Vec<u8>>);
 
@@ -11,19 +11,20 @@ impl RecordedCheckpoints {
         self.0.insert(next_tick, state);
     }
 
-    /// Returns the service's state after its step at a tick, if that was recorded.
+    /// Returns the state after the step at a tick, if it was recorded.
     pub(super) fn after(&self, tick: u64) -> Option<&[u8]> {
         self.0.get(&(tick + 1)).map(Vec::as_slice)
     }
 
-    /// The newest of those that know of no step at a tick or later, with the tick of the first step it does not know of.
+    /// Returns the newest checkpoint that includes no step at `tick` or later, with the tick of the first step that it
+    /// does not include.
     pub(super) fn newest_before(&self, tick: u64) -> Option<(u64, &[u8])> {
         let (&next_tick, state) = self.0.range(..=tick).next_back()?;
         Some((next_tick, state))
     }
 
-    /// Forgets those that are older than the newest of those before a tick.
-    pub(super) fn forget_old(&mut self, tick: u64) {
+    /// Removes the checkpoints older than the newest one before a tick.
+    pub(super) fn remove_old(&mut self, tick: u64) {
         if let Some(newest) = self.newest_before(tick).map(|(next_tick, _)| next_tick) {
             while self.0.first_entry().is_some_and(|oldest| *oldest.key() < newest) {
                 self.0.pop_first();

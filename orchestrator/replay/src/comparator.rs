@@ -1,8 +1,8 @@
-//! The recorded samples of a topic at a tick, where several steps of that tick may have published it.
+//! Comparison with the recorded samples, where several steps of one tick may have published the recorded sample.
 //!
-//! A process that dies in the middle of publishing may have published a sample or not. Who takes its place may do the
-//! tick again, and of two samples of one tick the first counts. So what was recorded is that of the first step which was
-//! finished, or of one before it.
+//! A process that dies while it publishes may have published a sample or not. Its successor may repeat the tick, and of
+//! two samples of one tick the first counts. So the recorded sample is that of the first finished step, or of an
+//! unfinished one before it.
 
 use host::owned_sample::OwnedSample;
 use scenario::Recorded;
@@ -12,37 +12,38 @@ use shared_types::service::header_of;
 use super::compare::Comparison;
 use super::history::History;
 
-/// Compares what the steps of a service publish, and what it knows after some of them, with what was recorded.
+/// Compares the samples and the states of a service's steps with the recorded ones.
 pub(super) struct Comparator {
-    judges: Vec<Judge>,
-    /// Number of times that what it knows was compared.
+    topics: Vec<TopicComparator>,
+    /// Number of compared checkpoints.
     pub(super) checkpoints: u64,
     pub(super) checkpoints_different: u64,
-    /// Tick of the first step after which the service knew something else than is recorded.
+    /// Tick of the first step whose state differs from its checkpoint.
     pub(super) first_different_after: Option<u64>,
 }
 
 impl Comparator {
-    /// One judge a topic that the service publishes, in the order of the wiring table, and how much of it was recorded.
+    /// Creates the comparator for the topics that the service publishes, in the order of the wiring table, with their
+    /// recorded parts.
     pub(super) fn new(topics: impl IntoIterator<Item = (Topic, Recorded)>) -> Self {
-        let judges = topics
+        let topics = topics
             .into_iter()
-            .map(|(topic, recorded)| Judge::new(topic, recorded));
+            .map(|(topic, recorded)| TopicComparator::new(topic, recorded));
         Self {
-            judges: judges.collect(),
+            topics: topics.collect(),
             checkpoints: 0,
             checkpoints_different: 0,
             first_different_after: None,
         }
     }
 
-    /// Hears what a step publishes on an output; if it was not finished, perhaps.
-    pub(super) fn hear(&mut self, output: usize, replayed: &[u8], is_finished: bool, history: &History) {
-        self.judges[output].hear(replayed, is_finished, history);
+    /// Compares a sample that a step publishes. An unfinished step may not have published it.
+    pub(super) fn compare(&mut self, output: usize, replayed: &[u8], is_finished: bool, history: &History) {
+        self.topics[output].compare(replayed, is_finished, history);
     }
 
-    /// Hears what the service knows after its step at `tick`, and what it is recorded to have known.
-    pub(super) fn hear_state(&mut self, tick: u64, replayed: &[u8], recorded: &[u8]) {
+    /// Compares the state after the step at `tick` with its checkpoint.
+    pub(super) fn compare_checkpoint(&mut self, tick: u64, replayed: &[u8], recorded: &[u8]) {
         self.checkpoints += 1;
         if replayed != recorded {
             self.checkpoints_different += 1;
@@ -50,36 +51,35 @@ impl Comparator {
         }
     }
 
-    /// No more steps of the tick follow.
+    /// Ends a tick: none of its steps follow.
     pub(super) fn end_tick(&mut self, history: &History) {
-        for judge in &mut self.judges {
-            judge.end_tick(history);
+        for topic in &mut self.topics {
+            topic.end_tick(history);
         }
     }
 
-    /// Returns the findings.
     pub(super) fn into_comparisons(self) -> impl Iterator<Item = Comparison> {
-        self.judges.into_iter().map(Judge::into_comparison)
+        self.topics.into_iter().map(TopicComparator::into_comparison)
     }
 }
 
-/// Compares what the steps of a tick publish on one topic with what was recorded.
-struct Judge {
+/// Compares the samples of a tick on one topic with the recorded one.
+struct TopicComparator {
     comparison: Comparison,
     recorded: Recorded,
-    /// `true` if the recorded sample of the tick has been accounted for.
+    /// `true` if the comparison for the recorded sample of the tick is decided.
     is_settled: bool,
-    /// A sample of the last step that may not have been published, and that is not what was recorded.
-    doubtful: Option<OwnedSample>,
+    /// Sample of the last unfinished step, which may not have been published and differs from the recorded one.
+    unconfirmed: Option<OwnedSample>,
 }
 
-impl Judge {
+impl TopicComparator {
     fn new(topic: Topic, recorded: Recorded) -> Self {
         Self {
             comparison: Comparison::new(topic),
             recorded,
             is_settled: false,
-            doubtful: None,
+            unconfirmed: None,
         }
     }
 
@@ -87,8 +87,8 @@ impl Judge {
         self.comparison
     }
 
-    /// Hears what a step publishes; if it was not finished, perhaps.
-    fn hear(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
+    /// Compares a sample that a step publishes. An unfinished step may not have published it.
+    fn compare(&mut self, replayed: &[u8], is_finished: bool, history: &History) {
         if self.is_settled {
             return;
         }
@@ -100,16 +100,16 @@ impl Judge {
         if is_finished || self.comparison.is_recorded(replayed, history) {
             self.comparison.compare(replayed, history);
             self.is_settled = true;
-            self.doubtful = None;
+            self.unconfirmed = None;
         } else {
-            self.doubtful = Some(OwnedSample::copy_of(self.comparison.topic, replayed));
+            self.unconfirmed = Some(OwnedSample::copy_of(self.comparison.topic, replayed));
         }
     }
 
-    /// No more steps of the tick follow: what was recorded can be nothing else.
+    /// Ends a tick: if no other step has published the recorded sample, the unfinished one has.
     fn end_tick(&mut self, history: &History) {
         self.is_settled = false;
-        if let Some(sample) = self.doubtful.take()
+        if let Some(sample) = self.unconfirmed.take()
             && self.comparison.has_recorded(sample.bytes(), history)
         {
             self.comparison.compare(sample.bytes(), history);
@@ -142,12 +142,12 @@ mod tests {
         if let Some(gamma) = recorded {
             history.keep(PathReference::TOPIC, sample(gamma).as_bytes());
         }
-        let mut judge = Judge::new(PathReference::TOPIC, Recorded::All);
+        let mut topic = TopicComparator::new(PathReference::TOPIC, Recorded::All);
         for (gamma, is_finished) in steps {
-            judge.hear(sample(*gamma).as_bytes(), *is_finished, &history);
+            topic.compare(sample(*gamma).as_bytes(), *is_finished, &history);
         }
-        judge.end_tick(&history);
-        let found = judge.into_comparison();
+        topic.end_tick(&history);
+        let found = topic.into_comparison();
         (found.compared, found.unrecorded, found.different)
     }
 

@@ -1,4 +1,4 @@
-//! The samples of a service in a replay against those that were recorded.
+//! Comparison of replayed with recorded samples.
 
 use serde_json::Value;
 use shared_types::Topic;
@@ -7,44 +7,34 @@ use shared_types::service::{header_of, seconds};
 use super::history::History;
 use run_log::decode_sample;
 
-/// The samples of one topic, compared.
+/// Comparison of the samples of one topic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// The topic.
     pub topic: Topic,
-    /// Samples that were compared.
     pub compared: u64,
-    /// Samples of which none was recorded.
+    /// Samples without a recorded counterpart.
     pub unrecorded: u64,
-    /// Samples that do not belong into the log, which has a part of the topic only.
+    /// Samples outside of the recorded part of the topic.
     pub left_out: u64,
-    /// Samples that differ.
     pub different: u64,
-    /// The first of them.
     pub first: Option<Difference>,
-    /// The largest difference of any number, and the time of its sample, s.
+    /// Largest difference of any number, and the time of its sample, s.
     pub largest: Option<(f64, f64)>,
 }
 
-/// The first sample that differs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Its topic.
     pub topic: Topic,
-    /// Its tick.
     pub tick: u64,
-    /// Time of the tick, s.
     pub time: f64,
-    /// The first member that differs.
+    /// First node that differs.
     pub field: String,
-    /// Its recorded value.
     pub recorded: Value,
-    /// Its replayed value.
     pub replayed: Value,
 }
 
 impl Comparison {
-    /// Nothing compared yet.
+    /// Creates a comparison without samples.
     #[must_use]
     pub fn new(topic: Topic) -> Self {
         Self {
@@ -66,17 +56,17 @@ impl Comparison {
         self.compare_with(recorded, replayed);
     }
 
-    /// Returns whether a sample of the tick of `replayed` was recorded.
+    /// Returns whether a sample with the sequence number of `replayed` was recorded.
     pub(super) fn has_recorded(&self, replayed: &[u8], history: &History) -> bool {
         history.sample(self.topic, header_of(replayed).seq).is_some()
     }
 
-    /// Returns whether this very sample was recorded.
+    /// Returns whether this sample was recorded with equal bytes.
     pub(super) fn is_recorded(&self, replayed: &[u8], history: &History) -> bool {
         history.sample(self.topic, header_of(replayed).seq) == Some(replayed)
     }
 
-    /// Compares two samples of the topic, the recorded one or that of the first log first.
+    /// Compares two samples of the topic; the recorded one, or that of the first log, comes first.
     pub fn compare_with(&mut self, recorded: &[u8], replayed: &[u8]) {
         self.compared += 1;
         if recorded != replayed {
@@ -106,34 +96,31 @@ impl Comparison {
         }
     }
 
-    /// The largest difference of any number of two samples.
+    /// Returns the largest difference of the numbers in two samples.
     fn distance(&self, a: &[u8], b: &[u8]) -> f64 {
         let members = self.topic.members().into_iter();
-        let numbers = members
-            .filter_map(|member| member.numbers(None))
-            .flat_map(|range| {
-                let read = |bytes: &[u8]| {
-                    let numbers = bytes[range.clone()].chunks_exact(size_of::<f64>());
-                    let numbers =
-                        numbers.map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight bytes")));
-                    numbers.collect::<Vec<_>>()
-                };
-                let (a, b) = (read(a), read(b));
-                a.into_iter().zip(b).map(|(a, b)| (a - b).abs())
-            });
+        let numbers = members.filter_map(|node| node.numbers(None)).flat_map(|range| {
+            let read = |bytes: &[u8]| {
+                let numbers = bytes[range.clone()].chunks_exact(size_of::<f64>());
+                let numbers = numbers.map(|bytes| f64::from_le_bytes(bytes.try_into().expect("eight bytes")));
+                numbers.collect::<Vec<_>>()
+            };
+            let (a, b) = (read(a), read(b));
+            a.into_iter().zip(b).map(|(a, b)| (a - b).abs())
+        });
         numbers.fold(0.0, f64::max)
     }
 }
 
-/// The first member of which a byte differs: values may be equal all the same, as 0 and −0 are.
+/// Returns the first node with a differing byte, and both values, which may compare as equal, like 0 and −0.
 fn first_difference(topic: Topic, recorded: &[u8], replayed: &[u8]) -> (String, Value, Value) {
     let place = recorded
         .iter()
         .zip(replayed)
         .position(|(one, other)| one != other);
     let members = topic.members().into_iter();
-    let before = members.take_while(|member| place.is_some_and(|place| member.offset <= place));
-    let field = before.last().map_or("", |member| member.name);
+    let before = members.take_while(|node| place.is_some_and(|place| node.offset <= place));
+    let field = before.last().map_or("", |node| node.name);
     let [recorded, replayed] = [recorded, replayed].map(|bytes| decode_sample(topic, bytes));
     let value = |sample: &Value| sample.get(field).cloned().unwrap_or_default();
     (field.to_owned(), value(&recorded), value(&replayed))

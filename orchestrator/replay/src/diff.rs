@@ -1,4 +1,4 @@
-//! Compares two logs, sample by sample: those of equal topic and tick.
+//! Comparison of two logs, sample by sample of equal topic and tick.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,78 +8,78 @@ use shared_types::Topic;
 use crate::Comparison;
 use run_log::{LogReadError, LogReader, topics_of};
 
-/// Samples of a log that wait for their counterparts at most: in real time those of a tick may be logged a little later.
-const WAITING: usize = 16_384;
+/// Maximum number of samples that wait for their counterparts: in real time, those of a tick may be logged a little
+/// later.
+const MAX_UNMATCHED: usize = 16_384;
 
-/// One topic in two logs.
+/// Comparison of one topic in two logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TopicDiff {
-    /// The samples that both have.
+    /// Samples that both logs have.
     pub comparison: Comparison,
-    /// Samples that only one of them has: the first, the second.
-    pub lonely: [u64; 2],
+    /// Number of samples that only the first or only the second log has.
+    pub unmatched: [u64; 2],
 }
 
 impl TopicDiff {
     /// Returns whether both logs have the same samples.
     #[must_use]
     pub fn is_identical(&self) -> bool {
-        self.comparison.different == 0 && self.lonely == [0, 0]
+        self.comparison.different == 0 && self.unmatched == [0, 0]
     }
 }
 
-/// Compares two logs.
+/// Compares the samples of two logs.
 ///
 /// # Errors
-/// [`LogReadError`] of either log.
+/// Error of either log.
 pub fn diff(first: &Path, second: &Path) -> Result<Vec<TopicDiff>, LogReadError> {
-    let mut sides = [Side::open(first)?, Side::open(second)?];
+    let mut logs = [Log::open(first)?, Log::open(second)?];
     let mut topics = Topic::ALL.map(|topic| TopicDiff {
         comparison: Comparison::new(topic),
-        lonely: [0, 0],
+        unmatched: [0, 0],
     });
-    // The log that is behind goes on.
+    // The log with the lower tick is read next.
     while let Some(at) = (0..2)
-        .filter(|&at| !sides[at].has_ended)
-        .min_by_key(|&at| sides[at].tick)
+        .filter(|&at| !logs[at].has_ended)
+        .min_by_key(|&at| logs[at].tick)
     {
-        let Some(place) = sides[at].read()? else {
+        let Some(place) = logs[at].read()? else {
             continue;
         };
-        if sides[1 - at].waiting.contains_key(&place) {
-            let [first, second] = &mut sides;
+        if logs[1 - at].waiting.contains_key(&place) {
+            let [first, second] = &mut logs;
             let pair = first.waiting.remove(&place).zip(second.waiting.remove(&place));
             if let Some((first, second)) = pair {
                 topics[place.1].comparison.compare_with(&first, &second);
             }
         }
-        sides[at].give_up_above(WAITING, |topic| topics[topic].lonely[at] += 1);
+        logs[at].drop_above(MAX_UNMATCHED, |topic| topics[topic].unmatched[at] += 1);
     }
-    for (at, side) in sides.iter_mut().enumerate() {
-        side.give_up_above(0, |topic| topics[topic].lonely[at] += 1);
+    for (at, log) in logs.iter_mut().enumerate() {
+        log.drop_above(0, |topic| topics[topic].unmatched[at] += 1);
     }
     let has_topic = |topic| {
-        let mut scenarios = sides.iter().map(|side| &side.reader.manifest().scenario);
+        let mut scenarios = logs.iter().map(|log| &log.reader.manifest().scenario);
         scenarios.any(|scenario| topics_of(scenario).any(|other| other == topic))
     };
     let topics = topics.into_iter();
     Ok(topics.filter(|topic| has_topic(topic.comparison.topic)).collect())
 }
 
-/// Tick and position of the topic of a sample.
+/// Tick of a sample, and index of its topic.
 type Place = (u64, usize);
 
-/// One of the logs.
-struct Side {
+struct Log {
     reader: LogReader,
-    /// Tick of the last sample that was read.
+    /// Tick of the last sample.
     tick: u64,
     has_ended: bool,
-    /// Samples to which the other log has had no counterpart yet.
+    /// Samples without a counterpart so far.
     waiting: BTreeMap<Place, Vec<u8>>,
 }
 
-impl Side {
+impl Log {
     fn open(path: &Path) -> Result<Self, LogReadError> {
         Ok(Self {
             reader: LogReader::open(path)?,
@@ -89,7 +89,7 @@ impl Side {
         })
     }
 
-    /// Takes the next sample; none at the end.
+    /// Reads the next sample and returns its key; `None` at the end.
     fn read(&mut self) -> Result<Option<Place>, LogReadError> {
         let Some(sample) = self.reader.next_sample()? else {
             self.has_ended = true;
@@ -101,12 +101,12 @@ impl Side {
         Ok(Some(place))
     }
 
-    /// Gives up waiting for the counterparts of the oldest samples beyond so many.
-    fn give_up_above(&mut self, limit: usize, mut lonely: impl FnMut(usize)) {
+    /// Drops the oldest samples above `limit` as unmatched.
+    fn drop_above(&mut self, limit: usize, mut unmatched: impl FnMut(usize)) {
         while self.waiting.len() > limit
             && let Some(((_, topic), _)) = self.waiting.pop_first()
         {
-            lonely(topic);
+            unmatched(topic);
         }
     }
 }
@@ -152,7 +152,7 @@ mod tests {
         for diff in &topics {
             let topic = diff.comparison.topic;
             assert_eq!(diff.comparison.different, u64::from(topic == Topic::RcFrame));
-            assert_eq!(diff.lonely, [u64::from(topic == Topic::MocapPose), 0]);
+            assert_eq!(diff.unmatched, [u64::from(topic == Topic::MocapPose), 0]);
         }
         let first = topics[Topic::RcFrame.index()].comparison.first.as_ref().unwrap();
         assert_eq!((first.tick, first.field.as_str()), (17, "pad0"));
@@ -164,7 +164,7 @@ mod tests {
         assert!(
             topics
                 .iter()
-                .all(|topic| topic.lonely == [101, 0] && topic.comparison.compared == 100)
+                .all(|topic| topic.unmatched == [101, 0] && topic.comparison.compared == 100)
         );
     }
 }

@@ -1,6 +1,7 @@
-//! Where a replay into service processes takes place: a run's place in shared memory and what its processes share.
+//! Environment of a replay in service processes: run folder, shared memory and the files that the processes share.
 //!
-//! Each service has its topics for itself, and there the recorded samples come: none sees what another one's replay publishes.
+//! Each service has separate topics, on which the recorded samples are published: no service receives what the replay
+//! of another one publishes.
 
 use std::error::Error;
 
@@ -19,7 +20,7 @@ use flight::interrupt::Interrupt;
 use run_client::run_root::RunRoot;
 use supervisor::supervision::process::Process;
 
-/// The place of a replay into service processes. To be dropped after those.
+/// Environment of a replay in service processes, which have to be dropped before.
 pub(super) struct ReplayEnvironment<'a> {
     schedule: &'a Schedule,
     scenario: Scenario,
@@ -28,13 +29,13 @@ pub(super) struct ReplayEnvironment<'a> {
     step_log: StepLog,
     doorbells: Vec<Doorbell>,
     interrupt: Interrupt,
-    member: RunNode,
-    /// Goes last: all that is in shared memory goes with it.
+    node: RunNode,
+    /// Must be the last field: dropping it removes all shared memory, after all that uses it.
     root: RunRoot,
 }
 
 impl<'a> ReplayEnvironment<'a> {
-    /// Makes the place and joins it. Raising `interrupt` ends the replay.
+    /// Creates the environment. `interrupt` ends the replay.
     pub(super) fn open(
         scenario: &Scenario,
         schedule: &'a Schedule,
@@ -44,19 +45,19 @@ impl<'a> ReplayEnvironment<'a> {
         let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
         Ok(Self {
             schedule,
-            // A replay is not in a hurry: it asks nothing of the recorded_steps.
+            // Without real-time settings: a replay needs none of the machine.
             scenario: scenario.experiment(),
             page: SharedPage::create().map_err(setup)?,
             checkpoints: Checkpoints::create().map_err(setup)?,
             step_log: StepLog::create().map_err(setup)?,
             doorbells: doorbells.collect::<Result<_, _>>().map_err(setup)?,
             interrupt: interrupt.clone(),
-            member: RunNode::join(&root.configuration(), "orchestrator").map_err(setup)?,
+            node: RunNode::join(&root.configuration(), "orchestrator").map_err(setup)?,
             root,
         })
     }
 
-    /// Makes the topics of a service and starts its process, which gets ready by itself.
+    /// Creates the topics of a service and starts its process; does not wait until it is ready.
     pub(super) fn start(&self, service: ServiceId) -> Result<ServiceProcess, ProcessFailure> {
         let mut inputs = Vec::new();
         for input in service.inputs() {
@@ -73,13 +74,13 @@ impl<'a> ReplayEnvironment<'a> {
         }
         let process = self.start_process(service)?;
         let process = ServiceProcess::new(service, process, inputs, outputs, self.interrupt.clone());
-        process.say(&ToService::Start(Box::new(self.start_of(service))))?;
-        process.say(&ToService::MakePorts)?;
+        process.send(&ToService::Start(Box::new(self.start_of(service))))?;
+        process.send(&ToService::MakePorts)?;
         Ok(process)
     }
 
     fn create(&self, topic: Topic, replayed: ServiceId) -> Result<Box<dyn TopicPorts>, ProcessFailure> {
-        let topic = self.member.create_replayed_topic(topic, replayed, self.schedule);
+        let topic = self.node.create_replayed_topic(topic, replayed, self.schedule);
         topic.map_err(setup)
     }
 

@@ -1,4 +1,4 @@
-//! The recorded samples around the tick that is replayed.
+//! Recorded samples around the replayed tick.
 
 use std::collections::VecDeque;
 
@@ -6,41 +6,41 @@ use host::owned_sample::OwnedSample;
 use shared_types::Topic;
 use shared_types::service::header_of;
 
-/// Samples of a topic that are kept: any that a step may have seen is among the latest before it.
-pub(super) const KEPT: usize = 4096;
+/// Number of samples kept for each topic; every sample that a step may have consumed is among them.
+pub(super) const HISTORY: usize = 4096;
 
-/// Samples by topic and sequence number.
+/// Recorded samples by topic and sequence number.
 pub(super) struct History {
-    /// Of a topic that nobody asks for, none.
+    /// `None` for topics that no replayed service uses.
     topics: [Option<Recorded>; Topic::ALL.len()],
     last_tick: Option<u64>,
-    /// Samples of a topic that are kept.
+    /// Number of samples kept for each topic.
     kept: usize,
 }
 
-/// The latest samples of a topic.
+/// Latest samples of a topic.
 #[derive(Default)]
 struct Recorded {
     /// In the order of their sequence numbers.
     samples: VecDeque<(u64, OwnedSample)>,
-    /// Places of forgotten ones.
+    /// Buffers of removed samples, for reuse.
     free: Vec<OwnedSample>,
 }
 
 impl History {
-    /// A history of the topics of which `is_asked_for` says so.
-    pub(super) fn of(is_asked_for: impl Fn(Topic) -> bool) -> Self {
+    /// Creates the history of the topics for which `is_used` is true.
+    pub(super) fn of(is_used: impl Fn(Topic) -> bool) -> Self {
         Self {
-            topics: Topic::ALL.map(|topic| is_asked_for(topic).then(Recorded::default)),
+            topics: Topic::ALL.map(|topic| is_used(topic).then(Recorded::default)),
             last_tick: None,
-            kept: KEPT,
+            kept: HISTORY,
         }
     }
 
-    /// Keeps the samples that a step `ticks` behind the newest sample may need.
+    /// Extends the history for steps that are up to `ticks` behind the newest sample.
     pub(super) fn behind_by(mut self, ticks: u64) -> Self {
-        // A topic has one sample a tick at most.
-        self.kept = KEPT.saturating_add(usize::try_from(ticks).unwrap_or(usize::MAX));
+        // A topic has at most one sample a tick.
+        self.kept = HISTORY.saturating_add(usize::try_from(ticks).unwrap_or(usize::MAX));
         self
     }
 
@@ -52,19 +52,19 @@ impl History {
         }
     }
 
-    /// The sample of a sequence number.
+    /// Returns the sample of a sequence number.
     pub(super) fn sample(&self, topic: Topic, seq: u64) -> Option<&[u8]> {
         self.topics[topic.index()].as_ref()?.sample(seq)
     }
 
-    /// Tick of the latest sample, whatever its topic.
+    /// Returns the tick of the latest sample of any topic.
     pub(super) fn last_tick(&self) -> Option<u64> {
         self.last_tick
     }
 
-    pub(super) fn forget_old(&mut self) {
+    pub(super) fn remove_old(&mut self) {
         for recorded in self.topics.iter_mut().flatten() {
-            recorded.forget_old(self.kept);
+            recorded.remove_old(self.kept);
         }
     }
 }
@@ -87,7 +87,7 @@ impl Recorded {
     fn sample(&self, seq: u64) -> Option<&[u8]> {
         let (first, _) = self.samples.front()?;
         let distance = usize::try_from(seq.checked_sub(*first)?).ok()?;
-        // Unless some are missing, it is as far behind the first as its number says.
+        // The fast path holds unless sequence numbers are missing.
         let position = match self.samples.get(distance) {
             Some((found, _)) if *found == seq => distance,
             _ => self.position(seq).ok()?,
@@ -95,12 +95,12 @@ impl Recorded {
         Some(self.samples[position].1.bytes())
     }
 
-    /// Returns where a sequence number is, or would be.
+    /// Returns the index of a sequence number, or the index at which to insert it.
     fn position(&self, seq: u64) -> Result<usize, usize> {
         self.samples.binary_search_by_key(&seq, |(kept, _)| *kept)
     }
 
-    fn forget_old(&mut self, kept: usize) {
+    fn remove_old(&mut self, kept: usize) {
         while self.samples.len() > kept
             && let Some((_, sample)) = self.samples.pop_front()
         {
@@ -158,11 +158,11 @@ mod tests {
         let topic = PathReference::TOPIC;
         let mut history = History::of(|asked| asked == topic);
         let mut blind = History::of(|asked| asked != topic);
-        let count = KEPT as u64 + 10;
+        let count = HISTORY as u64 + 10;
         for seq in 0..count {
             let sample = sample(seq, seq as f64);
             history.keep(topic, sample.as_bytes());
-            history.forget_old();
+            history.remove_old();
             blind.keep(topic, sample.as_bytes());
         }
         assert_eq!(history.sample(topic, 9), None);

@@ -1,11 +1,11 @@
-//! Does the steps of a flight again, on what its log has recorded, and compares what comes of them byte for byte.
+//! Replay: executes the steps of a flight again on its recorded samples, and compares the results byte for byte.
 //!
-//! Every service is fed the recorded samples, not what the replayed ones publish: so a difference names the service
-//! that made it, and with a changed scenario the answer is what the service would have published on these inputs.
-//! In a log of simulated time the schedule says what each step saw; in one of real time the records of the steps do.
+//! Every service consumes the recorded samples, not those of the replay. So a difference identifies the service that
+//! caused it, and with a changed scenario the result is what the service would have published for these inputs. In
+//! simulated time the schedule determines the inputs of each step; in real time they are in the records of the steps.
 //!
-//! What services are recorded to have known before some steps serves three ends: a replay of a part of the flight begins
-//! with it, a service goes on with it behind a gap in the log, and otherwise it must be what the replayed service knows.
+//! Recorded checkpoints have three uses: a replay of a part of the flight starts from one, a service resumes from one
+//! after a gap in the log, and all others are compared with the state of the replayed service.
 
 mod checkpoints;
 mod comparator;
@@ -44,137 +44,130 @@ use flight::in_process::with_plugins;
 use flight::interrupt::Interrupt;
 use run_log::{HostReadError, LogReadError, LogReader};
 
-/// Reason why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The log cannot be read.
     #[error("{0}")]
     Read(#[from] LogReadError),
-    /// The records of a flight's steps cannot be read: a log of real time cannot be replayed without them.
+    /// The records of steps cannot be read: a log of real time cannot be replayed without them.
     #[error(transparent)]
     Machine(#[from] HostReadError),
-    /// The scenario does not make services.
+    /// The scenario does not build its services.
     #[error("the log's scenario cannot be flown: {0}")]
     Scenario(#[source] Box<dyn Error + Send + Sync>),
-    /// A change of gains that was recorded cannot be made again.
-    #[error("a recorded change of a gain cannot be made again: {0}")]
+    /// A recorded change of gains cannot be applied.
+    #[error("a recorded change of a gain cannot be repeated: {0}")]
     Tuning(#[source] Box<dyn Error + Send + Sync>),
     /// The changed scenario has another schedule.
     #[error(
-        "the change gives the flight another schedule, and the log has not the samples of that; change nothing that says when services step"
+        "the change gives the flight another schedule, for which the log has no samples; change nothing that determines when services step"
     )]
     OtherSchedule,
-    /// The flight has no tick in the part that is asked for.
+    /// The requested part of the flight contains no tick.
     #[error("the flight has no tick between --from {from} s and --to {to} s; let the second be later")]
     NothingBetween {
-        /// Place where the part begins, s.
+        /// Begin of the part, s.
         from: f64,
-        /// Place where it ends, s.
+        /// End of the part, s.
         to: f64,
     },
-    /// The requested time is not in the log.
+    /// The requested part extends beyond the log.
     #[error("the log ends at {ends} s, and {option} {stated} s is beyond it; ask for less")]
     BeyondTheEnd {
-        /// Which end of the part.
+        /// Option that states the bound.
         option: &'static str,
-        /// Place where it is, s.
+        /// Stated time, s.
         stated: f64,
         /// Time of the log's last tick, s.
         ends: f64,
     },
-    /// A service process did not do its steps to the end.
+    /// A service process did not complete its steps.
     #[error(transparent)]
     Process(#[from] ProcessFailure),
-    /// A plug-in did what it may not.
+    /// A plug-in violated its contract.
     #[error("{0}")]
     Plugin(String),
 }
 
-/// The extent of a replay.
+/// Scope of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Which services; all of them if none is named.
+    /// Services to replay; all if empty.
     pub services: Vec<ServiceId>,
-    /// The scenario in place of the log's own.
+    /// Scenario in place of the recorded one.
     pub changed: Option<Scenario>,
-    /// From which time of the flight on is compared, s; from its beginning if none is stated.
+    /// Begin of the compared part, s; the begin of the flight if `None`.
     pub from: Option<f64>,
-    /// Up to which time of the flight, s; to the end of the log if none is stated.
+    /// End of the compared part, s; the end of the log if `None`.
     pub to: Option<f64>,
-    /// Replay every service in a separate process, until this is raised; else all in this process.
+    /// Replays every service in a separate process, with an interrupt that ends the replay; otherwise in this process.
     pub in_processes: Option<Interrupt>,
 }
 
-/// The result of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Replayed {
-    /// `true` if the log is one of real time.
     pub in_real_time: bool,
-    /// Place where the services began, if not with the flight.
+    /// Services that started from a checkpoint, not with the flight.
     pub starts: Vec<Start>,
-    /// Steps that were done again, of the part that was asked for.
+    /// Steps that were repeated, of the requested part.
     pub steps: u64,
-    /// Steps that could not be, because samples that they had seen were not recorded; nor could those after them, up to
-    /// the next recorded checkpoint of the service.
+    /// Steps that could not be repeated because their inputs, or those of steps since the last usable checkpoint, were
+    /// not recorded.
     pub steps_without_inputs: u64,
-    /// Number of times that services went on from a checkpoint, not having been able to do the steps before.
+    /// Number of times that a service resumed from a checkpoint because earlier steps could not be repeated.
     pub resumptions: u64,
-    /// Recorded checkpoints that were compared with what the replayed services knew.
+    /// Number of checkpoints compared.
     pub checkpoints: u64,
-    /// Those that differ.
+    /// Number of checkpoints that differ.
     pub checkpoints_different: u64,
-    /// The first of them.
+    /// First checkpoint that differs.
     pub first_checkpoint: Option<CheckpointDifference>,
-    /// Replayed services whose checkpoints another build has written: they were not looked at.
-    pub strange_checkpoints: Vec<ServiceId>,
-    /// `true` if samples are missing in the recovered log, of the part that was replayed.
+    /// Replayed services with checkpoints of another build, which are ignored.
+    pub foreign_checkpoints: Vec<ServiceId>,
+    /// `true` if the recovered log lacks samples of the replayed part.
     pub lacks_samples: bool,
-    /// The service whose steps cannot be done again, if it is to be: in a laboratory the world's are what cameras saw.
-    pub not_again: Option<&'static str>,
-    /// Services to be replayed in whose place external services flew: their steps cannot be repeated.
+    /// Process name of a service that cannot be replayed, if it was requested: in a laboratory the plant's samples come
+    /// from cameras.
+    pub not_replayable: Option<&'static str>,
+    /// Requested services that external programs replaced: their steps cannot be repeated.
     pub external_services: Vec<ServiceId>,
-    /// Services to be replayed of whose inputs not every sample belongs into the log, each with the first such input.
+    /// Requested services with an input that the log records only in part, each with the first such input.
     pub without_inputs: Vec<(ServiceId, Topic)>,
-    /// Of each topic that was published in the replay.
+    /// Comparisons of all published topics.
     pub comparisons: Vec<Comparison>,
-    /// Why the log has no more than was replayed, as a sentence, if it is incomplete or was recovered.
+    /// Reason why the log ends before the flight, as a sentence, if it is incomplete or was recovered.
     pub log_ends: Option<String>,
 }
 
-/// Place where a service began that did not begin with the flight.
+/// Start of a service from a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
-    /// The service.
     pub service: ServiceId,
-    /// Time of the first tick whose step it did, s.
+    /// Time of the first repeated step, s.
     pub time: f64,
 }
 
-/// A service that did not know after a step what it is recorded to have known.
+/// Step after which the state of a service differs from its checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckpointDifference {
-    /// The service.
     pub service: ServiceId,
-    /// Tick of the step.
     pub tick: u64,
-    /// Time of the tick, s.
     pub time: f64,
 }
 
 impl Replayed {
-    /// Samples that were compared.
+    /// Returns the number of compared samples.
     #[must_use]
     pub fn compared(&self) -> u64 {
         self.sum(|comparison| comparison.compared)
     }
 
-    /// Samples that were made and not recorded, so that nothing can be said of them.
+    /// Returns the number of samples without a recorded counterpart.
     #[must_use]
     pub fn unrecorded(&self) -> u64 {
         self.sum(|comparison| comparison.unrecorded)
     }
 
-    /// Samples that were made and that do not belong into the log, which has parts of some topics only.
+    /// Returns the number of samples outside of the recorded parts of their topics.
     #[must_use]
     pub fn left_out(&self) -> u64 {
         self.sum(|comparison| comparison.left_out)
@@ -184,7 +177,7 @@ impl Replayed {
         self.comparisons.iter().map(count).sum()
     }
 
-    /// Returns whether all that could be compared is the same, and all could as far as the log goes.
+    /// Returns whether everything in the log could be compared and is equal.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         let is_whole = self.steps_without_inputs == 0 && self.resumptions == 0 && !self.lacks_samples;
@@ -192,7 +185,7 @@ impl Replayed {
         is_whole && is_same && self.compared() > 0
     }
 
-    /// The first difference in the order of the log.
+    /// Returns the first difference in the order of the log.
     #[must_use]
     pub fn first_difference(&self) -> Option<&Difference> {
         let differences = self
@@ -217,7 +210,7 @@ pub fn replay(
     let schedule = schedule_of(&recorded)?;
     let mut scenario = options.changed.clone().unwrap_or_else(|| recorded.clone());
     if let Some(plugins) = &mut scenario.plugins {
-        // A run keeps its plug-ins beside its log.
+        // Relative paths of plug-ins refer to the log's folder, where a run stores them.
         let log = std::path::absolute(log).unwrap_or_else(|_| log.to_owned());
         plugins.anchor(log.parent().unwrap_or(Path::new("/")));
     }
@@ -228,7 +221,7 @@ pub fn replay(
     let scope = Scope::of(options, &schedule)?;
     let topics = Recorded::of_topics(&recorded);
     let wanted = |service: &ServiceId| options.services.is_empty() || options.services.contains(service);
-    // Dropped after the replays, whose processes are in it.
+    // Dropped after the replays, whose processes use it.
     let environment = options
         .in_processes
         .as_ref()
@@ -246,8 +239,8 @@ pub fn replay(
     };
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();
-    let not_again = replayed.iter().copied().find(seen);
-    let not_again = not_again.map(|service| recorded.process_name(service));
+    let not_replayable = replayed.iter().copied().find(seen);
+    let not_replayable = not_replayable.map(|service| recorded.process_name(service));
     let is_external_service = |service: &ServiceId| recorded.program_of(*service).is_some();
     let external_services = replayed.iter().copied().filter(is_external_service).collect();
     replayed.retain(|service| !seen(service) && !is_external_service(service));
@@ -257,15 +250,15 @@ pub fn replay(
         .collect();
     replayed.retain(|service| !without_inputs.iter().any(|(without, _)| without == service));
     let replays: Vec<_> = replayed.into_iter().map(replay).collect::<Result<_, _>>()?;
-    let is_asked_for = |topic| replays.iter().any(|replay| replay.is_about(topic));
+    let is_asked_for = |topic| replays.iter().any(|replay| replay.uses(topic));
     let recorded_steps = RecordedSteps::beside(log, scenario, scope.first)?;
     let lateness = match recorded_steps.is_of_real_time() {
         true => log_source::largest_lateness(log)?,
-        // Whole ticks are recorded, in their order.
+        // In simulated time the log contains whole ticks in their order.
         false => 0,
     };
     let mut flight = Replay {
-        not_again,
+        not_replayable,
         external_services,
         without_inputs,
         source: LogSource::new(
@@ -294,7 +287,7 @@ pub fn replay(
     Ok(flight.finish())
 }
 
-/// Returns the first input of a service of which not every sample belongs into the log, if there is one.
+/// Returns the first input of a service that the log records only in part, if there is one.
 fn unknown_input(service: ServiceId, recorded: &[Recorded; Topic::ALL.len()]) -> Option<(ServiceId, Topic)> {
     let mut inputs = service.inputs().iter().map(|input| input.topic);
     let unknown = inputs.find(|topic| recorded[topic.index()] != Recorded::All)?;
@@ -309,18 +302,18 @@ struct Replay<'a> {
     schedule: &'a Schedule,
     scope: Scope,
     replays: Vec<ServiceReplay>,
-    not_again: Option<&'static str>,
+    not_replayable: Option<&'static str>,
     external_services: Vec<ServiceId>,
     without_inputs: Vec<(ServiceId, Topic)>,
     source: LogSource,
     recorded_steps: RecordedSteps,
     starts: Vec<Start>,
-    /// The first tick that the log has no more.
+    /// First tick that is not in the log.
     ends_before: u64,
 }
 
 impl Replay<'_> {
-    /// Lets the services begin with the newest that they are recorded to have known by the first tick that is compared.
+    /// Starts each service from its newest checkpoint before the first compared tick, if there is one.
     fn begin(&mut self) -> Result<(), ReplayError> {
         for replay in &mut self.replays {
             let service = replay.service();
@@ -352,7 +345,7 @@ impl Replay<'_> {
                 }
             }
             self.ends_before = tick + 1;
-            self.source.history.forget_old();
+            self.source.history.remove_old();
             if let Some(progress) = progress.as_deref_mut() {
                 progress.tick(tick);
             }
@@ -363,13 +356,13 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Returns whether the log has all that was asked for.
+    /// Checks that the log covers the requested part.
     fn check_end(&self, options: &Options) -> Result<(), ReplayError> {
         let last_tick = self.ends_before.saturating_sub(1);
         self.scope.check_end(options, last_tick, self.schedule.tick_ns())
     }
 
-    /// Returns whether samples are missing between others that the replayed steps may have seen or published.
+    /// Returns whether the log lacks samples that the replayed steps may have consumed or published.
     fn lacks_samples(&self) -> bool {
         let begins = self.replays.iter().map(ServiceReplay::begins_at).min();
         let replayed = begins.unwrap_or_default()..=self.scope.last;
@@ -377,7 +370,7 @@ impl Replay<'_> {
         recoveries.any(|recovery| recovery.lacks_samples_in(&replayed))
     }
 
-    /// Returns why the log has no more, if it is not a whole one and was replayed to its end.
+    /// Returns why the log ends early, if it does and was replayed to its end.
     fn log_ends(&self) -> Option<String> {
         if let Some(reason) = &self.source.ends {
             return Some(format!("The log ends early: {reason}"));
@@ -387,7 +380,7 @@ impl Replay<'_> {
         Some(format!("The log was recovered: {}", recovery.ending()))
     }
 
-    /// The first service and step after which it did not know what is recorded.
+    /// Returns the first checkpoint that differs, over all services.
     fn first_checkpoint(&self) -> Option<CheckpointDifference> {
         let different = self.replays.iter().filter_map(|replay| {
             let tick = replay.comparator().first_different_after?;
@@ -402,8 +395,8 @@ impl Replay<'_> {
 
     fn finish(self) -> Replayed {
         let sum = |count: fn(&ServiceReplay) -> u64| self.replays.iter().map(count).sum();
-        let mut strange_checkpoints = self.recorded_steps.strange_checkpoints();
-        strange_checkpoints.retain(|&service| self.replays.iter().any(|replay| replay.service() == service));
+        let mut foreign_checkpoints = self.recorded_steps.foreign_checkpoints();
+        foreign_checkpoints.retain(|&service| self.replays.iter().any(|replay| replay.service() == service));
         Replayed {
             in_real_time: self.recorded_steps.is_of_real_time(),
             steps: sum(|replay| replay.steps),
@@ -412,11 +405,11 @@ impl Replay<'_> {
             checkpoints: sum(|replay| replay.comparator().checkpoints),
             checkpoints_different: sum(|replay| replay.comparator().checkpoints_different),
             first_checkpoint: self.first_checkpoint(),
-            strange_checkpoints,
+            foreign_checkpoints,
             lacks_samples: self.lacks_samples(),
             log_ends: self.log_ends(),
             starts: self.starts,
-            not_again: self.not_again,
+            not_replayable: self.not_replayable,
             external_services: self.external_services,
             without_inputs: self.without_inputs,
             comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),

@@ -1,8 +1,8 @@
-//! The recorded samples of the flight that is replayed, read as far as they are needed.
+//! Reader of the recorded samples, as far as the replay needs them.
 //!
-//! In real time a service that steps late publishes late, and its samples stand in the log after younger ones of other
-//! services. A step must find whatever was recorded of its tick, however late: what it finds must not depend on how far the
-//! replay happens to have read. So the largest lateness is found first, and read ahead.
+//! In real time a late step publishes late, so its samples follow newer ones of other services in the log. A step must
+//! find all recorded samples of its tick, however late: its inputs must not depend on how far the log happens to have
+//! been read. So the largest lateness is determined first, and the log is read ahead by it.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use super::ReplayError;
 use super::history::History;
 use super::tuning::RecordedTuning;
 
-/// Returns the most ticks by which a sample of a log is older than one before it.
+/// Returns the maximum number of ticks by which a sample of the log is older than one before it.
 pub(super) fn largest_lateness(log: &Path) -> Result<u64, ReplayError> {
     let mut reader = LogReader::open(log)?;
     let (mut newest, mut largest) = (0_u64, 0);
@@ -30,23 +30,23 @@ pub(super) fn largest_lateness(log: &Path) -> Result<u64, ReplayError> {
     }
 }
 
-/// The recorded samples, read as far as they are needed.
+/// Recorded samples, read on demand.
 pub(super) struct LogSource {
     pub(super) reader: LogReader,
     pub(super) history: History,
     pub(super) tuning: RecordedTuning,
-    /// Ticks beyond a tick that are read before it is replayed.
+    /// Number of ticks that are read ahead of the replayed one.
     read_ahead: u64,
-    /// The newest tick that has been read; `u64::MAX` at the end.
+    /// Newest tick that has been read; `u64::MAX` at the end of the log.
     read_until: u64,
     /// Reason why the log ends early.
     pub(super) ends: Option<String>,
-    /// `true` if it ends anywhere, and not with a whole tick.
+    /// `true` if the log may end within a tick.
     breaks_off: bool,
 }
 
 impl LogSource {
-    /// A log of which nothing has been read, and in which samples stand at most `lateness` ticks behind younger ones.
+    /// Creates the source of an unread log whose samples are at most `lateness` ticks behind newer ones.
     pub(super) fn new(reader: LogReader, lateness: u64, history: History, tuning: RecordedTuning) -> Self {
         Self {
             reader,
@@ -59,7 +59,7 @@ impl LogSource {
         }
     }
 
-    /// Reads until every sample of a tick, and of those before it, has been read.
+    /// Reads until all samples up to a tick have been read.
     pub(super) fn read_to(&mut self, tick: u64) -> Result<(), ReplayError> {
         let tick = tick.saturating_add(self.read_ahead);
         while self.read_until <= tick {
@@ -75,7 +75,7 @@ impl LogSource {
                     self.breaks_off |= self.reader.recovery().is_some();
                     self.read_until = u64::MAX;
                 }
-                // What was read before it is whole.
+                // Everything before the incomplete record is valid.
                 Err(error) if error.is_incomplete() => {
                     self.ends = Some(error.to_string());
                     self.breaks_off = true;
@@ -87,7 +87,7 @@ impl LogSource {
         Ok(())
     }
 
-    /// Returns whether the log ends before a tick is whole. Of one that breaks off, the last tick may be broken, too.
+    /// Returns whether the log ends before a tick is complete. If the log is cut off, so may be its last tick.
     pub(super) fn is_exhausted_before(&self, tick: u64) -> bool {
         let whole_until = self
             .history

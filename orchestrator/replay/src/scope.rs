@@ -1,11 +1,11 @@
-//! Which part of a flight is compared.
+//! Scope of a replay: the part of the flight that is compared.
 
 use shared_types::Schedule;
 use shared_types::service::{nanoseconds, seconds};
 
 use super::{Options, ReplayError};
 
-/// The first and the last tick that are compared, and whether what the services knew is.
+/// First and last tick of the compared part, and whether checkpoints are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Scope {
     pub(super) first: u64,
@@ -14,7 +14,7 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    /// Returns the extent that is asked for of a flight of `schedule`.
+    /// Returns the requested scope.
     pub(super) fn of(options: &Options, schedule: &Schedule) -> Result<Self, ReplayError> {
         let tick_ns = schedule.tick_ns();
         let first = options.from.map_or(0, |from| nanoseconds(from).div_ceil(tick_ns));
@@ -24,7 +24,7 @@ impl Scope {
         let scope = Self {
             first,
             last,
-            // With a change they are no more expected to be the same than what is published.
+            // With a changed scenario, neither states nor samples are expected to be equal.
             checkpoints: options.changed.is_none(),
         };
         scope.check_end(options, schedule.last_tick(), tick_ns)?;
@@ -34,7 +34,7 @@ impl Scope {
         }
     }
 
-    /// Returns whether what is asked for lies before the end of the log, whose last tick is `last_tick`.
+    /// Checks that the bounds of the scope are not beyond the last tick of the log.
     pub(super) fn check_end(
         &self,
         options: &Options,

@@ -1,7 +1,7 @@
-//! A service that does its steps in a process of its own.
+//! Replay of a service in a separate process.
 //!
-//! Steps are told in batches: while the process does one, the next is read from the log and published. So what comes of a
-//! step is heard some hundred ticks later, in the order in which the steps were told.
+//! Steps are ordered in batches: while the process executes one, the next is read from the log and published. So the
+//! results of a step arrive about a hundred ticks later, in the order of the steps.
 
 mod failure;
 mod ports;
@@ -26,11 +26,11 @@ use flight::interrupt::Interrupt;
 use supervisor::supervision::process::Process;
 use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 
-/// Time that a process may take for a batch of steps: some thousand times as long as it takes.
+/// Timeout for a batch of steps; a batch takes about a thousandth of it.
 const BATCH_LIMIT: Duration = READY_LIMIT;
 
-/// Period at which the end of the replay is checked.
-const LOOK_PERIOD: Duration = Duration::from_millis(100);
+/// Period at which an interrupt is checked.
+const CHECK_PERIOD: Duration = Duration::from_millis(100);
 
 fn timespec(duration: Duration) -> Timespec {
     Timespec {
@@ -39,43 +39,43 @@ fn timespec(duration: Duration) -> Timespec {
     }
 }
 
-/// Messages to the comparator, in their order.
+/// Comparison to do once the results of a batch arrive, in order.
 enum ComparatorMessage {
-    /// A step; whether it was finished in the flight, and whether it is compared.
+    /// Samples of a step.
     Step {
         tick: u64,
         is_finished: bool,
         is_compared: bool,
     },
-    /// The recorded state of the service after the last step of a batch.
+    /// State after the last step of a batch.
     State { tick: u64, recorded: Vec<u8> },
-    /// No more steps of a tick follow.
+    /// End of a tick's steps.
     EndOfTick,
 }
 
-/// A service in a process of its own. Dropping it ends the process.
+/// Service in a separate process. Dropping it ends the process.
 pub(super) struct ServiceProcess {
     service: ServiceId,
     process: Process,
     interrupt: Interrupt,
     inputs: Vec<InputPort>,
     outputs: Vec<OutputPort>,
-    /// `true` if it has made its ports.
+    /// `true` once the process has created its ports.
     is_ready: bool,
-    /// The state before the step that is told next.
+    /// State from which the next step starts.
     memory: Memory,
-    /// The gains of the step that was told last, if they had been changed in flight.
+    /// Gains of the last ordered step, if they were changed in flight.
     gains: Option<Gains>,
-    /// The steps that are to be handed over next.
+    /// Orders of the next batch.
     orders: Vec<StepOrder>,
-    told: Vec<ComparatorMessage>,
-    /// `true` if the process is to tell what it knows after them.
-    tells_state: bool,
-    /// The work of the process.
-    under_way: Vec<ComparatorMessage>,
-    /// The tick from which on the next batch is.
+    comparisons: Vec<ComparatorMessage>,
+    /// `true` if the process is to return its state after the next batch.
+    returns_state: bool,
+    /// Comparisons of the batch that the process is executing.
+    executing: Vec<ComparatorMessage>,
+    /// First tick of the next batch.
     batch_begins: u64,
-    /// The last tick of which a step was compared.
+    /// Tick of the last compared step.
     compared: Option<u64>,
 }
 
@@ -97,28 +97,28 @@ impl ServiceProcess {
             memory: Memory::default(),
             gains: None,
             orders: Vec::with_capacity(BATCH),
-            told: Vec::new(),
-            tells_state: false,
-            under_way: Vec::new(),
+            comparisons: Vec::new(),
+            returns_state: false,
+            executing: Vec::new(),
             batch_begins: 0,
             compared: None,
         }
     }
 
-    /// Tells the process something. One that is gone is found so when its answer is awaited.
-    pub(super) fn say(&self, message: &ToService) -> Result<(), ProcessFailure> {
+    /// Sends a message. A dead process is detected when its answer is awaited.
+    pub(super) fn send(&self, message: &ToService) -> Result<(), ProcessFailure> {
         match self.process.channel.send(message) {
             Ok(()) | Err(ControlError::Closed) => Ok(()),
             Err(error) => Err(self.gave_up(&error)),
         }
     }
 
-    /// Waits until the process has made its ports, and lets it begin. Before, nothing may be published for it.
+    /// Waits until the process has created its ports, connects to them, and starts it. Nothing may be published before.
     fn make_ready(&mut self) -> Result<(), ProcessFailure> {
         if self.is_ready {
             return Ok(());
         }
-        let ToOrchestrator::Ready { .. } = self.hear()? else {
+        let ToOrchestrator::Ready { .. } = self.compare()? else {
             return Err(self.gave_up(&"it did not get ready"));
         };
         let senders = self.inputs.iter_mut().map(InputPort::connect);
@@ -126,14 +126,14 @@ impl ServiceProcess {
         let connected: Result<(), PortError> = senders.chain(receivers).collect();
         connected.map_err(|error| self.gave_up(&error))?;
         self.is_ready = true;
-        self.say(&ToService::Go {
+        self.send(&ToService::Go {
             restarted: false,
             start_ns: 0,
         })
     }
 
-    /// The next thing that the process says.
-    fn hear(&mut self) -> Result<ToOrchestrator, ProcessFailure> {
+    /// Receives the next message of the process.
+    fn compare(&mut self) -> Result<ToOrchestrator, ProcessFailure> {
         let deadline = Instant::now() + BATCH_LIMIT;
         loop {
             match self.process.channel.try_receive::<ToOrchestrator>() {
@@ -157,9 +157,9 @@ impl ServiceProcess {
                     when: self.how_far(),
                 });
             }
-            // The end of the process closes its channel. After an interrupted sleep all is looked at again.
+            // The channel is closed when the process ends. After an interruption, everything is checked again.
             let mut channel = [PollFd::new(&self.process.channel, PollFlags::IN)];
-            let _ = poll(&mut channel, Some(&timespec(LOOK_PERIOD)));
+            let _ = poll(&mut channel, Some(&timespec(CHECK_PERIOD)));
         }
     }
 
@@ -170,7 +170,7 @@ impl ServiceProcess {
     }
 
     fn died(&mut self) -> ProcessFailure {
-        // One that ends closes its line a little before.
+        // A process closes its channel shortly before it ends.
         self.process.ends_within(STOP_LIMIT);
         ProcessFailure::Died {
             service: self.service.name(),
@@ -189,7 +189,7 @@ impl ServiceProcess {
         }
     }
 
-    /// Publishes what a step sees; how it is told.
+    /// Publishes the inputs of a step and returns its order.
     fn order(&mut self, step: &Step<'_>) -> Result<StepOrder, PortError> {
         let mut order = StepOrder {
             now: step.now,
@@ -210,47 +210,50 @@ impl ServiceProcess {
         Ok(order)
     }
 
-    /// Lets the process do the steps that have been told, once it has done those before.
-    fn hand_over(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ProcessFailure> {
+    /// Sends the next batch, once the results of the one before have arrived.
+    fn send_batch(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ProcessFailure> {
         self.collect(comparator, history)?;
         if !self.orders.is_empty() {
             let orders = std::mem::take(&mut self.orders);
-            let tells_state = std::mem::take(&mut self.tells_state);
-            self.say(&ToService::Steps { orders, tells_state })?;
+            let returns_state = std::mem::take(&mut self.returns_state);
+            self.send(&ToService::Steps {
+                orders,
+                tells_state: returns_state,
+            })?;
         }
-        self.under_way.append(&mut self.told);
+        self.executing.append(&mut self.comparisons);
         Ok(())
     }
 
-    /// Lets the comparator hear what has come of the steps that the process was doing.
+    /// Receives the results of the batch under way and compares them.
     fn collect(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ProcessFailure> {
-        if self.under_way.is_empty() {
+        if self.executing.is_empty() {
             return Ok(());
         }
-        let ToOrchestrator::Stepped { not_finite, state } = self.hear()? else {
+        let ToOrchestrator::Stepped { not_finite, state } = self.compare()? else {
             return Err(self.gave_up(&"it did not do its steps"));
         };
         let mut place = 0;
-        for told in std::mem::take(&mut self.under_way) {
-            match told {
+        for comparisons in std::mem::take(&mut self.executing) {
+            match comparisons {
                 ComparatorMessage::Step {
                     tick,
                     is_finished,
                     is_compared,
                 } => {
                     if !not_finite.contains(&place) {
-                        let hear = |output: usize, bytes: &[u8]| {
+                        let compare = |output: usize, bytes: &[u8]| {
                             if is_compared {
-                                comparator.hear(output, bytes, is_finished, history);
+                                comparator.compare(output, bytes, is_finished, history);
                             }
                         };
-                        self.listen(tick, hear)?;
+                        self.receive_samples(tick, compare)?;
                     }
                     place += 1;
                     self.compared = Some(tick);
                 }
                 ComparatorMessage::State { tick, recorded } => {
-                    comparator.hear_state(tick, state.as_deref().unwrap_or_default(), &recorded);
+                    comparator.compare_checkpoint(tick, state.as_deref().unwrap_or_default(), &recorded);
                 }
                 ComparatorMessage::EndOfTick => comparator.end_tick(history),
             }
@@ -258,15 +261,19 @@ impl ServiceProcess {
         Ok(())
     }
 
-    /// Takes what a step has published, output by output.
-    fn listen(&mut self, tick: u64, mut hear: impl FnMut(usize, &[u8])) -> Result<(), ProcessFailure> {
+    /// Receives the samples that a step has published, in the order of its outputs.
+    fn receive_samples(
+        &mut self,
+        tick: u64,
+        mut compare: impl FnMut(usize, &[u8]),
+    ) -> Result<(), ProcessFailure> {
         for at in 0..self.outputs.len() {
             let output = &mut self.outputs[at];
             if !output.is_due(tick) {
                 continue;
             }
             match output.receive(tick) {
-                Ok(Some(bytes)) => hear(at, bytes),
+                Ok(Some(bytes)) => compare(at, bytes),
                 Ok(None) => return Err(self.gave_up(&format!("a sample of tick {tick} was lost"))),
                 Err(error) => return Err(self.gave_up(&error)),
             }
@@ -276,11 +283,11 @@ impl ServiceProcess {
 }
 
 impl Stepper for ServiceProcess {
-    fn begin_anew(&mut self) {
+    fn reset(&mut self) {
         self.memory = Memory::Newborn;
     }
 
-    fn go_back(&mut self) {
+    fn roll_back(&mut self) {
         self.memory = Memory::BeforeLast;
     }
 
@@ -291,10 +298,10 @@ impl Stepper for ServiceProcess {
         history: &History,
     ) -> Result<(), ReplayError> {
         self.make_ready()?;
-        self.hand_over(comparator, history)?;
+        self.send_batch(comparator, history)?;
         self.memory = Memory::AfterLast;
         let state = state.to_vec();
-        Ok(self.say(&ToService::Know { state })?)
+        Ok(self.send(&ToService::Know { state })?)
     }
 
     fn step(
@@ -304,17 +311,17 @@ impl Stepper for ServiceProcess {
         history: &History,
     ) -> Result<(), ReplayError> {
         if self.orders.len() == BATCH {
-            self.hand_over(comparator, history)?;
+            self.send_batch(comparator, history)?;
         }
         self.make_ready()?;
         if step.gains != self.gains {
-            self.hand_over(comparator, history)?;
+            self.send_batch(comparator, history)?;
             self.gains = step.gains;
-            self.say(&ToService::Tune { gains: self.gains })?;
+            self.send(&ToService::Tune { gains: self.gains })?;
         }
         let order = self.order(step).map_err(|error| self.gave_up(&error))?;
         self.orders.push(order);
-        self.told.push(ComparatorMessage::Step {
+        self.comparisons.push(ComparatorMessage::Step {
             tick: step.now.tick,
             is_finished: step.is_finished,
             is_compared: step.is_compared,
@@ -323,9 +330,9 @@ impl Stepper for ServiceProcess {
     }
 
     fn compare_state(&mut self, tick: u64, recorded: &[u8], _comparator: &mut Comparator) {
-        self.tells_state = true;
+        self.returns_state = true;
         let recorded = recorded.to_vec();
-        self.told.push(ComparatorMessage::State { tick, recorded });
+        self.comparisons.push(ComparatorMessage::State { tick, recorded });
     }
 
     fn end_tick(
@@ -334,26 +341,28 @@ impl Stepper for ServiceProcess {
         comparator: &mut Comparator,
         history: &History,
     ) -> Result<(), ReplayError> {
-        if let Some(ComparatorMessage::Step { .. } | ComparatorMessage::State { .. }) = self.told.last() {
-            self.told.push(ComparatorMessage::EndOfTick);
+        if let Some(ComparatorMessage::Step { .. } | ComparatorMessage::State { .. }) =
+            self.comparisons.last()
+        {
+            self.comparisons.push(ComparatorMessage::EndOfTick);
         }
-        // What the service knows it tells after the last step of a batch.
+        // The process returns its state after the last step of a batch, so a batch ends here if the state is compared.
         let next = tick + 1;
-        if self.tells_state || next >= self.batch_begins + BATCH as u64 {
-            self.hand_over(comparator, history)?;
+        if self.returns_state || next >= self.batch_begins + BATCH as u64 {
+            self.send_batch(comparator, history)?;
             self.batch_begins = next;
         }
         Ok(())
     }
 
     fn finish(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ReplayError> {
-        self.hand_over(comparator, history)?;
+        self.send_batch(comparator, history)?;
         Ok(self.collect(comparator, history)?)
     }
 }
 
 impl Drop for ServiceProcess {
-    /// Ends the process, whatever it does.
+    /// Ends the process, killing it if it does not stop by itself.
     fn drop(&mut self) {
         if self.process.is_gone {
             return;

@@ -1,4 +1,4 @@
-//! One service in a replay: what it sees at each step, what it publishes, and whether that is what was recorded.
+//! Replay of one service: the inputs of each step, and the comparison of its samples.
 
 use host::edge_store::EdgeStore;
 use host::step::{Timetable, Views};
@@ -11,33 +11,33 @@ use super::ReplayError;
 use super::checkpoints::RecordedCheckpoints;
 use super::comparator::Comparator;
 use super::compare::Comparison;
-use super::history::{History, KEPT};
+use super::history::{HISTORY, History};
 use super::recorded_steps::{InputSequences, RecordedStep};
 use super::scope::Scope;
 use super::stepper::{Step, Stepper};
 use super::tuning::RecordedTuning;
 
-/// A service that does its steps again.
+/// Replay of one service.
 pub(super) struct ServiceReplay {
     stepper: Box<dyn Stepper>,
     timetable: Timetable,
     /// Ticks of the last step and of the one before it.
     last: Option<u64>,
     last_but_one: Option<u64>,
-    /// `true` if what the service knows by now cannot be known here: a step saw a sample that was not recorded.
-    is_lost: bool,
-    /// The steps to compare; before them steps are only done.
+    /// `true` if the state of the service is unknown: a step consumed a sample that was not recorded.
+    is_state_unknown: bool,
+    /// Compared part of the flight; steps before it are executed, not compared.
     scope: Scope,
-    /// Steps before this tick are not done: the service began with what it is recorded to have known.
+    /// First tick to execute: the service started from a checkpoint.
     begins_at: u64,
-    /// Of each input with planned faults, what has come.
+    /// Samples of each input with planned faults.
     stores: [Option<EdgeStore>; MAX_PORTS],
-    /// Of each input, the next sample that its store wants.
+    /// Next sequence number for the store of each input.
     next_stored: [u64; MAX_PORTS],
     comparator: Comparator,
     pub(super) steps: u64,
     pub(super) steps_without_inputs: u64,
-    /// Number of times that it went on from a recorded checkpoint because what the service knew could not be known otherwise.
+    /// Number of times that the service resumed from a checkpoint because its state was unknown.
     pub(super) resumptions: u64,
 }
 
@@ -60,7 +60,7 @@ impl ServiceReplay {
             stepper,
             last: None,
             last_but_one: None,
-            is_lost: false,
+            is_state_unknown: false,
             scope,
             begins_at: 0,
             stores,
@@ -73,7 +73,7 @@ impl ServiceReplay {
         }
     }
 
-    /// Begins with what the service is recorded to have known before its step at `next_tick` or the first one after it.
+    /// Starts from the checkpoint before the step at `next_tick`.
     pub(super) fn begin_with(
         &mut self,
         next_tick: u64,
@@ -89,24 +89,23 @@ impl ServiceReplay {
         self.timetable.service
     }
 
-    /// Returns whether the service sees or publishes samples of a topic.
-    pub(super) fn is_about(&self, topic: Topic) -> bool {
+    /// Returns whether the service consumes or publishes a topic.
+    pub(super) fn uses(&self, topic: Topic) -> bool {
         let mut inputs = self.timetable.inputs.iter();
         let mut outputs = self.timetable.outputs.iter();
         inputs.any(|edge| edge.topic == topic) || outputs.any(|output| output.topic == topic)
     }
 
-    /// The tick of the first step that it may do.
     pub(super) fn begins_at(&self) -> u64 {
         self.begins_at
     }
 
-    /// Returns the findings by now. They are all once the replay has settled.
+    /// Returns the findings so far; they are complete after [`Self::settle`].
     pub(super) fn comparator(&self) -> &Comparator {
         &self.comparator
     }
 
-    /// Returns when all steps have been compared.
+    /// Waits until all steps have been compared.
     pub(super) fn settle(&mut self, history: &History) -> Result<(), ReplayError> {
         self.stepper.finish(&mut self.comparator, history)
     }
@@ -115,7 +114,7 @@ impl ServiceReplay {
         self.comparator.into_comparisons()
     }
 
-    /// Does the step at `tick`, if there is one, on the samples that the schedule has due.
+    /// Executes the step at `tick`, if there is one, with the inputs that the schedule determines.
     pub(super) fn step_as_scheduled(
         &mut self,
         tick: u64,
@@ -140,13 +139,13 @@ impl ServiceReplay {
             return Ok(());
         }
         if self.timetable.begins_anew_at(tick) {
-            self.stepper.begin_anew();
-            self.is_lost = false;
-        } else if self.is_lost {
+            self.stepper.reset();
+            self.is_state_unknown = false;
+        } else if self.is_state_unknown {
             let previous = tick.checked_sub(1);
             let previous = previous.and_then(|before| self.timetable.steps.last_at_or_before(before));
             if !self.resume_after(previous, history, checkpoints)? {
-                self.leave_out(tick, history);
+                self.skip(tick, history);
                 return Ok(());
             }
         }
@@ -157,14 +156,14 @@ impl ServiceReplay {
                 .map(|due| (edge.sequence_number(due), edge.is_fresh(tick, due)));
         }
         if self.lacks_repeated(tick, history) {
-            self.leave_out(tick, history);
+            self.skip(tick, history);
             return Ok(());
         }
-        self.is_lost = !self.step(self.timetable.now(tick), None, &seen, true, history)?;
+        self.is_state_unknown = !self.step(self.timetable.now(tick), None, &seen, true, history)?;
         Ok(())
     }
 
-    /// Returns whether a fault has a step see the content of an older sample that was not recorded.
+    /// Returns whether a fault repeats an older sample that was not recorded.
     fn lacks_repeated(&mut self, tick: u64, history: &History) -> bool {
         self.fill_stores(tick, history);
         let mut inputs = self.stores.iter().zip(&self.timetable.inputs);
@@ -177,7 +176,7 @@ impl ServiceReplay {
         })
     }
 
-    /// Does the steps of a tick on the samples that they are recorded to have seen.
+    /// Executes the steps of a tick with their recorded inputs.
     pub(super) fn step_as_recorded(
         &mut self,
         tick: u64,
@@ -191,7 +190,7 @@ impl ServiceReplay {
             return Ok(());
         }
         for step in steps {
-            self.do_again(step, tuning, history, checkpoints)?;
+            self.repeat(step, tuning, history, checkpoints)?;
         }
         if !steps.is_empty() {
             self.compare_state(tick, checkpoints);
@@ -199,30 +198,30 @@ impl ServiceReplay {
         self.stepper.end_tick(tick, &mut self.comparator, history)
     }
 
-    fn do_again(
+    fn repeat(
         &mut self,
         recorded: &RecordedStep,
         tuning: &RecordedTuning,
         history: &History,
         checkpoints: &RecordedCheckpoints,
     ) -> Result<(), ReplayError> {
-        // Without the record of a change nothing is known of the steps after it.
+        // If a change of gains was not recorded, the results of all steps with it are unknown.
         let Some(gains) = tuning.gains(recorded.tuning) else {
-            self.leave_out(recorded.tick, history);
+            self.skip(recorded.tick, history);
             (self.last, self.last_but_one) = (None, None);
             return Ok(());
         };
         let previous = recorded.previous;
-        if !self.remember_only(previous) && !self.resume_after(previous, history, checkpoints)? {
-            self.leave_out(recorded.tick, history);
+        if !self.roll_back_to(previous) && !self.resume_after(previous, history, checkpoints)? {
+            self.skip(recorded.tick, history);
             return Ok(());
         }
         let now = Now {
             operator: recorded.operator,
             ..self.timetable.now_after(recorded.previous, recorded.tick)
         };
-        self.is_lost = !self.step(now, gains, &recorded.seen, recorded.is_finished, history)?;
-        if self.is_lost {
+        self.is_state_unknown = !self.step(now, gains, &recorded.seen, recorded.is_finished, history)?;
+        if self.is_state_unknown {
             (self.last, self.last_but_one) = (None, None);
         } else {
             self.last_but_one = self.last.replace(recorded.tick);
@@ -230,7 +229,7 @@ impl ServiceReplay {
         Ok(())
     }
 
-    /// Goes on with what the service is recorded to have known after its step at `previous`, if it is.
+    /// Resumes from the checkpoint after the step at `previous`, if there is one.
     fn resume_after(
         &mut self,
         previous: Option<u64>,
@@ -242,22 +241,22 @@ impl ServiceReplay {
         };
         self.stepper.resume(state, &mut self.comparator, history)?;
         self.last = previous;
-        self.is_lost = false;
+        self.is_state_unknown = false;
         self.resumptions += 1;
         Ok(true)
     }
 
-    /// Leaves out a step that cannot be done again.
-    fn leave_out(&mut self, tick: u64, history: &History) {
-        self.is_lost = true;
+    /// Skips a step that cannot be repeated.
+    fn skip(&mut self, tick: u64, history: &History) {
+        self.is_state_unknown = true;
         self.steps_without_inputs += u64::from(self.scope.contains(tick));
         self.follow(tick, history);
     }
 
-    /// Keeps what has come by a tick at which nothing is done: a later step may see it.
+    /// Stores the samples up to a tick without a step: a fault may repeat them later.
     fn follow(&mut self, tick: u64, history: &History) {
         self.fill_stores(tick, history);
-        let long_ago = tick.saturating_sub(KEPT as u64);
+        let long_ago = tick.saturating_sub(HISTORY as u64);
         for (store, edge) in self.stores.iter_mut().zip(&self.timetable.inputs) {
             if let (Some(store), Some(due)) = (store, edge.due_sample(long_ago)) {
                 store.forget_before(due);
@@ -265,16 +264,16 @@ impl ServiceReplay {
         }
     }
 
-    /// Goes back to what a process knew that took another one's place, if one did: the step after which the dead one
-    /// had kept what it knew was its last or the one before.
-    /// `false` if that is not known here: the log begins later, or a step that led to it could not be done.
-    fn remember_only(&mut self, previous: Option<u64>) -> bool {
+    /// After a recorded restart, rolls back to the checkpoint that the new process started from: it is from before or
+    /// after the dead process's last step. Returns `false` if that state is not available, because the log begins later
+    /// or a step could not be repeated.
+    fn roll_back_to(&mut self, previous: Option<u64>) -> bool {
         if previous.is_none() {
-            self.stepper.begin_anew();
+            self.stepper.reset();
         } else if previous == self.last {
             return true;
         } else if previous == self.last_but_one {
-            self.stepper.go_back();
+            self.stepper.roll_back();
         } else {
             return false;
         }
@@ -282,7 +281,7 @@ impl ServiceReplay {
         true
     }
 
-    /// Has a step done; `false` if a sample that it saw was not recorded.
+    /// Executes a step; `false` if one of its inputs was not recorded.
     fn step(
         &mut self,
         now: Now,
@@ -300,7 +299,7 @@ impl ServiceReplay {
         for (((view, as_recorded), seen), (edge, store)) in places.zip(seen).zip(inputs) {
             let Some((seq, fresh)) = *seen else { continue };
             let Some(bytes) = history.sample(edge.topic, seq) else {
-                // What this step saw is not known, and so is nothing that it led to.
+                // The inputs of this step are unknown, and so are all states that follow from it.
                 self.steps_without_inputs += u64::from(is_compared);
                 return Ok(false);
             };
@@ -333,18 +332,18 @@ impl ServiceReplay {
         Ok(true)
     }
 
-    /// Has compared what the service knows after its step at `tick` with what it is recorded to have known, if it is.
+    /// Compares the state after the step at `tick` with its checkpoint, if there is one.
     fn compare_state(&mut self, tick: u64, checkpoints: &RecordedCheckpoints) {
         if let Some(recorded) = checkpoints.after(tick)
             && self.scope.contains(tick)
             && self.scope.checkpoints
-            && !self.is_lost
+            && !self.is_state_unknown
         {
             self.stepper.compare_state(tick, recorded, &mut self.comparator);
         }
     }
 
-    /// Lets every input with planned faults have the samples up to a tick.
+    /// Stores the samples up to a tick for every input with planned faults.
     fn fill_stores(&mut self, tick: u64, history: &History) {
         let edges = self.timetable.inputs.iter().zip(&mut self.stores);
         for ((edge, store), next) in edges.zip(&mut self.next_stored) {

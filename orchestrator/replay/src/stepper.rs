@@ -1,4 +1,5 @@
-//! Process or thread that does the steps of a service in a replay. For both the [`ServiceReplay`](super::service_replay::ServiceReplay) says what they see.
+//! Execution of a service's steps in a replay, by this process or a separate one.
+//! [`ServiceReplay`](super::service_replay::ServiceReplay) determines the inputs in both cases.
 
 use host::owned_sample::OwnedSample;
 use host::step::{self, Slots, Timetable, Views};
@@ -10,31 +11,30 @@ use super::ReplayError;
 use super::comparator::Comparator;
 use super::history::History;
 
-/// A step that is to be done.
+/// Step to execute.
 pub(super) struct Step<'a> {
-    /// Its moment.
     pub(super) now: Now,
-    /// The gains that held, if they had been changed in flight.
+    /// Gains in effect, if they were changed in flight.
     pub(super) gains: Option<Gains>,
-    /// Its views of the inputs.
+    /// Views of the inputs.
     pub(super) views: Views<'a>,
-    /// Of each input, the sequence number of the recorded sample that it sees; none where it is altered on its way.
+    /// Sequence number of each input's recorded sample; `None` if a fault alters it.
     pub(super) as_recorded: [Option<u64>; MAX_PORTS],
-    /// `true` if all that it had to publish was published in the flight.
+    /// `true` if all samples of the step were published in the flight.
     pub(super) is_finished: bool,
-    /// `true` if the comparator is to hear of it.
+    /// `true` if its samples are compared.
     pub(super) is_compared: bool,
 }
 
-/// Does the steps of a service, in their order, now or later.
+/// Executes the steps of a service in their order, at once or later.
 pub(super) trait Stepper {
-    /// The next step shall know what the service knew before its first one.
-    fn begin_anew(&mut self);
+    /// Makes the next step start from the service's initial state.
+    fn reset(&mut self);
 
-    /// The next step shall know what the service knew before the last one.
-    fn go_back(&mut self);
+    /// Makes the next step start from the state before the last one.
+    fn roll_back(&mut self);
 
-    /// The next step shall know this.
+    /// Makes the next step start from this state.
     fn resume(
         &mut self,
         state: &[u8],
@@ -42,8 +42,8 @@ pub(super) trait Stepper {
         history: &History,
     ) -> Result<(), ReplayError>;
 
-    /// Does a step. The comparator hears, sooner or later, what comes of it; of what is not finite nothing, for it was never
-    /// published.
+    /// Executes a step. Its samples are passed to the comparator at once or later; samples that are not finite are
+    /// dropped, because a flight does not publish them.
     fn step(
         &mut self,
         step: &Step<'_>,
@@ -51,10 +51,10 @@ pub(super) trait Stepper {
         history: &History,
     ) -> Result<(), ReplayError>;
 
-    /// Lets the comparator compare, sooner or later, what the service knows after the step at `tick`, which was told just before.
+    /// Compares the state after the last step, at `tick`, with a checkpoint, at once or later.
     fn compare_state(&mut self, tick: u64, recorded: &[u8], comparator: &mut Comparator);
 
-    /// All steps of a tick have been told. Called for every tick, so that nothing is put off for too long.
+    /// Ends a tick: all its steps have been passed. Called for every tick, so that a batch is not delayed too long.
     fn end_tick(
         &mut self,
         tick: u64,
@@ -62,33 +62,33 @@ pub(super) trait Stepper {
         history: &History,
     ) -> Result<(), ReplayError>;
 
-    /// All steps have been told: returns when the comparator has heard of all of them.
+    /// Waits until all steps have been compared.
     fn finish(&mut self, comparator: &mut Comparator, history: &History) -> Result<(), ReplayError>;
 }
 
-/// A service in this process, which does its steps at once.
+/// Service in this process, which executes steps at once.
 pub(super) struct InThisProcess {
     service: Box<dyn ErasedService>,
     timetable: Timetable,
-    /// The service's state before its first step.
-    newborn: Vec<u8>,
-    /// The state before the last step: who dies in its step goes on from there.
+    /// Initial state of the service.
+    initial_state: Vec<u8>,
+    /// State before the last step: a successor of a process that died during its step starts from it.
     before_last: Vec<u8>,
     outputs: Vec<OwnedSample>,
-    /// The gains of the last step, if they had been changed in flight.
+    /// Gains of the last step, if they were changed in flight.
     gains: Option<Gains>,
 }
 
 impl InThisProcess {
     pub(super) fn new(service: Box<dyn ErasedService>, schedule: &Schedule) -> Self {
         let timetable = Timetable::new(schedule, service.id());
-        let mut newborn = vec![0; service.state_size()];
-        service.save(&mut newborn);
+        let mut initial_state = vec![0; service.state_size()];
+        service.save(&mut initial_state);
         let outputs = timetable.outputs.iter();
         Self {
             service,
-            before_last: newborn.clone(),
-            newborn,
+            before_last: initial_state.clone(),
+            initial_state,
             outputs: outputs.map(|output| OwnedSample::of(output.topic)).collect(),
             timetable,
             gains: None,
@@ -97,11 +97,11 @@ impl InThisProcess {
 }
 
 impl Stepper for InThisProcess {
-    fn begin_anew(&mut self) {
-        self.service.restore(&self.newborn);
+    fn reset(&mut self) {
+        self.service.restore(&self.initial_state);
     }
 
-    fn go_back(&mut self) {
+    fn roll_back(&mut self) {
         self.service.restore(&self.before_last);
     }
 
@@ -140,7 +140,7 @@ impl Stepper for InThisProcess {
         if done.is_ok() && step.is_compared {
             for (output, slot) in slots.iter().enumerate() {
                 if let Some(bytes) = slot.bytes.as_deref() {
-                    comparator.hear(output, bytes, step.is_finished, history);
+                    comparator.compare(output, bytes, step.is_finished, history);
                 }
             }
         }
@@ -150,7 +150,7 @@ impl Stepper for InThisProcess {
     fn compare_state(&mut self, tick: u64, recorded: &[u8], comparator: &mut Comparator) {
         let mut state = vec![0; self.service.state_size()];
         self.service.save(&mut state);
-        comparator.hear_state(tick, &state, recorded);
+        comparator.compare_checkpoint(tick, &state, recorded);
     }
 
     fn end_tick(

@@ -1,4 +1,4 @@
-//! Gains that were changed in flight, from the events of the log.
+//! Gains that were changed in flight, from the events in the log.
 
 use std::collections::BTreeMap;
 
@@ -10,9 +10,9 @@ use zerocopy::FromBytes;
 
 use super::ReplayError;
 
-/// The recorded changes, by their numbers.
+/// Recorded changes of gains by number.
 pub(super) struct RecordedTuning {
-    /// The scenario after the changes so far, the planned ones included: what an operator changes comes after them.
+    /// Scenario after all changes so far, including the planned ones: an operator's changes are applied to them.
     scenario: Scenario,
     gains: BTreeMap<u64, Gains>,
 }
@@ -28,8 +28,8 @@ impl RecordedTuning {
         }
     }
 
-    /// Takes an event of the log, in their order. Several keys that changed at once are several events of one number: the
-    /// last of them tells what holds.
+    /// Applies the next event of the log. Several keys that changed at once are several events of one number; the last
+    /// one completes the change.
     pub(super) fn take(&mut self, event: &[u8]) -> Result<(), ReplayError> {
         let event = RunEvent::read_from_bytes(event).ok();
         let event = event.filter(|event| event.kind == RunEvent::KIND_OPERATOR_TUNES);
@@ -43,8 +43,8 @@ impl RecordedTuning {
         Ok(())
     }
 
-    /// Returns the gains that hold after a change, `None` in it those of the scenario; `None` if nothing is known of the
-    /// change.
+    /// Returns the gains after a change, where `None` inside means those of the scenario; `None` if the change was not
+    /// recorded.
     pub(super) fn gains(&self, number: u64) -> Option<Option<Gains>> {
         if number == 0 {
             return Some(None);

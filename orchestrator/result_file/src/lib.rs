@@ -1,12 +1,12 @@
-//! The one way to write a file of results: whole or not at all.
+//! Atomic writing of result files.
 //!
-//! A file is written under a temporary name in the folder of its target and gets its own name when it is whole and on the
-//! disk. Until then whatever has the target's name stays as it is, so a command that fails, a full disk or a killed process
-//! costs no earlier result. A file that the command reads is refused as a target, by its inode: no name, link or
-//! spelling of a path gets around that.
+//! A file is written under a temporary name in the folder of its target, and renamed when it is complete and on the
+//! disk. Until then the target stays as it is, so a failed command, a full disk or a killed process costs no earlier
+//! result. A file that the command reads is refused as a target. Files are compared by inode, so other names, links and
+//! spellings of the path are recognised.
 //!
-//! A symbolic link in the target's place is replaced and not followed: in a folder in which others may write it leads where
-//! they want it. A device, a FIFO or an open descriptor (`/dev/stdout`) cannot be replaced and is written directly.
+//! A symbolic link at the target is replaced, not followed: in a folder that other users can write, they choose where
+//! it leads. A device, a FIFO or an open descriptor (`/dev/stdout`) cannot be replaced and is written directly.
 //!
 //! clippy.toml forbids every other way to create, empty or overwrite a file.
 
@@ -20,42 +20,43 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 use rustix::io::Errno;
 
-/// A file of results in the making. Dropped before [`Self::finish`] it leaves nothing behind.
+/// Result file being written. If it is dropped before [`Self::finish`], its temporary file is removed.
 #[derive(Debug)]
 pub struct ResultFile {
     file: File,
     /// `None` if the target is written directly.
-    naming: Option<Naming>,
+    rename: Option<Rename>,
 }
 
-/// How a file gets its name.
+/// Pending rename of a finished file.
 #[derive(Debug)]
-struct Naming {
+struct Rename {
     temporary: PathBuf,
     target: PathBuf,
     replaces: bool,
 }
 
 impl ResultFile {
-    /// Begins the file `target`; a file of that name is replaced in the end. `inputs` are all files that are read for it.
+    /// Creates the file `target`; on [`Self::finish`] it replaces a file of that name. `inputs` are all files that are
+    /// read for it.
     ///
     /// # Errors
-    /// The error of the system, or that `target` is one of the inputs.
+    /// The system's error, or that `target` is one of the inputs.
     pub fn create(target: &Path, inputs: &[PathBuf]) -> io::Result<Self> {
         if is_one_of(target, inputs) {
             let reason = "this command reads it and does not overwrite it; name another file";
             return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
         }
         match written_directly(target)? {
-            Some(file) => Ok(Self { file, naming: None }),
+            Some(file) => Ok(Self { file, rename: None }),
             None => Self::begin(target, true),
         }
     }
 
-    /// Begins the file `target`, which must not exist when it is finished either.
+    /// Creates the file `target`, which must not exist now or on [`Self::finish`].
     ///
     /// # Errors
-    /// The error of the system.
+    /// The system's error.
     pub fn create_new(target: &Path) -> io::Result<Self> {
         if fs::symlink_metadata(target).is_ok() {
             return Err(io::ErrorKind::AlreadyExists.into());
@@ -68,23 +69,26 @@ impl ResultFile {
         loop {
             let temporary = folder.join(next_name());
             match new_file(&temporary) {
-                // Left by an earlier process of the same number. It is not ours, so it stays.
+                // Left by an earlier process with the same PID. It is not ours, so it stays.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                made => {
-                    let naming = Some(Naming {
+                created => {
+                    let rename = Some(Rename {
                         temporary,
                         target: target.to_owned(),
                         replaces,
                     });
-                    let result = Self { file: made?, naming };
-                    take_after(target, &result.file)?;
+                    let result = Self {
+                        file: created?,
+                        rename,
+                    };
+                    copy_permissions(target, &result.file)?;
                     return Ok(result);
                 }
             }
         }
     }
 
-    /// Returns another descriptor of the file, for a writer that keeps its own.
+    /// Returns another descriptor of the file, for a writer that owns one.
     ///
     /// # Errors
     /// If no descriptor is left.
@@ -95,22 +99,23 @@ impl ResultFile {
     /// Returns the number of bytes written so far.
     ///
     /// # Errors
-    /// The error of the system.
+    /// The system's error.
     pub fn bytes(&self) -> io::Result<u64> {
         Ok(self.file.metadata()?.len())
     }
 
-    /// Gives the file its name. Its bytes are on the disk before, so no name of a result is one of an empty file.
+    /// Renames the file to its target. The data are synchronised to the disk first: otherwise a power failure after the
+    /// rename could leave an empty file under the target's name.
     ///
     /// # Errors
-    /// The error of the system; nothing has changed then.
+    /// The system's error; the target is unchanged then.
     pub fn finish(mut self) -> io::Result<()> {
-        let Some(naming) = &self.naming else {
+        let Some(rename) = &self.rename else {
             return self.file.flush();
         };
         self.file.sync_all()?;
-        naming.give()?;
-        self.naming = None;
+        rename.execute()?;
+        self.rename = None;
         Ok(())
     }
 }
@@ -127,15 +132,15 @@ impl Write for ResultFile {
 
 impl Drop for ResultFile {
     fn drop(&mut self) {
-        if let Some(naming) = &self.naming {
-            // This process made it, under a name that nothing else had.
-            let _ = fs::remove_file(&naming.temporary);
+        if let Some(rename) = &self.rename {
+            // This process created it, under a name that no other file had.
+            let _ = fs::remove_file(&rename.temporary);
         }
     }
 }
 
-impl Naming {
-    fn give(&self) -> io::Result<()> {
+impl Rename {
+    fn execute(&self) -> io::Result<()> {
         let Self {
             temporary,
             target,
@@ -145,10 +150,10 @@ impl Naming {
             return fs::rename(temporary, target);
         }
         match renameat_with(CWD, temporary, CWD, target, RenameFlags::NOREPLACE) {
-            // A file system without this, such as NFS.
+            // Not supported by the file system, such as NFS.
             Err(Errno::INVAL | Errno::NOSYS) => {
                 fs::hard_link(temporary, target)?;
-                // The result has its name; a second one is no reason to fail.
+                // The result has its name; a leftover temporary name is no reason to fail.
                 let _ = fs::remove_file(temporary);
                 Ok(())
             }
@@ -157,7 +162,7 @@ impl Naming {
     }
 }
 
-/// Writes a file of results. `inputs` are all files that were read for it.
+/// Writes a result file. `inputs` are all files that were read for it.
 ///
 /// # Errors
 /// As [`ResultFile::create`].
@@ -167,7 +172,7 @@ pub fn write(target: &Path, bytes: impl AsRef<[u8]>, inputs: &[PathBuf]) -> io::
     file.finish()
 }
 
-/// Returns whether a path leads to one of these files, by whatever name.
+/// Returns whether a path leads to one of these files, under any name.
 #[must_use]
 pub fn is_one_of(path: &Path, files: &[PathBuf]) -> bool {
     let identity = |path: &Path| {
@@ -178,13 +183,13 @@ pub fn is_one_of(path: &Path, files: &[PathBuf]) -> bool {
     own.is_some() && files.iter().any(|file| identity(file) == own)
 }
 
-/// Makes a file that did not exist.
+/// Creates a file that did not exist.
 ///
 /// # Errors
-/// The error of the system.
+/// The system's error.
 #[expect(
     clippy::disallowed_methods,
-    reason = "a file is made here, and nothing else is"
+    reason = "a file is created here, and nothing else is"
 )]
 pub fn new_file(path: &Path) -> io::Result<File> {
     File::options().read(true).write(true).create_new(true).open(path)
@@ -192,7 +197,8 @@ pub fn new_file(path: &Path) -> io::Result<File> {
 
 /// Opens a target that cannot be replaced: a device, a FIFO, or a descriptor of this process.
 fn written_directly(target: &Path) -> io::Result<Option<File>> {
-    // The same file, place and flags as the descriptor's: opened by its name it would be written from its beginning.
+    // Its descriptor is duplicated, with offset and flags: opened by name, a regular file would be written from its
+    // start.
     if target == Path::new("/dev/stdout") {
         return duplicate(&io::stdout()).map(Some);
     }
@@ -214,9 +220,9 @@ fn written_directly(target: &Path) -> io::Result<Option<File>> {
     File::options().append(true).open(target).map(Some)
 }
 
-/// Gives a file the permissions of the one that it will replace, which may be closed to others. One that may not be written
-/// is not replaced either.
-fn take_after(target: &Path, file: &File) -> io::Result<()> {
+/// Copies the permissions of the file that will be replaced, which may restrict readers. Fails if that file is not
+/// writable.
+fn copy_permissions(target: &Path, file: &File) -> io::Result<()> {
     match fs::symlink_metadata(target) {
         Ok(found) if found.is_file() => {
             access(target, Access::WRITE_OK)?;
@@ -235,7 +241,7 @@ fn folder_of(path: &Path) -> &Path {
     folder.unwrap_or(Path::new("."))
 }
 
-/// Returns a name that this process has not used yet.
+/// Returns a temporary name that this process has not used yet.
 fn next_name() -> String {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! Reasons why a live run cannot be spoken to, in words that say what to do.
+//! Reasons why a live run cannot be reached, with messages that name the fix.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -6,87 +6,86 @@ use std::path::PathBuf;
 
 use crate::runs::{self, MachineRun, User};
 
-/// Runs that an error names at most.
+/// Maximum number of runs that a message lists.
 const NAMED: usize = 8;
 
-/// Reason why a live run cannot be spoken to.
+/// Reason why a live run cannot be reached.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// There is none.
+    /// No run in real time is under way.
     #[error("no run in real time is under way{0}; start one with `gerono run SCENARIO --host realtime`")]
     None(Searched),
-    /// There is none, of any host that can be watched.
+    /// No flight that can be watched is under way, in real or simulated time.
     #[error(
         "no flight is under way{0}; start one with `gerono run SCENARIO`, or name a finished one: `gerono view DIR`"
     )]
     NoneToWatch(Searched),
-    /// There is none of this name, of any host that can be watched.
+    /// No flight of this name that can be watched is under way.
     #[error("there is no flight `{0}` under way{1}; `gerono doctor` shows which runs there are")]
     UnknownToWatch(String, Searched),
-    /// There is none of this name.
+    /// No run of this name in real time is under way.
     #[error("there is no live run `{0}` in real time{1}; `gerono doctor` shows which runs there are")]
     Unknown(String, Searched),
-    /// There are several.
+    /// Several runs match.
     #[error("several runs are under way: {0}; name one with `--run`")]
     Several(Names),
-    /// There is none that can be seen, but something holds the places of these.
+    /// No run is visible, but invisible processes hold the locks of these run folders.
     #[error("{}", in_use_elsewhere(.0))]
     Unseen(Vec<PathBuf>),
-    /// It has another memory than this process.
+    /// The run uses another shared memory than this process.
     #[error(
         "the run `{0}` flies in a container, with a shared memory of its own: to take it over, type the command inside of \
          it (`nsenter --all --target {1} gerono attach --run {0}`)"
     )]
     InAnotherContainer(String, u32),
-    /// There are some, which belong to others.
+    /// All matching runs belong to other users.
     #[error("{}", in_words_of_the_owners(.0, .1))]
     NotPermitted(Names, &'static str),
     /// No run has lost its orchestrator.
     #[error("no run in real time goes on without an orchestrator{0}: there is nothing to take over")]
     NoneAbandoned(Searched),
-    /// None of this name has.
+    /// No run of this name has lost its orchestrator.
     #[error("there is no run `{0}` in real time that goes on without an orchestrator{1}")]
     NotAbandoned(String, Searched),
-    /// The machine's processes cannot be looked at.
+    /// /proc cannot be read.
     #[error("cannot look for live runs in /proc: {0}")]
     Processes(#[source] std::io::Error),
-    /// The run goes on alone.
+    /// The orchestrator has died; the services continue alone.
     #[error(
         "the orchestrator of the run `{0}` has died; its services land, or fly on, as the scenario says: `gerono attach \
          --run {0}` takes them over, `gerono kill --run {0}` stops the motors, in the air too"
     )]
     Abandoned(String),
-    /// The orchestrator says nothing.
+    /// The orchestrator does not answer.
     #[error(
-        "the orchestrator of the run `{0}` does not answer: it is stopped (`kill -CONT` lets it go on), hung, or has too \
-         little of the machine; what was asked for is withdrawn; `gerono kill --run {0}` works without it"
+        "the orchestrator of the run `{0}` does not answer: it is stopped (`kill -CONT` resumes it), hung, or starved of \
+         processor time; the request is withdrawn; `gerono kill --run {0}` works without it"
     )]
     Silent(String),
     /// The socket failed.
-    #[error("cannot speak to the run `{run}`: {source}")]
+    #[error("cannot reach the run `{run}`: {source}")]
     Socket {
-        /// Its name.
         run: String,
-        /// The error of the system or of the run; harmless for a terminal.
+        /// Error of the system or message of the run, printable on a terminal.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// The orchestrator does not speak to this process any more, and the run goes on.
+    /// The orchestrator has closed the connection, but the run continues.
     #[error(
-        "the run `{0}` goes on, and its orchestrator has closed the connection: ask again; `gerono kill --run {0}` works \
+        "the run `{0}` continues, but its orchestrator has closed the connection: try again; `gerono kill --run {0}` works \
          without it"
     )]
     Disconnected(String),
-    /// The run has ended meanwhile: neither a process nor a lock of it is left.
+    /// The run has ended: it has no process and its lock is free.
     #[error("the run `{0}` has ended")]
     Ended(String),
 }
 
-/// Folder that was searched for runs, if not everywhere.
+/// Scope of a search without result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Searched {
     scope: Option<PathBuf>,
     are_others_hidden: bool,
-    /// Places that a process of this user holds, which is no run yet, or no more.
+    /// Run folders locked by a process of this user although no run was found: the run is starting or has just ended.
     unsettled: Vec<PathBuf>,
 }
 
@@ -121,13 +120,13 @@ impl std::fmt::Display for Searched {
     }
 }
 
-/// The names of runs and of their owners.
+/// Names of runs, with their owners.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names(Vec<(String, User)>);
 
 impl Names {
     pub(crate) fn of(runs: &[MachineRun]) -> Self {
-        // Where two have one name, processes tell them apart.
+        // Runs of equal names are listed by the PID of a process.
         let name_of = |run: &MachineRun| {
             let is_unique = runs.iter().filter(|other| other.name() == run.name()).count() == 1;
             let pid = run.pids().next().filter(|_| !is_unique);
@@ -155,13 +154,16 @@ impl std::fmt::Display for Names {
     }
 }
 
-/// Whose the runs are, and what their owners or root can type.
+/// Lists the owners of the runs, and the commands that the owners or root can use.
 fn in_words_of_the_owners(runs: &Names, command: &str) -> String {
     let mut text = String::from("not permitted: ");
     let described = runs.listed(|name, owner| {
         format!("the run `{name}` belongs to {owner} (`sudo -u '{owner}' gerono {command} --run {name}`)")
     });
-    let _ = write!(text, "{described}; no run that this user may ask is under way");
+    let _ = write!(
+        text,
+        "{described}; no run that this user may operate is under way"
+    );
     text
 }
 

@@ -1,8 +1,7 @@
-//! A run that goes on, as seen from another terminal: found, looked at, and asked for something.
+//! Client of a running flight: find it, read its state, send it commands.
 //!
-//! The orchestrator of such a run listens on a socket in the run's folder, which only the run's user and root can open. A
-//! message is one packet of JSON, as on the control channel: a [`Question`], and the [`Answer`] to it. Which runs there are,
-//! [`runs`] says.
+//! The orchestrator of a run listens on a socket in the run's folder, which only the run's user and root can open. A
+//! message is one packet of JSON, as on the control channel: a [`Question`] or its [`Answer`]. [`runs`] finds the runs.
 
 mod error;
 pub mod live_events;
@@ -35,77 +34,78 @@ pub use watching::{Description, NewestSamples, identity};
 use self::runs::{MachineRun, User};
 use scenario_file::printable::{printable, printable_lines};
 
-/// Name of the socket in a run's place.
+/// Name of the socket in a run's folder.
 pub const SOCKET: &str = "desk";
 
-/// Time for which an orchestrator may take to answer: it looks for questions a hundred times a second.
+/// Answer timeout; an orchestrator handles questions 100 times a second.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
-/// A question to a live run.
+/// Request of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Question {
-    /// Its snapshot.
+    /// Read a snapshot.
     Look,
-    /// What it flies.
+    /// Read the scenario and the layouts of the topics.
     Describe,
-    /// The newest sample of every topic.
+    /// Read the newest sample of every topic.
     Watch,
     /// A request of the operator.
     Operate(Request),
-    /// End the run, with the vehicle on the ground.
+    /// End the run once the vehicle is on the ground.
     Stop,
-    /// Change tunable keys, each as in `controller.k1=3`: all at one tick, or none.
+    /// Set tunable keys, each as in `controller.k1=3`: all at one tick, or none.
     Set(Vec<String>),
-    /// Tell the present values of keys, or of all tunable ones if none is named.
+    /// Read the values of keys, or of all tunable ones if none is named.
     Get(Vec<String>),
     /// Kill the process of a service (SIGKILL), by name.
     KillService(String),
-    /// Stop the process of a service (SIGSTOP), by name: it hangs.
+    /// Stop the process of a service (SIGSTOP), by name, as if it hung.
     FreezeService(String),
 }
 
 impl Question {
-    /// Returns whether it is withdrawn when its client goes before the answer: what has been given up, or was told to have
-    /// failed, must not happen later. Only a kill stands, since it can only come too late.
+    /// Returns whether the request is withdrawn when its client disconnects before the answer: a request that the user
+    /// has given up, or that was reported as failed, must not take effect later. A kill stays, since it can only come
+    /// too late.
     #[must_use]
     pub fn ends_with_its_client(&self) -> bool {
         *self != Self::Operate(Request::Kill)
     }
 }
 
-/// The answer of the run.
+/// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// Its snapshot.
+    /// The snapshot.
     Snapshot(Box<Snapshot>),
-    /// What it flies.
+    /// The scenario and the layouts.
     Description(Box<Description>),
     /// The newest sample of every topic.
     Newest(NewestSamples),
-    /// The values of keys, each as `controller.k1=3.0`.
+    /// Values of keys, each as `controller.k1=3.0`.
     Values(Vec<String>),
-    /// It has been done; what, in words.
+    /// The request was carried out; the message says how.
     Done(String),
-    /// It has not been done; why, in words.
+    /// The request was refused; the message says why.
     Refused(String),
-    /// The run closes this connection; why, in words.
+    /// The run closes this connection; the message says why.
     Closed(String),
 }
 
-/// Returns whether a user of this number may operate the runs of the user who runs this.
+/// Returns whether a user may operate the runs of the user of this process.
 #[must_use]
 pub fn may_operate(user: u32) -> bool {
     let user = User::of(user);
     user == User::this() || user.is_root()
 }
 
-/// A line to a live run.
+/// Connection to a live run.
 #[derive(Debug)]
 pub struct LiveRun {
     owner: User,
-    /// Its folder, as its processes see it, and as it was opened.
+    /// Folder of the run, as its processes see it.
     path: PathBuf,
     folder: OwnedFd,
     channel: Channel,
@@ -113,7 +113,7 @@ pub struct LiveRun {
 }
 
 impl LiveRun {
-    /// Finds the live run of a name, or the only one, for a command of this name, and connects to it.
+    /// Finds the live run of a name, or the only one, and connects to it. `command` is used in error messages.
     ///
     /// # Errors
     /// [`LiveError`].
@@ -121,7 +121,7 @@ impl LiveRun {
         Self::connect(&find(name, command)?, PATIENCE)
     }
 
-    /// Connects to a run, as long as its orchestrator takes the connection within `patience`.
+    /// Connects to a run; the orchestrator has to accept within `patience`.
     ///
     /// # Errors
     /// [`LiveError`].
@@ -153,7 +153,7 @@ impl LiveRun {
             error => failed(error.into()),
         })?;
         if !peer_credentials(&channel).is_ok_and(|peer| is_its_own(peer.user)) {
-            return Err(failed("another user answers in its place".into()));
+            return Err(failed("another user's process answers".into()));
         }
         Ok(Self {
             owner: run.owner,
@@ -164,26 +164,25 @@ impl LiveRun {
         })
     }
 
-    /// Its name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Asks and waits for the answer.
+    /// Sends a request and waits for its answer.
     ///
     /// # Errors
-    /// [`LiveError::Silent`] if none comes within `patience`, [`LiveError::Ended`] or [`LiveError::Socket`].
+    /// [`LiveError::Silent`] after the timeout `patience`, [`LiveError::Ended`] or [`LiveError::Socket`].
     pub fn ask(&self, question: &Question, patience: Duration) -> Result<Answer, LiveError> {
         let deadline = Instant::now() + patience;
-        match self.say(question) {
+        match self.send(question) {
             Ok(true) => {}
             Ok(false) => return Err(LiveError::Silent(self.name.clone())),
-            // Before it closed the connection, the run may have said why.
-            Err(error) => return self.hear().ok().flatten().ok_or(error),
+            // The run may have sent a reason before it closed the connection.
+            Err(error) => return self.receive().ok().flatten().ok_or(error),
         }
         loop {
-            if let Some(answer) = self.hear()? {
+            if let Some(answer) = self.receive()? {
                 return Ok(answer);
             }
             let left = deadline.saturating_duration_since(Instant::now());
@@ -192,26 +191,26 @@ impl LiveRun {
             }
             let left = Timespec::try_from(left).unwrap_or_default();
             let mut answer = [PollFd::new(&self.channel, PollFlags::IN)];
-            // Interrupted or not, it is looked at again.
+            // Also after an interruption, the loop receives again.
             let _ = poll(&mut answer, Some(&left));
         }
     }
 
-    /// Asks without waiting; tells whether the run could take the question. The answers come in the order of the questions.
+    /// Sends a request without waiting. Returns `false` if the socket is full. Answers arrive in the order of requests.
     ///
     /// # Errors
     /// [`LiveError::Ended`] or [`LiveError::Socket`].
-    pub fn say(&self, question: &Question) -> Result<bool, LiveError> {
+    pub fn send(&self, question: &Question) -> Result<bool, LiveError> {
         self.channel
             .try_send(question)
             .map_err(|error| self.failure(&error))
     }
 
-    /// The next answer, if it has come.
+    /// Returns the next answer, if one has arrived.
     ///
     /// # Errors
     /// [`LiveError::Ended`] or [`LiveError::Socket`].
-    pub fn hear(&self) -> Result<Option<Answer>, LiveError> {
+    pub fn receive(&self) -> Result<Option<Answer>, LiveError> {
         match self.channel.try_receive() {
             Ok(Some(Answer::Closed(why))) => Err(LiveError::Socket {
                 run: self.name.clone(),
@@ -236,11 +235,11 @@ impl LiveRun {
         }
     }
 
-    /// Returns what it means that the connection is closed: the end of the run only if nothing of it is left.
+    /// Returns the cause of a closed connection: the run's end only if nothing of the run is left.
     fn closed(&self) -> LiveError {
         let name = self.name.clone();
         let deadline = Instant::now() + search::PERSISTENCE;
-        // A run that ends closes its connections a moment before its last process and its lock are gone.
+        // An ending run closes its connections shortly before its last process exits and its lock is released.
         if !retried(deadline, search::RETRY, || self.lives(), |lives| *lives) {
             return LiveError::Ended(name);
         }
@@ -250,24 +249,24 @@ impl LiveRun {
         }
     }
 
-    /// Returns whether a process or the lock of the run lives.
+    /// Returns whether a process of the run exists or its lock is held.
     fn lives(&self) -> bool {
         run_root::is_locked(&self.folder) || runs::has_processes(self.owner, &self.path)
     }
 }
 
 impl Answer {
-    /// With all text as a terminal may be given it: it comes from a scenario, and perhaps from another user's program.
+    /// Replaces control characters in all texts: they come from a scenario, and possibly from another user's program.
     fn printable(self) -> Self {
         let text = |text: String| printable(&text).into_owned();
-        // These are sentences of the run's, in lines of its own.
+        // These are sentences of the run, with its own line breaks.
         let lines = |text: String| printable_lines(&text).into_owned();
         match self {
             Self::Snapshot(mut snapshot) => {
                 snapshot.change_texts(|shown| *shown = text(std::mem::take(shown)));
                 Self::Snapshot(snapshot)
             }
-            // Both are for programs, which make of them what they can show.
+            // Consumed by programs, which sanitise what they show.
             Self::Description(_) | Self::Newest(_) => self,
             Self::Values(values) => Self::Values(values.into_iter().map(text).collect()),
             Self::Done(what) => Self::Done(lines(what)),
@@ -277,34 +276,34 @@ impl Answer {
     }
 }
 
-/// Becomes readable when an answer has come or the run has ended.
+/// Readable when an answer has arrived or the run has ended.
 impl AsFd for LiveRun {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.channel.as_fd()
     }
 }
 
-/// Connects to the orchestrator of the run whose folder this is, waiting for room until `deadline`.
+/// Connects to the orchestrator of the run with this folder, waiting for room in its queue until `deadline`.
 ///
-/// By the descriptor: it stays the folder that was looked at, and its path is short enough for a socket.
+/// The path goes through the descriptor: it refers to the verified folder, and is short enough for a socket address.
 fn connect_in(folder: &OwnedFd, deadline: Instant) -> rustix::io::Result<Channel> {
     let socket = format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd());
     connect(Path::new(&socket), deadline)
 }
 
-/// Connects to the socket of an orchestrator, waiting for room until `deadline`.
+/// Connects to the socket of an orchestrator, waiting for room in its queue until `deadline`.
 pub fn connect(path: &Path, deadline: Instant) -> rustix::io::Result<Channel> {
     const RETRY: Duration = Duration::from_millis(10);
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
     let address = SocketAddrUnix::new(path)?;
     let attempt = || rustix::net::connect(&socket, &address);
-    // More clients wait than the system keeps; an orchestrator that is stopped takes none of them.
+    // EAGAIN: the listen queue is full. A stopped orchestrator accepts no connection.
     retried(deadline, RETRY, attempt, |result| *result == Err(Errno::AGAIN))?;
     Ok(Channel::inherited(socket))
 }
 
-/// Attempts something, with pauses, as long as `is_retried` says so and until `deadline`. Returns the last outcome.
+/// Repeats `attempt` with pauses while `is_retried` holds, until `deadline`. Returns the last result.
 fn retried<T>(
     deadline: Instant,
     pause: Duration,

@@ -1,18 +1,18 @@
-//! The last events of a flight, for people at other terminals.
+//! The last events of a flight, for clients.
 
 use std::collections::VecDeque;
 
 use crate::snapshot::LiveEvent;
 
-/// Events that are kept.
+/// Number of events kept.
 const EVENTS: usize = 50;
 
-/// The last events, the newest last.
+/// Last events, the newest last.
 #[derive(Debug, Default)]
 pub struct LiveEvents(VecDeque<LiveEvent>);
 
 impl LiveEvents {
-    /// Keeps an event of a time of the flight, s; as one line, whatever the text is.
+    /// Appends an event at a time of the flight, s; line breaks are replaced.
     pub fn keep(&mut self, time: f64, text: &str) {
         if self.0.len() == EVENTS {
             self.0.pop_front();
@@ -21,7 +21,7 @@ impl LiveEvents {
         self.0.push_back(LiveEvent { time, text });
     }
 
-    /// Returns all of them.
+    /// Returns the events.
     #[must_use]
     pub fn all(&self) -> Vec<LiveEvent> {
         self.0.iter().cloned().collect()

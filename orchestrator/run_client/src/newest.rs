@@ -1,4 +1,4 @@
-//! The newest samples that a recorder has received, and what they say of the flight: for those who look at it.
+//! The newest samples that a recorder has received, and the quantities that clients read from them.
 
 use scenario::Scenario;
 use shared_types::flight_phase::FlightPhase;
@@ -8,22 +8,22 @@ use shared_types::{Published, Schedule, Topic};
 use crate::{NewestSamples, Snapshot};
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 
-/// A recorder that knows the newest sample of each topic.
+/// Recorder that gives access to the newest sample of each topic.
 pub trait Newest {
-    /// Returns the newest sample of a topic that has been received.
+    /// Returns the bytes of the newest sample of a topic, if one was received.
     fn newest_bytes(&self, topic: Topic) -> Option<&[u8]>;
 
-    /// Returns the newest sample of a topic that has been received.
+    /// Returns the newest sample of a topic, if one was received.
     fn newest<T: Published>(&self) -> Option<T> {
         T::read_from_bytes(self.newest_bytes(T::TOPIC)?).ok()
     }
 
-    /// Returns all of them, for a watcher.
+    /// Returns the newest samples of all topics.
     fn newest_samples(&self) -> NewestSamples {
         NewestSamples::of(|topic| self.newest_bytes(topic))
     }
 
-    /// Returns the phase of a flight of `scenario`, if it has phases.
+    /// Returns the phase of a flight of `scenario`; `None` if it has no phases.
     fn phase(&self, scenario: &Scenario) -> Option<FlightPhase> {
         scenario.flight.as_ref()?;
         let reference = self.newest::<PathReference>();
@@ -32,7 +32,7 @@ pub trait Newest {
         }))
     }
 
-    /// Returns whether the newest frame stops the motors for ever.
+    /// Returns whether the newest frame carries the kill command.
     fn has_killed(&self) -> bool {
         let frame = self.newest::<RcFrame>();
         frame.is_some_and(|frame| frame.action == RcFrame::ACTION_KILL)
@@ -51,7 +51,7 @@ pub trait Newest {
         newest_distance(&vehicle, &reference, scenario.flight.is_some())
     }
 
-    /// Returns a snapshot with what the samples tell; what they do not is left out.
+    /// Returns a snapshot with the quantities that the samples contain; all others have default values.
     fn snapshot(&self, scenario: &Scenario, schedule: &Schedule) -> Snapshot {
         let adaptation = self.newest::<ControlAdaptation>();
         Snapshot {

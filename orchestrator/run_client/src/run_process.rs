@@ -1,7 +1,8 @@
-//! A process of a run: its label, and the memory that it shares with the other processes of the run.
+//! A process of a run: its label, and the memory that it shares with the run's other processes.
 //!
-//! The label of a service is its command line, which every user may read. The orchestrator's command line is the user's own,
-//! so it keeps its label in an open anonymous file, which its owner and root may read. Both have the same form.
+//! The label of a service is in its command line, which every user may read. The command line of an orchestrator is the
+//! user's, so its label is in an anonymous file that it keeps open and that its owner and root may read. Both have the
+//! same format.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -23,44 +24,43 @@ use scenario_file::printable::printable;
 
 use crate::runs::User;
 
-/// Arguments of a service's process that name its run and what its steps follow.
+/// Arguments of a service's process with the run's folder and the host.
 const RUN: &str = "--run";
 const HOST: &str = "--host";
 
 /// Name of the anonymous file that holds the label of an orchestrator.
 const LABEL_FILE: &str = "gerono-run";
 
-/// Commands whose processes are orchestrators, as words of a command line.
+/// Commands whose processes are orchestrators, in the format of a command line.
 const ORCHESTRATORS: [&[u8]; 2] = [b"run", b"attach"];
 
-/// Maximum length of a command line that is read, and of the name of a run, bytes: a service's are far below.
+/// Maximum lengths of a command line that is read, and of a run's name, bytes; a service's are far shorter.
 const LONGEST_LINE: u64 = 8192;
 const LONGEST_NAME: usize = 64;
 
-/// A process of a run.
 #[derive(Debug)]
 pub(crate) struct RunProcess {
     pub(crate) pid: u32,
-    /// Its folder in /proc, which stays its own even if another process gets its number.
+    /// Its folder in /proc. The descriptor remains bound to the process even if the PID is reused.
     proc: OwnedFd,
     pub(crate) is_orchestrator: bool,
 }
 
-/// A process of a run with what its label and the kernel say.
+/// Process of a run, with its label and the kernel's data.
 #[derive(Debug)]
 pub(crate) struct LabelledProcess {
     pub(crate) folder: PathBuf,
     pub(crate) host: Host,
     pub(crate) owner: User,
-    /// The user who logged in for the session that it belongs to, if the system keeps that.
+    /// Login user of the process's session, if the system records it (`loginuid`).
     pub(crate) login: Option<User>,
-    /// Device and inode of the folder as it sees it, which tell apart runs of one name in several containers; `None` if this
-    /// user may not look, or the folder is not there.
+    /// Device and inode of the run's folder as the process sees it, which distinguish runs of one name in several
+    /// containers; `None` if this user may not look it up, or the folder is missing.
     pub(crate) place: Option<(u64, u64)>,
     pub(crate) process: RunProcess,
 }
 
-/// The label that makes an orchestrator's process recognizable, as long as this lives.
+/// Label that identifies this process as an orchestrator; dropping it removes the label.
 #[derive(Debug)]
 pub struct OrchestratorLabel(OwnedFd);
 
@@ -68,7 +68,7 @@ impl OrchestratorLabel {
     /// Labels this process as the orchestrator of a run.
     ///
     /// # Errors
-    /// If the system has no memory or no file descriptor left.
+    /// If memory or file descriptors are exhausted.
     pub fn new(folder: &Path, host: Host) -> io::Result<Self> {
         let mut file = File::from(memfd_create(LABEL_FILE, MemfdFlags::CLOEXEC)?);
         let mut line = b"gerono\0service\0orchestrator\0".to_vec();
@@ -87,13 +87,13 @@ impl AsFd for OrchestratorLabel {
     }
 }
 
-/// The arguments by which a process of a service says to which run it belongs.
+/// Returns the arguments that label a service's process with its run.
 #[must_use]
 pub fn label(folder: &Path, host: Host) -> [OsString; 4] {
     [RUN.into(), folder.into(), HOST.into(), name_of(host).into()]
 }
 
-/// Returns the user who logged in for the session of a process, by its folder in /proc; none if the system does not keep it.
+/// Returns the login user of a process's session, by its folder in /proc; `None` if the system does not record it.
 pub(crate) fn login_of(proc: &impl AsFd) -> Option<User> {
     const UNSET: u32 = u32::MAX;
     let text = String::from_utf8(read(proc, "loginuid")?).ok()?;
@@ -102,7 +102,7 @@ pub(crate) fn login_of(proc: &impl AsFd) -> Option<User> {
 }
 
 impl LabelledProcess {
-    /// Reads the label of a process; `None` if it has none, or has ended meanwhile.
+    /// Reads the label of a process; `None` if it has none, or has exited.
     pub(crate) fn of(pid: u32) -> Option<Self> {
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
         let proc = rustix::fs::open(format!("/proc/{pid}"), flags, Mode::empty()).ok()?;
@@ -114,7 +114,7 @@ impl LabelledProcess {
             None => label_of_orchestrator(&proc, &line)?,
         };
         let status = String::from_utf8(read(&proc, "status")?).ok()?;
-        // Real, effective, saved, of the file system.
+        // The fields are the real, effective, saved and file-system UID.
         let users = status.lines().find_map(|line| line.strip_prefix("Uid:"))?;
         let owner = User::of(users.split_whitespace().nth(1)?.parse().ok()?);
         let login = login_of(&proc);
@@ -136,40 +136,41 @@ impl LabelledProcess {
 }
 
 impl RunProcess {
-    /// Returns a path of this process as that one sees it. It leads there as long as that process lives.
+    /// Returns a path as this process resolves it, valid while this process exists.
     pub(crate) fn path_in_its_root(&self, path: &Path) -> PathBuf {
         let root = PathBuf::from(format!("/proc/self/fd/{}/root", self.proc.as_raw_fd()));
         root.join(path.strip_prefix("/").unwrap_or(path))
     }
 
-    /// Kills it, also if a signal has stopped it, and waits up to `limit` for its end. Returns whether it has ended.
+    /// Kills the process, even if it is stopped, and waits up to `limit` for its end. Returns whether it has ended.
     pub(crate) fn end(&self, limit: Duration) -> bool {
         let pid = Pid::from_raw(self.pid.cast_signed()).expect("the number of a process is positive");
         let process = match pidfd_open(pid, PidfdFlags::empty()) {
             Ok(process) => process,
             Err(error) => return error == Errno::SRCH,
         };
-        // Only now: as long as its folder in /proc can be read, no other process can have its number.
+        // Checked after `pidfd_open`: while the folder in /proc is readable, the PID belongs to the same process, and
+        // so does the pidfd. The reverse order could kill another process.
         if read(&self.proc, "stat").is_none() {
             return true;
         }
-        // It fails only for a process that is gone.
+        // It fails only if the process has exited.
         let _ = pidfd_send_signal(&process, Signal::KILL);
         activity::ends_within(&process, limit)
     }
 
-    /// Writes the operator's request into the page that it shares with the other processes of its run.
+    /// Writes an operator's request into the control block that the run's processes share.
     pub(crate) fn ask_directly(&self, owner: User, request: Request) -> io::Result<()> {
         shared_page::ask_in(self.shared_page(owner)?.as_fd(), request)
     }
 
-    /// The file of the page that it shares with the others of its run.
+    /// Opens the file of the run's control block.
     ///
-    /// Nothing else is opened, whatever the process has in the page's place: root writes there, too, and must not be led to
-    /// write in a file that the run's owner may not write.
+    /// No other file is opened, whatever the process has at that descriptor: root writes to it, and must not be tricked
+    /// into writing to a file that the run's owner may not write.
     fn shared_page(&self, owner: User) -> io::Result<OwnedFd> {
         let page = if self.is_orchestrator {
-            // Any of its files may be closed meanwhile.
+            // Files may be closed while they are checked; the next one is tried.
             descriptors(&self.proc).find_map(|name| {
                 let file = anonymous_file(&self.proc, &name, SharedPage::NAME, owner, OFlags::RDWR);
                 file.ok().flatten().map(Ok)
@@ -185,7 +186,7 @@ impl RunProcess {
     }
 }
 
-/// The label that an orchestrator keeps open.
+/// Returns the label in an orchestrator's anonymous file.
 fn label_of_orchestrator(proc: &OwnedFd, line: &[u8]) -> Option<(PathBuf, Host)> {
     let mut words = line.split(|&byte| byte == 0).skip(1);
     if !words.any(|word| ORCHESTRATORS.contains(&word)) {
@@ -198,7 +199,7 @@ fn label_of_orchestrator(proc: &OwnedFd, line: &[u8]) -> Option<(PathBuf, Host)>
     })
 }
 
-/// The descriptors of a process, as paths in its folder; none if this user may not look.
+/// Returns the descriptors of a process, as paths in its folder; none if this user may not read them.
 fn descriptors(proc: &OwnedFd) -> impl Iterator<Item = String> {
     let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
     let folder = openat(proc, "fd", flags, Mode::empty()).and_then(Dir::new).ok();
@@ -209,7 +210,7 @@ fn descriptors(proc: &OwnedFd) -> impl Iterator<Item = String> {
     })
 }
 
-/// Opens the anonymous file of a name and an owner behind a descriptor of a process; `None` if there is another file.
+/// Opens the anonymous file of a name and owner behind a descriptor; `None` if it is another file.
 fn anonymous_file(
     proc: &OwnedFd,
     descriptor: &str,
@@ -236,7 +237,7 @@ fn anonymous_file(
     Ok(is_the_same.then_some(file))
 }
 
-/// Returns whether a process of this user has a file open, among those that it can see.
+/// Returns whether a process visible to this user has a file open.
 pub(crate) fn is_open_in_a_visible_process(file: &Stat) -> bool {
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut descriptors = processes.flat_map(|process| {
@@ -249,7 +250,7 @@ pub(crate) fn is_open_in_a_visible_process(file: &Stat) -> bool {
     })
 }
 
-/// The folder of the run and what it follows, from the label of a process.
+/// Parses a label: the folder of the run and the host.
 fn parse(line: &[u8]) -> Option<(PathBuf, Host)> {
     let words = line.strip_suffix(b"\0")?.split(|&byte| byte == 0);
     let words: Vec<_> = words.map(std::str::from_utf8).collect::<Result<_, _>>().ok()?;
@@ -261,7 +262,7 @@ fn parse(line: &[u8]) -> Option<(PathBuf, Host)> {
         .find(|known| name_of(*known) == *host)?;
     let folder = Path::new(folder);
     let name = folder.file_name()?.to_str()?;
-    // Whatever another user writes there, it is shown on this user's terminal.
+    // The label is shown on this user's terminal, whatever another user writes into it.
     let is_plain = |character: char| character.is_ascii_alphanumeric() || "-_.".contains(character);
     let is_well_formed = folder.is_absolute()
         && folder.to_str().is_some_and(|text| printable(text) == text)

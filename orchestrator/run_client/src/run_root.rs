@@ -1,7 +1,7 @@
-//! A run's own place in the machine: a folder for iceoryx2's bookkeeping and a prefix for its shared memory.
+//! The runtime folder of a run: iceoryx2's bookkeeping, and the prefix of the run's shared memory.
 //!
-//! Two runs on one host never see each other. The process that makes a place holds a lock on it for as long as it
-//! lives; a place whose lock is free belongs to a dead run and is swept by the next one that starts.
+//! Two runs on one machine are isolated from each other. The process that creates a run folder holds its lock while it
+//! lives; a folder whose lock is free belongs to a dead run and is removed by the next run that starts.
 
 mod base;
 
@@ -18,31 +18,31 @@ use rustix::fs::{FlockOperation, flock};
 
 use self::base::{Base, State};
 
-/// Time for which is waited for another process that makes or sweeps places; it takes milliseconds.
+/// Timeout for another process that creates or removes run folders, which takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A live run's place; removed, with all its shared memory, when dropped.
+/// Folder of a live run; dropping it removes the folder and the run's shared memory.
 #[derive(Debug)]
 pub struct RunRoot {
     folder: PathBuf,
     prefix: String,
     lock: File,
-    /// Whether the place goes with this: not that of a run which has not been taken over yet.
+    /// `true` if dropping this removes the folder: not before a take-over is complete.
     is_mine: Cell<bool>,
 }
 
 impl RunRoot {
-    /// Makes a place for a run, after sweeping those of dead runs.
+    /// Creates a run folder, after removing those of dead runs.
     ///
     /// # Errors
-    /// If the folder for what lives no longer than the machine runs cannot be written or trusted.
+    /// If the runtime folder of this user is not writable or not trustworthy.
     pub fn create() -> io::Result<Self> {
         let base = Base::open()?;
         let _door = base.close_door(PATIENCE)?;
         sweep(&base)?;
 
         let id = unused_id(&base);
-        // Before anything is made: a machine without random numbers is left as it was.
+        // Before anything is created: without random numbers nothing is left behind.
         let prefix = unguessable_prefix(&id)?;
         let lock = base.make_place(&id)?;
         let root = Self {
@@ -55,8 +55,8 @@ impl RunRoot {
         Ok(root)
     }
 
-    /// The place of a run that is under way and whose orchestrator is gone, by the lock that its services hold. It stays
-    /// theirs until [`Self::own`].
+    /// Returns the folder of a running flight without an orchestrator, by the lock that its services hold. The folder
+    /// stays theirs until [`Self::own`].
     #[must_use]
     pub fn adopt(folder: &Path, lock: OwnedFd) -> Self {
         let id = folder.file_name().unwrap_or_default();
@@ -68,50 +68,50 @@ impl RunRoot {
         }
     }
 
-    /// From now on the place goes with this.
+    /// Takes ownership: dropping this removes the folder from now on.
     pub fn own(&self) {
         self.is_mine.set(true);
     }
 
-    /// The iceoryx2 configuration file that every process of the run loads first.
+    /// Returns the iceoryx2 configuration file that every process of the run loads first.
     #[must_use]
     pub fn configuration(&self) -> PathBuf {
         self.folder.join("iceoryx2.toml")
     }
 
-    /// The lock on the place: any process that has it open too keeps the place from being swept.
+    /// Returns the folder's lock. While any process has it open, the folder is not removed.
     #[must_use]
     pub fn lock(&self) -> BorrowedFd<'_> {
         self.lock.as_fd()
     }
 
-    /// The run's name, by which operators mean it.
+    /// Returns the name of the run, as operators type it.
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.folder.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     }
 
-    /// The folder of the run's bookkeeping.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Returns the beginning of the names of all shared memory of the run.
+    /// Returns the prefix of the names of the run's shared memory.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// A path in shared memory that is removed with the run.
+    /// Returns a path in shared memory that is removed with the run.
     #[must_use]
     pub fn shared_memory(&self, name: &str) -> PathBuf {
         Path::new(shared_memory::FOLDER).join(format!("{}{name}", self.prefix))
     }
 
     fn write_configuration(&self) -> io::Result<()> {
-        // The orchestrator alone cleans up after the dead: external services and observers keep to it too.
+        // Only the orchestrator removes the resources of dead nodes; this configuration stops external services and
+        // observers from doing so.
         let text = format!(
             "[global]\nroot-path = {:?}\nprefix = {:?}\n\n\
              [global.node]\ncleanup-dead-nodes-on-creation = false\ncleanup-dead-nodes-on-destruction = false\n\n\
@@ -119,7 +119,7 @@ impl RunRoot {
             self.folder.join("iceoryx2").display().to_string(),
             self.prefix,
         );
-        // Under its name it is whole: an empty one would be taken for iceoryx2's own defaults.
+        // Written atomically: an empty file would mean iceoryx2's defaults.
         result_file::write(&self.configuration(), text, &[])
     }
 }
@@ -129,76 +129,73 @@ impl Drop for RunRoot {
         if !self.is_mine.get() {
             return;
         }
-        // What cannot be removed now is swept by the next run, once the lock is free.
+        // Leftovers are removed by the next run once the lock is free. The lock is released last, so that no other run
+        // removes the folder at the same time.
         let _ = remove(&self.folder, &self.prefix);
         let _ = flock(&self.lock, FlockOperation::Unlock);
     }
 }
 
-/// The findings of a sweep.
+/// Result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Swept {
-    /// Places of dead runs, which are gone now.
+    /// Folders of dead runs, which were removed.
     pub removed: Vec<PathBuf>,
-    /// Places of live runs, which were left alone.
+    /// Folders of live runs, which were not touched.
     pub live: Vec<PathBuf>,
 }
 
-/// Removes what dead runs have left behind and leaves live ones alone.
+/// Removes the leftovers of dead runs.
 ///
 /// # Errors
-/// If the folder for what lives no longer than the machine runs cannot be written or trusted, or something in it cannot
-/// be removed.
+/// If the runtime folder of this user is not writable or not trustworthy, or a leftover cannot be removed.
 pub fn clean() -> io::Result<Swept> {
     let base = Base::open()?;
     let _door = base.close_door(PATIENCE)?;
     sweep(&base)
 }
 
-/// The places of this user's runs.
+/// Run folders of this user.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RunRoots {
-    /// Those of dead runs.
     pub dead: Vec<PathBuf>,
-    /// Those of live runs.
     pub live: Vec<PathBuf>,
 }
 
-/// Looks for the places of this user's runs and leaves all of them as they are. Waits for nobody.
+/// Finds the run folders of this user without changing them and without waiting for locks.
 ///
 /// # Errors
-/// If the folder for what lives no longer than the machine runs cannot be read or trusted, or if no run could make a place
-/// there.
+/// If the runtime folder of this user is not readable or not trustworthy, or no run could create a folder in it.
 pub fn find() -> io::Result<RunRoots> {
     base::check_writable()?;
     let Some(base) = Base::open_existing()? else {
         return Ok(RunRoots::default());
     };
-    // Of an unfinished place nobody can say more while places are being made.
+    // An unfinished folder is undecided while folders are being created.
     let is_in_use = base.is_in_use();
     look(&base, |state| state == State::Unfinished && is_in_use)
 }
 
-/// Returns whether a process holds the lock of the place that this folder is.
+/// Returns whether a process holds the lock of a run folder.
 pub(crate) fn is_locked(place: &impl AsFd) -> bool {
     base::is_live(place)
 }
 
-/// Returns whether a process that this user can see has the lock of a place open.
+/// Returns whether a process visible to this user has the lock of a run folder open.
 pub(crate) fn is_held_by_a_visible_process(place: &Path) -> bool {
     base::lock_of(place).is_ok_and(|lock| crate::runs::is_open_somewhere(&lock))
 }
 
-/// Returns the beginning of the names of all shared memory of a run that has this id.
+/// Returns the prefix of the shared memory of a run without its random part.
 fn common_prefix(id: &str) -> String {
     format!("gerono_{id}_")
 }
 
-/// Returns the beginning of the names of a new run's shared memory. Nobody can make memory of such a name before the
-/// run does: /dev/shm is open to all.
+/// Returns the prefix of a new run's shared memory, with a random part: /dev/shm is open to all users, who must not be
+/// able to create memory of that name in advance.
 ///
-/// What is random is drawn once: iceoryx2 has one configuration for a whole process, which flies its runs one after another
-/// under the same names.
+/// The random part is drawn once per process: iceoryx2 has one configuration per process, which flies its runs one
+/// after another under the same names.
 fn unguessable_prefix(id: &str) -> io::Result<String> {
     const RANDOM: &str = "/dev/urandom";
     static DRAWN: Mutex<Option<u32>> = Mutex::new(None);
@@ -215,7 +212,7 @@ fn unguessable_prefix(id: &str) -> io::Result<String> {
     Ok(format!("{}{random:08x}_", common_prefix(id)))
 }
 
-/// An id that no place of this base has, short enough for the names of shared memory.
+/// Returns an ID without a run folder or shared memory, short enough for the names of shared memory.
 fn unused_id(base: &Base) -> String {
     let process = std::process::id();
     (0u32..)
@@ -224,7 +221,7 @@ fn unused_id(base: &Base) -> String {
         .expect("some number is free")
 }
 
-/// Removes the places of dead runs, behind the closed door.
+/// Removes the folders of dead runs. The caller holds the lock of the base folder.
 fn sweep(base: &Base) -> io::Result<Swept> {
     let found = look(base, |_| false)?;
     for folder in &found.dead {
@@ -237,7 +234,7 @@ fn sweep(base: &Base) -> io::Result<Swept> {
     })
 }
 
-/// Tells the places of dead runs from those of live ones. Without `leave_out` an unfinished place is a dead run's.
+/// Classifies the run folders. An unfinished folder counts as a dead run's, unless `leave_out` skips it.
 fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<RunRoots> {
     let mut found = RunRoots::default();
     for (folder, state) in base.places()? {
@@ -250,7 +247,7 @@ fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<RunRoots> 
     Ok(found)
 }
 
-/// Removes a place and all shared memory with its prefix.
+/// Removes a run folder and all shared memory with its prefix.
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
     for path in shared_memory::of(prefix) {
         if path.is_dir() {

@@ -1,10 +1,10 @@
-//! The live runs of this machine, found by their processes.
+//! Discovery of this machine's live runs by their processes.
 //!
-//! Every process of a service has the run's folder in its command line, which every user may read, and the orchestrator has it
-//! in an open file ([`OrchestratorLabel`]). So a run is found for as long as its orchestrator or one of its services lives, in
-//! whatever environment and by whichever user it was begun; there is no list that could be out of date, hidden by another
-//! environment, or written by another user. A label can say anything, but the kernel says whose process it is: an entry names
-//! a run and its owner, and is trusted for no more.
+//! Every service's process has the run's folder in its command line, which every user may read, and the orchestrator
+//! has it in an open file ([`OrchestratorLabel`]). So a run is found while its orchestrator or one of its services
+//! lives, whatever user and environment it was started from; there is no registry that could be outdated, hidden by
+//! another environment, or forged by another user. A label can claim anything, but the kernel reports the owner of the
+//! process: an entry is trusted for the name of a run and its owner only.
 
 use std::fmt;
 use std::fs;
@@ -22,45 +22,42 @@ use rustix::fs::{Mode, OFlags, Stat, fstat, stat};
 use crate::run_process::{self, LabelledProcess, RunProcess};
 pub use crate::run_process::{OrchestratorLabel, label};
 
-/// Restricts what commands find to the runs whose folders are in the one that it names: for tests and scripts that fly beside
-/// others.
+/// Environment variable that restricts commands to the runs in a folder, for tests and scripts next to other flights.
 pub const SCOPE: &str = "GERONO_RUNS";
 
-/// Environment variable in which `sudo` leaves the user who called it.
+/// Environment variable in which `sudo` passes the calling user.
 const SUDO_USER: &str = "SUDO_UID";
 
-/// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
+/// Timeout for the end of a killed process, which may wait for the system, such as for a slow disk.
 const END_LIMIT: Duration = Duration::from_secs(1);
 
-/// A live run.
 #[derive(Debug)]
 pub struct MachineRun {
-    /// Its folder, as its processes see it.
+    /// Folder of the run, as its processes see it.
     pub folder: PathBuf,
-    /// The user whose processes these are.
+    /// User of the processes.
     pub owner: User,
-    /// The host of its steps.
     pub host: Host,
-    /// The user who logged in for the session in which it was begun, if the system keeps that.
+    /// Login user of the session that started it, if the system records it.
     login: Option<User>,
-    /// Device and inode of its folder; `None` if they are not known.
+    /// Device and inode of the folder; `None` if unknown.
     place: Option<(u64, u64)>,
     /// At least one.
     processes: Vec<RunProcess>,
 }
 
-/// A user, by number.
+/// User ID.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct User(u32);
 
 impl User {
-    /// The user who runs this.
+    /// Returns the effective user of this process.
     #[must_use]
     pub fn this() -> Self {
         Self(rustix::process::geteuid().as_raw())
     }
 
-    /// Returns the user who typed the command: the one who logged in, where the system or `sudo` keeps that.
+    /// Returns the user who typed the command: the login user, if the system or `sudo` records it.
     #[must_use]
     pub fn at_the_keyboard() -> Self {
         let before_sudo = || {
@@ -73,26 +70,23 @@ impl User {
         login.or_else(before_sudo).unwrap_or_else(Self::this)
     }
 
-    /// Returns whether it may do what belongs to all users.
     #[must_use]
     pub fn is_root(self) -> bool {
         self.0 == 0
     }
 
-    /// The user of this number.
     #[must_use]
     pub fn of(number: u32) -> Self {
         Self(number)
     }
 
-    /// Its number.
     #[must_use]
     pub fn number(self) -> u32 {
         self.0
     }
 }
 
-/// As `sudo -u` takes it: by name where there is one.
+/// Formatted for `sudo -u`: the name, or `#` and the number if there is none.
 impl fmt::Display for User {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let users = fs::read_to_string("/etc/passwd").unwrap_or_default();
@@ -108,8 +102,8 @@ impl fmt::Display for User {
     }
 }
 
-/// All live runs that this user can see, or those in the folder that the environment restricts the search to; by owner and
-/// folder.
+/// Returns all live runs that this user can see, restricted to the folder in [`SCOPE`] if it is set; sorted by owner
+/// and folder.
 ///
 /// # Errors
 /// If /proc cannot be read.
@@ -117,7 +111,7 @@ pub fn all() -> io::Result<Vec<MachineRun>> {
     let scope = scope();
     let processes = fs::read_dir("/proc")?.flatten().filter_map(|entry| {
         let pid = entry.file_name().to_str()?.parse().ok()?;
-        // A process that is no service's, or has ended meanwhile, belongs to no run.
+        // Other processes, and those that have exited meanwhile, belong to no run.
         LabelledProcess::of(pid)
     });
     let is_meant = |found: &LabelledProcess| {
@@ -128,7 +122,7 @@ pub fn all() -> io::Result<Vec<MachineRun>> {
     let keys: Vec<_> = processes.iter().map(Key::of).collect();
     let groups = group(&keys);
     let mut runs = Vec::<MachineRun>::new();
-    // The processes whose place is known come first: they make the groups.
+    // Processes with a known folder come first: they create the groups.
     let mut places = vec![None; processes.len()];
     let mut order: Vec<_> = processes.into_iter().zip(groups).collect();
     order.sort_by_key(|(found, _)| found.place.is_none());
@@ -155,12 +149,12 @@ pub fn all() -> io::Result<Vec<MachineRun>> {
     Ok(runs)
 }
 
-/// What tells runs apart.
+/// Identity of a run.
 #[derive(Debug, PartialEq, Eq)]
 struct Key<'a> {
     owner: User,
     folder: &'a Path,
-    /// Device and inode of the folder; `None` if they are not known.
+    /// Device and inode of the folder; `None` if unknown.
     place: Option<(u64, u64)>,
 }
 
@@ -174,8 +168,8 @@ impl<'a> Key<'a> {
     }
 }
 
-/// Returns for each process the first process of its run. What is not known is no value: such a process belongs to a run of
-/// its owner and folder whose place is known, if there is one.
+/// Returns for each process the index of the first process of its run. A process with an unknown folder inode belongs
+/// to a run with the same owner and path whose inode is known, if there is one.
 fn group(keys: &[Key<'_>]) -> Vec<usize> {
     let is_of_one_folder =
         |one: &Key<'_>, other: &Key<'_>| (one.owner, one.folder) == (other.owner, other.folder);
@@ -193,33 +187,33 @@ fn group(keys: &[Key<'_>]) -> Vec<usize> {
     keys.iter().map(first_like).collect()
 }
 
-/// The folder that the environment restricts the search to.
+/// Returns the folder in [`SCOPE`].
 #[must_use]
 pub fn scope() -> Option<PathBuf> {
     let scope = std::env::var_os(SCOPE).filter(|scope| !scope.is_empty());
     scope.map(PathBuf::from)
 }
 
-/// Returns whether the system hides the processes of other users from this one (`hidepid`), so that their runs are not found.
+/// Returns whether the system hides other users' processes (`hidepid`), so that their runs are not found.
 #[must_use]
 pub fn are_hidden() -> bool {
     fs::read("/proc/1/cmdline").is_err()
 }
 
-/// Returns whether a process of this machine that this user can see has a file open.
+/// Returns whether a process visible to this user has a file open.
 #[must_use]
 pub(crate) fn is_open_somewhere(file: &Stat) -> bool {
     run_process::is_open_in_a_visible_process(file)
 }
 
-/// Returns whether a process of the run of this owner and folder lives.
+/// Returns whether a process of the run with this owner and folder lives.
 pub(crate) fn has_processes(owner: User, folder: &Path) -> bool {
     let is_it = |run: &MachineRun| run.owner == owner && run.folder == folder;
     all().is_ok_and(|runs| runs.iter().any(is_it))
 }
 
-/// Kills the services of this user's run of a folder, and its standby process, except the processes of these numbers, and
-/// waits for their ends: their ports are free then for others. Returns the numbers of those that have ended.
+/// Kills the services of this user's run with this folder, and its standby process, except the PIDs in `kept`, and
+/// waits for their ends: their ports are then free for other processes. Returns the PIDs that have ended.
 ///
 /// # Errors
 /// If /proc cannot be read.
@@ -231,65 +225,65 @@ pub fn end_services_except(folder: &Path, kept: &[u32]) -> io::Result<Vec<u32>> 
     Ok(ended(&services))
 }
 
-/// Kills the processes of this user's dead runs and waits for their ends. Returns the numbers of those that have ended.
+/// Kills the processes of this user's dead runs and waits for their ends. Returns the PIDs that have ended.
 ///
-/// A run is dead if it has no orchestrator and signals have stopped all its processes: nothing steps, and no orchestrator
-/// can take over. Processes that are not stopped end by themselves, when the vehicle has landed.
+/// A run is dead if it has no orchestrator and all its processes are stopped by signals: nothing steps, and no
+/// orchestrator can take over. Processes that are not stopped end by themselves once the vehicle has landed.
 ///
 /// # Errors
 /// If /proc cannot be read.
 pub fn end_dead() -> io::Result<Vec<u32>> {
     let is_stopped = |process: &RunProcess| Pause::of(process.pid) == Some(Pause::Stopped);
     let mut runs = all()?;
-    // In simulated time the system ends the services with their orchestrator, and no orchestrator of a replay is found.
+    // In simulated time the kernel ends the services with their orchestrator, and a replay has no orchestrator label.
     runs.retain(|run| run.owner == User::this() && run.host == Host::RealTime);
     runs.retain(|run| run.processes.iter().all(is_stopped));
     runs.retain(|run| run.processes.iter().all(|process| !process.is_orchestrator));
     Ok(runs.iter().flat_map(|run| ended(&run.processes)).collect())
 }
 
-/// Kills processes. Returns the numbers of those that have ended.
+/// Kills processes. Returns the PIDs that have ended.
 fn ended(processes: &[RunProcess]) -> Vec<u32> {
     let ended = processes.iter().filter(|process| process.end(END_LIMIT));
     ended.map(|process| process.pid).collect()
 }
 
 impl MachineRun {
-    /// Its name: that of its folder.
+    /// Returns the name of the run, which is that of its folder.
     #[must_use]
     pub fn name(&self) -> &str {
         let name = self.folder.file_name().and_then(|name| name.to_str());
         name.expect("a folder without a name is no run's")
     }
 
-    /// Returns whether this is what the user calls so: the run's name, or the number of one of its processes, which tells runs of
-    /// one name apart.
+    /// Returns whether `name` is the run's name or the PID of one of its processes, which distinguishes runs of equal
+    /// names.
     #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
         let has_number = |process: &RunProcess| process.pid.to_string() == name;
         self.name() == name || self.processes.iter().any(has_number)
     }
 
-    /// The numbers of its processes.
+    /// Returns the PIDs of the run.
     pub fn pids(&self) -> impl Iterator<Item = u32> {
         self.processes.iter().map(|process| process.pid)
     }
 
-    /// Returns whether the user who runs this may operate it.
+    /// Returns whether the user of this process may operate the run.
     #[must_use]
     pub fn is_permitted(&self) -> bool {
         let user = User::this();
         user == self.owner || user.is_root()
     }
 
-    /// Returns the user who began it: the one who logged in, where the system keeps that.
+    /// Returns the user who started the run: the login user, if the system records it.
     #[must_use]
     pub fn starter(&self) -> User {
         self.login.unwrap_or(self.owner)
     }
 
-    /// Returns whether its folder and its shared memory are those that this process sees under their names; in a container they
-    /// may be others.
+    /// Returns whether the run's folder and shared memory are the ones that this process sees under the same paths; in
+    /// a container they may differ.
     #[must_use]
     pub fn shares_memory_with_this(&self) -> bool {
         let is_the_same = |path: &Path| {
@@ -302,14 +296,14 @@ impl MachineRun {
         is_the_same(&self.folder) && is_the_same(Path::new(shared_memory::FOLDER))
     }
 
-    /// Opens its folder, as its processes see it.
+    /// Opens the folder of the run, as its processes see it.
     ///
     /// # Errors
     /// If it cannot be opened.
     pub fn open_folder(&self) -> io::Result<OwnedFd> {
         let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let open = |path: &Path| rustix::fs::open(path, flags, Mode::empty());
-        // Any of them may have ended meanwhile, or may not be looked into.
+        // Each process may have exited or be inaccessible.
         let mut opened = self
             .processes
             .iter()
@@ -317,7 +311,7 @@ impl MachineRun {
         let folder = opened.find_map(Result::ok);
         let folder = folder.map_or_else(|| open(&self.folder), Ok)?;
         let found = fstat(&folder)?;
-        // Under the name that it has in a container, there may be the folder of another run here.
+        // The path of a container may lead to another run's folder here.
         match self.place {
             Some(place) if place != (found.st_dev, found.st_ino) => {
                 Err(io::Error::other("its folder is gone"))
@@ -326,22 +320,22 @@ impl MachineRun {
         }
     }
 
-    /// Returns whether a process of it lives, also one that was started later.
+    /// Returns whether any process of the run lives, also one that was started after the search.
     #[must_use]
     pub fn lives(&self) -> bool {
         has_processes(self.owner, &self.folder)
     }
 
-    /// Writes the operator's request into the memory that the run's processes share, without its orchestrator.
+    /// Writes an operator's request into the control block that the run's processes share, bypassing the orchestrator.
     ///
     /// # Errors
-    /// If the memory of none of them can be had.
+    /// If no process of the run gives access to the control block.
     pub fn ask_directly(&self, request: Request) -> io::Result<()> {
         let asked = self
             .processes
             .iter()
             .map(|process| process.ask_directly(self.owner, request));
-        // All of them share one page: each that can be reached is asked, in case that one has ended meanwhile.
+        // They share one control block. The request is written through each process, in case one has exited meanwhile.
         let (done, failed): (Vec<_>, Vec<_>) = asked.partition(Result::is_ok);
         match (done.is_empty(), failed.into_iter().next()) {
             (true, Some(failure)) => failure,

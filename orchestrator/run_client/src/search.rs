@@ -1,7 +1,7 @@
-//! The search for the run that a command means.
+//! Search for the run that a command refers to.
 //!
-//! "None" and "several" are said only after further looks: while services die and are started again, a single look at the
-//! processes of a machine may miss some.
+//! "None" and "several" are reported only after repeated scans: while services die and are restarted, a single scan of
+//! the processes may miss some.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -15,26 +15,27 @@ use crate::retried;
 use crate::run_root;
 use crate::runs::{self, MachineRun, User};
 
-/// Time for which a run is looked for that is not there.
+/// Duration of the search for a missing run.
 pub(crate) const PERSISTENCE: Duration = Duration::from_millis(500);
 
-/// Time between two looks.
+/// Pause between two scans.
 pub(crate) const RETRY: Duration = Duration::from_millis(20);
 
-/// Looks of which each has to find several runs before that is said.
+/// Number of scans that have to find several runs before that is reported.
 const LOOKS_AT_SEVERAL: u32 = 2;
 
-/// Runs that one look has found.
+/// Result of a scan.
 #[derive(Debug)]
 enum Found {
     One(MachineRun),
     Several(Names),
-    /// Only such as this user may not operate.
+    /// Only runs that this user may not operate.
     Forbidden(Names),
     Nothing,
 }
 
-/// The live run in real time of a name, or the only one, that this user may operate by a command of this name.
+/// Finds the live run in real time of a name, or the only one, that this user may operate. `command` is used in error
+/// messages.
 ///
 /// # Errors
 /// [`LiveError`].
@@ -52,7 +53,7 @@ pub fn find(name: Option<&str>, command: &'static str) -> Result<MachineRun, Liv
     )
 }
 
-/// The live run of a name, or the only one, in real or in simulated time, that this user may watch.
+/// Finds the live run of a name, or the only one, in real or simulated time, that this user may watch.
 ///
 /// # Errors
 /// [`LiveError`].
@@ -75,12 +76,12 @@ fn is_in_real_time(run: &MachineRun) -> bool {
     run.host == Host::RealTime
 }
 
-/// The place of the run that has lost its orchestrator: of that name, or the only one.
+/// Returns the folder of the run that has lost its orchestrator: the one of this name, or the only one.
 ///
 /// # Errors
 /// [`LiveError`].
 pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
-    // What takes over shares files with the services: it must be the same user's, and have the same shared memory.
+    // A take-over shares files with the services: it needs the same user and the same shared memory.
     let is_own = |run: &MachineRun| run.owner == User::this();
     let connected = |run: &MachineRun| LiveRun::connect(run, Duration::ZERO);
     let is_abandoned = |run: &MachineRun| {
@@ -100,8 +101,8 @@ pub fn abandoned(name: Option<&str>) -> Result<PathBuf, LiveError> {
     Ok(run.folder)
 }
 
-/// The live run of a name, or the only one, among those that are wanted and permitted; none if there is not even
-/// one that is not permitted.
+/// Selects the live run of a name, or the only one, among the wanted and permitted ones; `None` if no wanted run
+/// exists, permitted or not.
 fn select(
     name: Option<&str>,
     command: &'static str,
@@ -131,7 +132,7 @@ fn select(
     })
 }
 
-/// Looks until one run is found, several are found again, or none has been found for long enough.
+/// Scans until one run is found, several are found repeatedly, or the search times out.
 fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, LiveError> {
     let mut looks_at_several = 0;
     let look = || {
@@ -149,7 +150,7 @@ fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, 
     looked.map(|(found, _)| found)
 }
 
-/// What is said of a search that has found no run: an error if a run is there that cannot be seen.
+/// Describes a search without result; an error if an invisible run holds a lock.
 fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
     let scope = runs::scope();
     let is_within = |place: &Path| scope.as_ref().is_none_or(|scope| place.starts_with(scope));
@@ -157,7 +158,7 @@ fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
         let is_called = |name: &str| place.file_name().is_some_and(|found| found == name);
         is_within(place) && name.is_none_or(is_called)
     };
-    // Where the places cannot be read, there is no run of this user's either.
+    // If the run folders cannot be read, this user has no run.
     let places = run_root::find().unwrap_or_default().live;
     let runs = runs::all().unwrap_or_default();
     let is_seen = |place: &PathBuf| runs.iter().any(|run| run.folder == *place);

@@ -1,48 +1,48 @@
-//! The state of a live run at one moment.
+//! Snapshot of a live run.
 
 use serde::{Deserialize, Serialize};
 
 use metrics::summary::timing::Quantiles;
 
-/// The state of a run in real time.
+/// State of a run in real time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
-    /// Name of the scenario.
     pub scenario: String,
     /// Time since the start of the flight, s.
     pub time: f64,
-    /// Length of the flight, s.
+    /// Duration of the flight, s.
     pub duration: f64,
-    /// The phase of the flight; none if it is flown without phases.
+    /// Phase of the flight; `None` if the scenario has no phases.
     pub phase: Option<String>,
     /// `true` if the motors may turn.
     pub armed: bool,
-    /// `true` if the vehicle has been asked to land.
+    /// `true` if landing was requested.
     pub landing: bool,
-    /// `true` if the motors rest for ever.
+    /// `true` if the motors were killed.
     pub killed: bool,
-    /// The services, in the order of the wiring table.
+    /// Services in the order of the wiring table.
     pub services: Vec<ServiceSnapshot>,
-    /// From a capture to the frame that rests on it, in the last second.
+    /// Time from a capture to the frame based on it, in the last second.
     pub capture_to_frame: Option<Quantiles>,
-    /// The state of the cameras, if there are real ones.
+    /// State of the cameras; `None` if they are simulated.
     pub cameras: Option<CamerasSnapshot>,
-    /// The state of the radio link, if there is a real one.
+    /// State of the radio link; `None` if it is simulated.
     pub radio_link: Option<LinkSnapshot>,
-    /// Distance from the path, m: the true one, or in a laboratory the estimated one; none while nothing is to be followed.
+    /// Distance from the path, m: the true one, or in a laboratory the estimated one; `None` while there is no path to
+    /// follow.
     pub position_error: Option<f64>,
     /// m̂, kg.
     pub mass_estimate: Option<f64>,
     /// ‖b̂‖, m/s².
     pub disturbance_estimate: Option<f64>,
-    /// Samples recorded.
+    /// Number of samples recorded.
     pub recorded: u64,
-    /// The last events, the newest last.
+    /// Last events, the newest last.
     pub events: Vec<LiveEvent>,
 }
 
 impl Snapshot {
-    /// Changes all text that a scenario, a network or another program may have written.
+    /// Applies `change` to all texts from a scenario, a network or another program.
     pub(super) fn change_texts(&mut self, mut change: impl FnMut(&mut String)) {
         change(&mut self.scenario);
         self.phase.iter_mut().for_each(&mut change);
@@ -60,36 +60,32 @@ impl Snapshot {
     }
 }
 
-/// The state of a service.
+/// State of a service.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ServiceSnapshot {
-    /// Its name.
     pub name: String,
-    /// Its process.
     pub pid: u32,
-    /// `true` if it flies; else it is dead or being started.
+    /// `true` if the process flies; otherwise it is dead or starting.
     pub flies: bool,
     /// Steps in the last second.
     pub rate: u64,
-    /// The lateness of its steps of the last second.
+    /// Lateness of the steps in the last second.
     pub wake: Option<Quantiles>,
-    /// Time for which its steps of the last second took.
+    /// Duration of the steps in the last second.
     pub step: Option<Quantiles>,
-    /// Steps left out, since the start.
+    /// Steps skipped since the start.
     pub missed_steps: u64,
-    /// Inputs that came too late, since the start.
+    /// Inputs that arrived late since the start.
     pub late_inputs: u64,
-    /// Number of restarts.
     #[serde(rename = "rebirths")]
     pub restarts: u64,
-    /// Its inputs.
     pub inputs: Vec<InputSnapshot>,
 }
 
-/// The state of a laboratory's cameras; counts are since the start of the process that listens to them.
+/// State of a laboratory's cameras; counts are since the start of the receiving process.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CamerasSnapshot {
-    /// Reason why they are not to be trusted; none if they are.
+    /// Reason why their poses are not trusted; `None` if they are.
     pub trouble: Option<String>,
     /// Frames in the last whole second, Hz.
     pub rate: f64,
@@ -97,40 +93,38 @@ pub struct CamerasSnapshot {
     pub latency: f64,
     /// Standard deviation of the time between frames in that second, s.
     pub jitter: f64,
-    /// Frames that told of the vehicle or could have.
+    /// Frames that contain the vehicle or could have.
     pub frames: u64,
-    /// Those whose pose was believed.
+    /// Frames whose pose was accepted.
     pub believed: u64,
-    /// Reasons of refused packets and poses in words, each with its count; none if nothing was refused.
+    /// Reasons of refused packets and poses as text, each with its count; `None` without refusals.
     #[serde(default)]
     pub refused: Option<String>,
 }
 
-/// The state of a laboratory's radio link; counts are since the start of the process that drives it.
+/// State of a laboratory's radio link; counts are since the start of the sending process.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkSnapshot {
-    /// Reason why no frame can leave; none if they do.
+    /// Reason why no frame can be sent; `None` if they are sent.
     pub trouble: Option<String>,
-    /// Frames on their way.
+    /// Frames sent.
     pub sent: u64,
-    /// Frames that were dropped or left out.
+    /// Frames dropped or skipped.
     pub lost: u64,
 }
 
-/// The age of an input.
+/// Age of an input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct InputSnapshot {
-    /// Name of the topic.
     pub topic: String,
-    /// Age of the sample at the last step, s; none if there was none.
+    /// Age of the sample at the last step, s; `None` without a sample.
     pub age: Option<f64>,
 }
 
-/// Something that happened.
+/// Event of a flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveEvent {
-    /// When, s since the start of the flight.
+    /// Time since the start of the flight, s.
     pub time: f64,
-    /// What, in words.
     pub text: String,
 }

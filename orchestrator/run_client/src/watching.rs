@@ -1,7 +1,7 @@
-//! The flight itself as a watcher sees it: what is flown, and the newest sample of every topic.
+//! Data of a live flight for observers: its description, and the newest sample of every topic.
 //!
-//! The orchestrator has received these samples anyway. A watcher asks it for them, so no service learns of a watcher: no
-//! port, no buffer and no place in shared memory is made for one.
+//! The orchestrator receives these samples anyway. An observer requests them from it, so the services are not affected:
+//! no port, buffer or shared memory is created for an observer.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,8 @@ use shared_types::{Published, ServiceId, Topic};
 
 use scenario_file::printable::printable;
 
-/// Returns which run it is, what is flown and by which link, in words: `run 130-0, Fig. 7 in a laboratory, crsf on /dev/ttyUSB0`.
-/// Texts of the scenario are harmless for a terminal and stay within the line.
+/// Returns run, scenario and radio link in a line: `run 130-0, Fig. 7 in a laboratory, crsf on /dev/ttyUSB0`. Control
+/// characters in texts of the scenario are replaced.
 #[must_use]
 pub fn identity(run: &str, scenario: &Scenario) -> String {
     let mut parts = vec![format!("run {run}")];
@@ -51,21 +51,20 @@ fn link_of(scenario: &Scenario) -> String {
     }
 }
 
-/// What a run flies.
+/// Description of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// The scenario as flown.
     pub scenario: Scenario,
-    /// The host of its steps.
     pub host: Host,
-    /// When tick 0 began, ns of `CLOCK_MONOTONIC`; none in simulated time.
+    /// Start time of tick 0, ns of `CLOCK_MONOTONIC`; `None` in simulated time.
     pub start_ns: Option<u64>,
     /// Layout hash of every published topic, by name.
     pub layouts: BTreeMap<String, String>,
 }
 
 impl Description {
-    /// Returns the description of a flight that publishes these topics.
+    /// Creates the description of a flight that publishes these topics.
     #[must_use]
     pub fn new(
         scenario: &Scenario,
@@ -83,7 +82,7 @@ impl Description {
         }
     }
 
-    /// Returns the first topic whose samples this program would read wrongly: the run is of another build.
+    /// Returns the first topic whose layout differs in this program: the run is of another build.
     #[must_use]
     pub fn unreadable(&self) -> Option<&str> {
         let is_ours = |(name, hash): &(&String, &String)| {
@@ -94,13 +93,13 @@ impl Description {
     }
 }
 
-/// The newest sample of every topic that has one.
+/// Newest sample of every topic that has one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NewestSamples {
     samples: Vec<NewestSample>,
 }
 
-/// A sample as it is in shared memory.
+/// Sample as in shared memory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct NewestSample {
     topic: String,
@@ -109,7 +108,7 @@ struct NewestSample {
 }
 
 impl NewestSamples {
-    /// Gathers them from what is known of each topic.
+    /// Collects the newest sample of each topic.
     #[must_use]
     pub fn of<'a>(newest: impl Fn(Topic) -> Option<&'a [u8]>) -> Self {
         let sample = |topic: Topic| {
@@ -123,14 +122,13 @@ impl NewestSamples {
         }
     }
 
-    /// Returns the bytes of the sample of a topic, as many as its type has.
+    /// Returns the bytes of a topic's sample, if their number is that of its type.
     #[must_use]
     pub fn bytes(&self, topic: Topic) -> Option<&[u8]> {
         let sample = self.samples.iter().find(|sample| sample.topic == topic.name())?;
         (sample.bytes.len() == topic.kind().size).then_some(&*sample.bytes)
     }
 
-    /// Returns the sample of a topic.
     #[must_use]
     pub fn get<T: Published>(&self) -> Option<T> {
         T::read_from_bytes(self.bytes(T::TOPIC)?).ok()
@@ -143,7 +141,7 @@ impl NewestSamples {
             .filter(|topic| self.bytes(*topic).is_some())
     }
 
-    /// Returns the tick of the newest sample of all.
+    /// Returns the largest tick of the samples.
     #[must_use]
     pub fn tick(&self) -> Option<u64> {
         let tick = |topic| Some(shared_types::service::header_of(self.bytes(topic)?).tick);

@@ -1,34 +1,32 @@
-//! Values of arguments.
+//! Validation of argument values.
 
 use std::borrow::Cow;
 
-/// Reason why a value is refused, and what to give instead.
+/// Reason why a value is refused, with the accepted values.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ValueError {
-    /// It is no number.
     #[error("this is no number")]
     NoNumber,
-    /// It is not what it must be; these are the words for it.
+    /// The value violates a condition; the message names it.
     #[error("{0}")]
     Unfit(Cow<'static, str>),
-    /// It names nothing that there is.
     #[error("there is no such {what}; {there_is}")]
     Unknown {
-        /// The kind of thing that has this name.
+        /// What the name was to name.
         what: &'static str,
-        /// The names that exist instead, in words.
+        /// The known names, as part of a sentence.
         there_is: String,
     },
 }
 
 impl ValueError {
-    /// Refuses a value with a sentence.
+    /// Returns the refusal of a value with a message.
     pub fn unfit(sentence: impl Into<Cow<'static, str>>) -> Self {
         Self::Unfit(sentence.into())
     }
 }
 
-/// Checks a name that stands in tables and makes names of files.
+/// Checks a name that is used in tables and as a file name.
 ///
 /// # Errors
 /// [`ValueError::Unfit`].
@@ -42,7 +40,7 @@ pub fn plain_name(name: &str) -> Result<(), ValueError> {
     Ok(())
 }
 
-/// Parses numbers within limits.
+/// Returns a parser of numbers within inclusive limits.
 pub fn between(
     least: f64,
     most: f64,
@@ -54,7 +52,7 @@ pub fn between(
     }
 }
 
-/// A value within limits.
+/// Checks a number against inclusive limits.
 ///
 /// # Errors
 /// [`ValueError::Unfit`].

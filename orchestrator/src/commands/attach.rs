@@ -46,13 +46,13 @@ pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
             folder.path().display()
         ));
     }
-    let people = Clients {
+    let clients = Clients {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
     let mut sink = RecordingSink::new(&scenario, flight.schedule(), Some(log), progress.shared_tick())
         .from_tick(flight.first_tick());
-    let ending = real_time::take_over(flight, &mut sink, &people, &mut record).map_err(Failure::trouble)?;
+    let ending = real_time::take_over(flight, &mut sink, &clients, &mut record).map_err(Failure::trouble)?;
     let ending = ending.with_record(record.finish());
     let flown = FlightResult {
         name: NAME,

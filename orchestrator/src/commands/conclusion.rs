@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{Failure, note, print, write_json};
 use crate::cli::Host;
 use command_line::exit::Exit;
-use command_line::output::complain;
+use command_line::output::print_error;
 use command_line::progress::Progress;
 use flight::failure::FlightFailure;
 use flight::recording_sink::RecordingSink;
@@ -114,7 +114,7 @@ impl FlightResult<'_> {
             }
         }
         if let Outcome::Failed(failure) = &ending.outcome {
-            complain(format_args!("{:?}", report_of(failure)));
+            print_error(format_args!("{:?}", report_of(failure)));
             if let Some(lateness) = summary.lateness() {
                 note(&lateness);
             }

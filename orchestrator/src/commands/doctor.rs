@@ -68,7 +68,7 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Ma
     checks.push(disk::speed(&speed.map(Option::unwrap_or_default), needs));
 
     let lateness = wake_up::measure(
-        needs.foremost,
+        needs.highest_priority,
         Duration::from_secs_f64(arguments.seconds),
         stopped,
     )?;

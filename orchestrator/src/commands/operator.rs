@@ -1,4 +1,4 @@
-//! `gerono operator probe`: what a kill switch sends.
+//! `gerono operator probe`: prints the signals of a kill switch.
 
 use command_line::exit::Exit;
 use command_line::failure::Failure;
@@ -11,16 +11,16 @@ use supervisor::kill_switch::signal::Signal;
 
 use crate::cli::OperatorProbe;
 
-/// Longest wait between two looks for Ctrl-C: one that comes just before the wait does not end it.
+/// Period at which Ctrl-C is checked: a signal that arrives just before the wait does not interrupt it.
 const WAIT: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 200_000_000,
 };
 
-/// Prints what a device sends, until Ctrl-C.
+/// Prints the signals of a device, until Ctrl-C.
 ///
 /// # Errors
-/// [`Failure`] if the device cannot be read, with the next step, or is gone.
+/// [`Failure`] if the device cannot be read, with the fix, or is gone.
 pub fn probe(arguments: &OperatorProbe) -> Result<Exit, Failure> {
     let mut device = Device::open(&arguments.device, arguments.baud).map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
@@ -40,7 +40,7 @@ pub fn probe(arguments: &OperatorProbe) -> Result<Exit, Failure> {
     }
 }
 
-/// A signal, and how a scenario states it as the kill switch.
+/// Formats a signal and, for a press, its `kill_key`.
 fn line(signal: &Signal) -> String {
     match signal.press() {
         Some(key) => format!("{signal}; kill_key = {key}\n"),

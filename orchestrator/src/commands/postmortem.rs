@@ -4,7 +4,7 @@ use super::Failure;
 use crate::cli::{Host, Postmortem};
 use ::postmortem::aftermath;
 use command_line::exit::Exit;
-use command_line::output::complain;
+use command_line::output::print_error;
 use run_client::run_root;
 
 /// Says what has happened, sees to the services, and removes what the run had in shared memory.
@@ -12,7 +12,7 @@ use run_client::run_root;
 /// # Errors
 /// [`Failure`], always: the flight has failed.
 pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
-    let mut cause = aftermath::in_words(&arguments.cause);
+    let mut cause = aftermath::describe(&arguments.cause);
     if !arguments.external_services.is_empty() {
         let external_services: Vec<_> = arguments
             .external_services
@@ -21,22 +21,22 @@ pub fn postmortem(arguments: &Postmortem) -> Result<Exit, Failure> {
             .collect();
         cause += &format!("; programs flew in place of {}", external_services.join(", "));
     }
-    let flies_on = arguments.host == Host::Realtime;
-    let then = if flies_on {
+    let services_continue = arguments.host == Host::Realtime;
+    let then = if services_continue {
         "Its services go on alone: they end the flight as `real_time.orchestrator_loss` says, or `gerono attach` takes it \
          over. This command waits until they have ended."
     } else {
         "Its services were ended."
     };
-    complain(format_args!(
+    print_error(format_args!(
         "\nthe orchestrator could not go on: {cause}\n{then} What was recorded is in {}; `gerono recover {0}` makes a \
          proper log of it.",
         arguments.out.display()
     ));
-    aftermath::end_processes(flies_on);
+    aftermath::end_processes(services_continue);
     let swept = run_root::clean();
     if let Err(error) = &swept {
-        complain(format_args!(
+        print_error(format_args!(
             "what it had in shared memory could not be removed: {error}; `gerono clean` does so"
         ));
     }

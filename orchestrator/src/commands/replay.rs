@@ -71,7 +71,7 @@ pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
         print(in_words(first, ["first", "second"]));
     }
     for (topic, which, count) in topics.iter().flat_map(|topic| {
-        let [first, second] = topic.lonely;
+        let [first, second] = topic.unmatched;
         [
             (topic.comparison.topic, "first", first),
             (topic.comparison.topic, "second", second),
@@ -112,12 +112,12 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     if replayed.lacks_samples {
         text += "Samples are missing in the recovered log.\n";
     }
-    if !replayed.strange_checkpoints.is_empty() {
-        let services = names(&replayed.strange_checkpoints);
+    if !replayed.foreign_checkpoints.is_empty() {
+        let services = names(&replayed.foreign_checkpoints);
         text +=
             &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
     }
-    if let Some(service) = replayed.not_again {
+    if let Some(service) = replayed.not_replayable {
         text += &format!(
             "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
         );
@@ -204,7 +204,7 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
         count => count,
     };
     let done_again = services
-        - usize::from(replayed.not_again.is_some())
+        - usize::from(replayed.not_replayable.is_some())
         - replayed.external_services.len()
         - replayed.without_inputs.len();
     let rest = if replayed.starts.len() < done_again {

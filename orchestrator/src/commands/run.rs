@@ -74,12 +74,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     }
 
     let mut progress = Progress::new(&schedule, &name, arguments.quiet);
-    let people = Clients {
+    let clients = Clients {
         interrupt: &interrupt,
         messages: progress.messages(),
     };
     let mut sink = RecordingSink::new(&scenario, &schedule, Some(log), progress.shared_tick());
-    let ending = fly(arguments, &scenario, &folder, &mut sink, &people);
+    let ending = fly(arguments, &scenario, &folder, &mut sink, &clients);
     let flown = FlightResult {
         name: &name,
         host: arguments.host,
@@ -128,13 +128,13 @@ fn fly(
     scenario: &Scenario,
     folder: &RunFolder,
     sink: &mut RecordingSink<'_>,
-    people: &Clients<'_>,
+    clients: &Clients<'_>,
 ) -> Ending {
     let result = match arguments.host {
-        Host::Inprocess => in_process::fly(scenario, sink, people.interrupt)
+        Host::Inprocess => in_process::fly(scenario, sink, clients.interrupt)
             .map(Ending::from)
             .map_err(RunFailure::from),
-        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, sink, people),
+        Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, sink, clients),
     };
     result.unwrap_or_else(|failure| Ending {
         outcome: Outcome::Failed(failure),
@@ -152,21 +152,21 @@ fn fly_processes(
     scenario: &Scenario,
     folder: &RunFolder,
     sink: &mut RecordingSink<'_>,
-    people: &Clients<'_>,
+    clients: &Clients<'_>,
 ) -> Result<Ending, RunFailure> {
     let mut record = host_record(folder, scenario, arguments.recording)?;
     let _postmortem = Postmortem::prepare(arguments.host.name(), folder.path(), scenario.external_services())
         .map_err(RunFailure::setup)?;
     let deployment = deployment(&arguments.deployment);
     let ending = if arguments.host == Host::Realtime {
-        real_time::fly(scenario, &deployment, sink, people, &mut record)?
+        real_time::fly(scenario, &deployment, sink, clients, &mut record)?
     } else {
         lock_step::fly(
             scenario,
             &deployment,
             sink,
-            people.interrupt,
-            &people.messages,
+            clients.interrupt,
+            &clients.messages,
             &mut record,
         )?
     };

@@ -1,5 +1,5 @@
-//! The latest samples of a topic: those that the log is still waiting for, and before them those that a restarted
-//! service may have missed.
+//! The latest samples of a topic: those that the log still waits for, and before them those that a restarted service
+//! may have missed.
 
 use std::collections::BTreeMap;
 
@@ -10,28 +10,28 @@ use shared_types::{Header, Schedule, ServiceId};
 
 use super::RunFailure;
 
-/// Least number of samples that are kept before those that the log is waiting for.
-const LEAST_HISTORY: u64 = 64;
+/// Minimum number of samples that are kept before those that the log waits for.
+const MIN_HISTORY: u64 = 64;
 
-/// A ring of the latest samples of a topic, by their place in the sequence of the topic.
+/// Ring of the latest samples of a topic, by sequence number.
 pub struct Archive {
     publication: Publication,
     samples: SampleRing,
-    /// Number of samples that have come.
+    /// Number of received samples.
     count: u64,
-    /// Samples that are kept for good, by place: consumers need them long after later ones, as planned.
+    /// Samples that are kept permanently, by sequence number: planned faults repeat them much later.
     remembered: BTreeMap<u64, Option<Box<[u8]>>>,
-    /// `true` if an external program publishes: no process takes its place that might repeat samples, and nobody else sees
-    /// to its headers.
+    /// `true` if an external program publishes: it has no successor that might repeat samples, and its headers are not
+    /// trusted.
     is_external: bool,
 }
 
 impl Archive {
-    /// An empty archive of a topic.
+    /// Creates an empty archive.
     #[must_use]
     pub fn new(publication: Publication, schedule: &Schedule) -> Self {
-        // A consumer lags behind its publisher by less than its buffer holds; as much again may wait for the log.
-        let history = schedule.buffer_size(publication.topic).max(LEAST_HISTORY);
+        // A consumer lags behind its publisher by less than its buffer; as many samples may wait for the log.
+        let history = schedule.buffer_size(publication.topic).max(MIN_HISTORY);
         let edges: Vec<_> = publication
             .topic
             .consumers()
@@ -56,12 +56,12 @@ impl Archive {
         }
     }
 
-    /// Demands of every sample that it is the one which is due: an external program publishes them.
-    pub fn demand_what_is_due(&mut self) {
+    /// Requires every sample to be the one that is due: an external program publishes the topic.
+    pub fn require_due_samples(&mut self) {
         self.is_external = true;
     }
 
-    /// Returns whether there is room for another sample while those from the one of `tick` on are waited for.
+    /// Returns whether there is room for another sample while those from `tick` on are still needed.
     #[must_use]
     #[inline]
     pub fn has_room(&self, tick: u64) -> bool {
@@ -69,10 +69,10 @@ impl Archive {
         2 * waiting < self.samples.depth()
     }
 
-    /// Keeps a sample. A restarted service may repeat one, which must be the same.
+    /// Stores a sample. A restarted service may repeat samples, which must be equal.
     ///
     /// # Errors
-    /// [`RunFailure::Lost`] if samples are missing before it, [`RunFailure::Diverged`] if it is not the same.
+    /// [`RunFailure::Lost`] if samples before it are missing, [`RunFailure::Diverged`] if a repeated sample differs.
     #[inline]
     pub fn keep(&mut self, bytes: &[u8]) -> Result<(), RunFailure> {
         let header = header_of(bytes);
@@ -91,7 +91,7 @@ impl Archive {
         self.compare(tick, place, bytes)
     }
 
-    /// Returns whether a sample is the one that is due.
+    /// Checks that a sample is the one that is due.
     fn check(&self, header: Header) -> Result<(), RunFailure> {
         let due = self.next_due();
         if self.publication.header(due) == header {
@@ -109,7 +109,7 @@ impl Archive {
         })
     }
 
-    /// Tick of the next sample, if there is no outage.
+    /// Returns the tick of the next sample; valid without outages.
     fn next_due(&self) -> u64 {
         let Rate { period, phase } = self.publication.ticks.rate;
         phase + self.count * period
@@ -133,14 +133,14 @@ impl Archive {
         }
     }
 
-    /// The sample of a tick, if it has come and is still kept.
+    /// Returns the sample of a tick, if it was received and is still stored.
     #[must_use]
     #[inline]
     pub fn sample(&self, tick: u64) -> Option<&[u8]> {
         self.at(self.place_of(tick))
     }
 
-    /// The sample of a place in the sequence, if it has come and is still kept.
+    /// Returns the sample of a sequence number, if it was received and is still stored.
     #[must_use]
     #[inline]
     pub fn at(&self, place: u64) -> Option<&[u8]> {
@@ -150,26 +150,25 @@ impl Archive {
         self.remembered.get(&place)?.as_deref()
     }
 
-    /// Tick of the newest sample, and how many have come.
+    /// Returns the tick of the newest sample and the number of received samples.
     #[must_use]
     pub fn newest(&self) -> Option<(u64, u64)> {
         Some((header_of(self.newest_sample()?).tick, self.count))
     }
 
-    /// Returns the newest sample.
     #[must_use]
     pub fn newest_sample(&self) -> Option<&[u8]> {
         self.at(self.count.checked_sub(1)?)
     }
 
-    /// Returns how many samples have come.
+    /// Returns the number of received samples.
     #[must_use]
     #[inline]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Place in the sequence of the sample that is due at `tick`, or else of the first after it.
+    /// Returns the sequence number of the sample at `tick`, or of the first after it.
     #[must_use]
     #[inline]
     pub fn place_of(&self, tick: u64) -> u64 {
@@ -222,7 +221,7 @@ mod tests {
             sound
         };
         let mut archive = archive();
-        archive.demand_what_is_due();
+        archive.require_due_samples();
         for tick in 0..5 {
             archive.keep(sound(tick).as_bytes()).unwrap();
         }

@@ -1,8 +1,8 @@
-//! The control server of a flight: where `gerono arm`, `kill`, `top`, `view` and the like ask their questions.
+//! The control server of a flight, which answers `gerono arm`, `kill`, `top`, `view` and the like.
 //!
-//! It never waits for a client: it takes the new ones, answers the questions that have come, and goes on. A client can
-//! take neither the flight's time nor another client's place: there is one answer a round, a message has a largest size,
-//! and when all places are taken the client that has been silent for longest makes room. So a `kill` always comes through.
+//! It never waits for a client: it accepts new ones, answers pending questions, and returns. A client cannot take time
+//! from the flight or a slot from another client: there is one answer a round, a message has a maximum size, and when
+//! all slots are in use the client that was silent for longest is closed. So a `kill` always arrives.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
@@ -18,89 +18,89 @@ use run_client::run_root::RunRoot;
 use run_client::runs::OrchestratorLabel;
 use run_client::{Answer, Question, SOCKET, may_operate};
 
-/// Clients that are heard at once.
+/// Maximum number of clients.
 const CLIENTS: usize = 16;
 
-/// Clients that are taken in one round.
-const TAKEN_AT_ONCE: usize = 2 * CLIENTS;
+/// Maximum number of clients accepted in a round.
+const MAX_ACCEPTS: usize = 2 * CLIENTS;
 
-/// Clients that the system keeps until they are taken.
+/// Length of the listen queue.
 const BACKLOG: i32 = 64;
 
-/// Silence after which a client is let go. `gerono top` asks several times a second.
+/// Timeout of a silent client. `gerono top` asks several times a second.
 const SILENCE: Duration = Duration::from_secs(30);
 
-/// Longest question, bytes; the longest there is has some tens.
-const LONGEST_QUESTION: usize = 4096;
+/// Maximum length of a question, bytes; usual ones have some tens.
+const MAX_QUESTION: usize = 4096;
 
-/// The control server of a run. Its socket goes with the run's place.
+/// Control server of a run. Its socket is removed with the run's folder.
 pub struct ControlServer {
     listener: OwnedFd,
-    /// Those that have been silent for longest come first.
+    /// Sorted by their last question, the longest silent first.
     clients: Vec<Client>,
-    question: Box<[u8; LONGEST_QUESTION]>,
-    /// By it the run is found while none of its services lives.
+    question: Box<[u8; MAX_QUESTION]>,
+    /// Makes the run discoverable while none of its services lives.
     _label: OrchestratorLabel,
 }
 
-/// A program that asks.
+/// Connected client.
 struct Client {
     channel: Channel,
-    /// Time at which it came or asked last.
-    heard: Instant,
-    /// `true` if it has had its answer of this round.
-    is_served: bool,
+    /// Time of the connection or the last question.
+    last_question_at: Instant,
+    /// `true` if it was answered in this round.
+    is_answered: bool,
 }
 
-/// The request of a client.
+/// State of a client after its socket was read.
 #[derive(PartialEq)]
 enum ClientRequest {
     Nothing,
     Question,
-    /// It is gone, or does not take its answers.
+    /// The client has disconnected, or does not read its answers.
     End,
 }
 
 impl ControlServer {
-    /// Opens the control server of a run.
     ///
     /// # Errors
-    /// If the system refuses.
+    /// If the socket cannot be created.
     pub fn open(root: &RunRoot, host: Host) -> std::io::Result<Self> {
         let path: PathBuf = root.folder().join(SOCKET);
-        // That of an orchestrator which has died, if this one takes its place.
+        // Left by an earlier orchestrator of the run.
         let _ = std::fs::remove_file(&path);
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
         let listener = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
-        // A socket gets the mode that it has when it is bound, whatever the umask permits.
+        // Must precede `bind`: the socket file takes its mode from the socket, so it is never open to others, whatever the
+        // umask is.
         fchmod(&listener, Mode::RUSR | Mode::WUSR)?;
         rustix::net::bind(&listener, &SocketAddrUnix::new(&path)?)?;
         rustix::net::listen(&listener, BACKLOG)?;
         Ok(Self {
             listener,
             clients: Vec::with_capacity(CLIENTS),
-            question: Box::new([0; LONGEST_QUESTION]),
-            // Last: a process that finds the run can connect.
+            question: Box::new([0; MAX_QUESTION]),
+            // Must be last: a process that finds the run can then connect.
             _label: OrchestratorLabel::new(root.folder(), host)?,
         })
     }
 
-    /// Takes new clients, and answers what all of them ask, one question a client.
+    /// Accepts new clients and answers the questions of all clients, one a client.
     pub fn serve(&mut self, mut answer: impl FnMut(Question) -> Answer) {
         let now = Instant::now();
         for client in &mut self.clients {
-            client.is_served = false;
+            client.is_answered = false;
         }
-        self.hear_all(now, &mut answer);
-        for _ in 0..TAKEN_AT_ONCE {
+        self.answer_all(now, &mut answer);
+        for _ in 0..MAX_ACCEPTS {
             let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
             let Ok(socket) = rustix::net::accept_with(&self.listener, flags) else {
                 break;
             };
             let channel = Channel::inherited(socket);
-            // The folder of the socket is closed to other users; this holds even if that was opened to them.
+            // The folder is closed to other users; this check holds even if its mode was changed.
             if let Err(refusal) = admit(&channel) {
-                // A client that does not take its answer at once has no use for it.
+                // A client that does not read the refusal is closed anyway.
                 let _ = channel.try_send(&Answer::Refused(refusal));
                 continue;
             }
@@ -109,44 +109,43 @@ impl ControlServer {
             }
             self.clients.push(Client {
                 channel,
-                heard: now,
-                is_served: false,
+                last_question_at: now,
+                is_answered: false,
             });
         }
-        self.hear_all(now, &mut answer);
+        self.answer_all(now, &mut answer);
     }
 
-    /// Answers the questions that have come, and lets go the clients that are gone or silent.
-    fn hear_all(&mut self, now: Instant, answer: &mut impl FnMut(Question) -> Answer) {
+    /// Answers pending questions, and closes disconnected and silent clients.
+    fn answer_all(&mut self, now: Instant, answer: &mut impl FnMut(Question) -> Answer) {
         let question = &mut *self.question;
         self.clients.retain_mut(|client| {
-            let heard = client.hear(now, question, answer);
-            let is_silent = now.duration_since(client.heard) > SILENCE;
+            let request = client.answer_pending(now, question, answer);
+            let is_silent = now.duration_since(client.last_question_at) > SILENCE;
             if is_silent {
-                client.dismiss("nothing was asked for too long");
+                client.close("no question for too long");
             }
-            heard != ClientRequest::End && !is_silent
+            request != ClientRequest::End && !is_silent
         });
-        self.clients.sort_by_key(|client| client.heard);
+        self.clients.sort_by_key(|client| client.last_question_at);
     }
 
-    /// Lets go the client that has been silent for longest. A question that it has asked meanwhile is answered first.
+    /// Closes the client that was silent for longest. A question that has just arrived is answered first.
     fn make_room(&mut self, now: Instant, answer: &mut impl FnMut(Question) -> Answer) {
         let question = &mut *self.question;
         let silent = self
             .clients
             .iter_mut()
-            .position(|client| client.hear(now, question, answer) != ClientRequest::Question);
+            .position(|client| client.answer_pending(now, question, answer) != ClientRequest::Question);
         self.clients
             .remove(silent.unwrap_or(0))
-            .dismiss("other clients needed its place");
+            .close("too many clients: this one was silent for longest");
     }
 }
 
-/// Returns why a client may not ask, if it may not.
+/// Returns the reason if the client may not ask.
 fn admit(channel: &Channel) -> Result<(), String> {
-    let peer =
-        peer_credentials(channel).map_err(|error| format!("the system does not say who asks: {error}"))?;
+    let peer = peer_credentials(channel).map_err(|error| format!("cannot identify the client: {error}"))?;
     if may_operate(peer.user) {
         return Ok(());
     }
@@ -157,17 +156,17 @@ fn admit(channel: &Channel) -> Result<(), String> {
 }
 
 impl Client {
-    /// Answers its question, if it has one and has not had an answer in this round.
-    fn hear(
+    /// Answers the client's question, if one is pending and none was answered in this round.
+    fn answer_pending(
         &mut self,
         now: Instant,
         buffer: &mut [u8],
         answer: &mut impl FnMut(Question) -> Answer,
     ) -> ClientRequest {
-        if self.is_served {
+        if self.is_answered {
             return ClientRequest::Nothing;
         }
-        // TRUNC: the length that the message has, even if that is more than there is room for.
+        // TRUNC returns the length of the message even if it exceeds the buffer.
         let flags = RecvFlags::DONTWAIT | RecvFlags::TRUNC;
         let received = rustix::io::retry_on_intr(|| rustix::net::recv(&self.channel, &mut *buffer, flags));
         let question = match received {
@@ -181,22 +180,22 @@ impl Client {
             }
             Some(Ok(question)) => contained(|| answer(question)).unwrap_or_else(|| {
                 let reason =
-                    "this met a defect of gerono, which the terminal of the flight shows; the flight goes on";
+                    "this request failed by a defect of gerono, shown on the terminal of the flight; the flight continues";
                 Answer::Refused(reason.to_owned())
             }),
-            Some(Err(error)) => Answer::Refused(format!("this cannot be understood: {error}")),
-            None => Answer::Refused(format!("a question has at most {LONGEST_QUESTION} bytes")),
+            Some(Err(error)) => Answer::Refused(format!("the question is malformed: {error}")),
+            None => Answer::Refused(format!("a question has at most {MAX_QUESTION} bytes")),
         };
-        (self.heard, self.is_served) = (now, true);
-        // A client that does not take its answer at once has no use for it.
+        (self.last_question_at, self.is_answered) = (now, true);
+        // A client whose socket is full does not read its answers.
         match self.channel.try_send(&answer) {
             Ok(true) => ClientRequest::Question,
             _ => ClientRequest::End,
         }
     }
 
-    fn dismiss(&self, why: &str) {
-        // It ends in any case.
+    fn close(&self, why: &str) {
+        // The client is closed whether or not it receives the reason.
         let _ = self.channel.try_send(&Answer::Closed(why.to_owned()));
     }
 }
@@ -337,7 +336,7 @@ mod tests {
     fn what_is_no_question_or_too_long_is_refused_and_the_next_is_answered() {
         let mut server = Server::open();
         let client = server.client();
-        let long = format!("\"{}\"", "x".repeat(LONGEST_QUESTION));
+        let long = format!("\"{}\"", "x".repeat(MAX_QUESTION));
         for nonsense in ["{\"operate\":", long.as_str(), "[[[[[["] {
             rustix::net::send(&client, nonsense.as_bytes(), SendFlags::empty()).unwrap();
             assert_eq!(server.serve(), 0);
@@ -365,7 +364,7 @@ mod tests {
         let mut server = Server::open();
         let client = server.client();
         server.serve();
-        server.server.clients[0].heard -= SILENCE + Duration::from_secs(1);
+        server.server.clients[0].last_question_at -= SILENCE + Duration::from_secs(1);
         server.serve();
         assert!(server.server.clients.is_empty());
         assert!(matches!(answer(&client), Some(Answer::Closed(_))));

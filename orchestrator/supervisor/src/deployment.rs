@@ -1,4 +1,4 @@
-//! The processes' use of the machine. Nothing of it changes what is flown.
+//! Use of the machine by the processes. It does not affect the results of a flight.
 
 use runtime::crash::Crash;
 use runtime::deployment::{self, Scheduler};
@@ -7,18 +7,16 @@ use shared_types::ServiceId;
 
 use super::supervision::RestartPolicies;
 
-/// The command line's statements on the processes' use of the machine.
+/// Settings of the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Deployment {
-    /// Which core the services use.
     pub placement: Placement,
-    /// The sharing of the services' core.
+    /// Scheduling of the services' core.
     pub scheduler: Scheduler,
-    /// `true` if a waiting service may yield first or always sleeps at once.
+    /// `true` if a waiting service yields before it sleeps; otherwise it sleeps at once.
     pub yielding: bool,
-    /// Deaths that processes shall bring upon themselves: the first of a service upon its first process, and so on.
+    /// Planned crashes: the first one of a service applies to its first process, and so on.
     pub crashes: Vec<(ServiceId, Crash)>,
-    /// The restart policy of each service.
     pub restart_policies: RestartPolicies,
 }
 
@@ -35,8 +33,8 @@ impl Default for Deployment {
 }
 
 impl Deployment {
-    /// The scenario with the command line's word in place of its own about cores and priorities.
-    pub(super) fn stated_over(&self, scenario: &Scenario) -> Scenario {
+    /// Returns the scenario with cores and priorities of the command line in place of its own.
+    pub(super) fn override_deployment(&self, scenario: &Scenario) -> Scenario {
         let mut scenario = scenario.clone();
         if let Some(stated) = &mut scenario.deployment {
             if self.placement != Placement::AsStated {
@@ -50,20 +48,19 @@ impl Deployment {
     }
 }
 
-/// Which core the services of a run use. Together on one is the fastest way; the recorder takes the others.
+/// Cores of the services. Sharing one core is the fastest; the recorder uses the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Placement {
-    /// As the scenario says; where it does not, the one that is idlest as the run begins.
+    /// As in the scenario; by default the core that is idlest at the start of the run.
     AsStated,
-    /// This one.
     Core(usize),
-    /// Wherever the system puts them.
+    /// No affinity.
     Anywhere,
 }
 
-/// Which cores the services and the recorder use.
+/// Cores of the services and the recorder.
 pub(super) struct Cores {
-    /// That of all services that state none of their own.
+    /// Core of all services without their own setting.
     pub(super) ring: Option<usize>,
     others: Vec<usize>,
 }
@@ -81,7 +78,7 @@ impl Cores {
         Self::around(ring, scenario)
     }
 
-    /// With the services that state no core of their own on this one.
+    /// Returns the cores with the services on `ring`, unless they have their own setting.
     pub(super) fn around(ring: Option<usize>, scenario: &Scenario) -> Self {
         let own = ServiceId::ALL.map(|service| scenario.deployment_of(service).core);
         let taken = |core: usize| Some(core) == ring || own.contains(&u32::try_from(core).ok());
@@ -92,10 +89,10 @@ impl Cores {
         Self { ring, others }
     }
 
-    /// Keeps this process off the services' cores, if there is another.
-    pub(super) fn keep_off(&self) {
+    /// Moves this process off the services' cores, if others are available.
+    pub(super) fn leave_service_cores(&self) {
         if !self.others.is_empty() {
-            // Only slower if it is refused.
+            // A refusal is ignored: it only costs time.
             let _ = deployment::pin_to(&self.others);
         }
     }

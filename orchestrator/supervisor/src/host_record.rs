@@ -1,4 +1,4 @@
-//! The machine's record of a run, written to `host.mcap`: which processes, on which core, in what health.
+//! Writer of `host.mcap`, the record of a run's machine: processes, cores, health, steps.
 
 mod snapshots;
 
@@ -24,25 +24,24 @@ use run_log::{
     flight_start,
 };
 
-/// Keeps `host.mcap`. After a write that fails it keeps no more, and the flight goes on.
+/// Writer of `host.mcap`. After a failed write it stops recording, and the flight continues.
 pub struct HostRecord {
     log: HostLogWriter,
     started: Instant,
-    /// Time at which tick 0 began, in real time, since the start of the run.
+    /// Time of tick 0 in real time, since the start of the record, ns.
     flight_begins_ns: u64,
-    /// `true` if a write has failed.
     has_failed: bool,
-    /// With what, until it is told.
+    /// First failure, until it is reported.
     failure: Option<LogError>,
-    /// The number of the supervisor's ends that have been written.
+    /// Number of the supervisor's exits written so far.
     ends_written: usize,
-    /// The number of its restarts that have been written.
+    /// Number of the supervisor's restarts written so far.
     restarts_written: usize,
     snapshots: Snapshots,
 }
 
 impl HostRecord {
-    /// Begins a record of a flight of a scenario in a log.
+    /// Creates the record of a flight.
     #[must_use]
     pub fn new(log: HostLogWriter, scenario: &Scenario) -> Self {
         Self {
@@ -60,7 +59,7 @@ impl HostRecord {
     /// Closes the record.
     ///
     /// # Errors
-    /// The first [`LogError`] that came up, if it has not been told in flight.
+    /// The first [`LogError`], unless it was reported in flight.
     pub fn finish(self) -> Result<(), LogError> {
         match self.failure {
             Some(failure) => Err(failure),
@@ -92,7 +91,7 @@ impl HostRecord {
         self.write(&event);
     }
 
-    /// Writes how processes ended, as far as that is not written yet.
+    /// Writes the exits of processes that were not written yet.
     fn write_ends(&mut self, supervisor: &Supervisor<'_>) {
         for (service, pid, exit) in &supervisor.exits()[self.ends_written..] {
             let kind = if exit.killed {
@@ -161,7 +160,7 @@ impl SupervisionObserver for HostRecord {
 
 impl StepObserver for HostRecord {
     fn flight_begins_at(&mut self, start_ns: u64) {
-        // What was before this record began stands at its beginning.
+        // Wrapping: after a take-over, tick 0 lies before the start of this record.
         let in_ns = start_ns.wrapping_sub(monotonic_ns());
         self.flight_begins_ns = self.time_ns().wrapping_add(in_ns);
         let result = flight_start::write(&mut self.log, start_ns);
@@ -229,7 +228,7 @@ impl StepObserver for HostRecord {
     }
 }
 
-/// The machine and how the run uses it.
+/// Returns facts about the machine and its use by the run.
 fn host_facts(core: Option<usize>) -> BTreeMap<String, String> {
     let system = rustix::system::uname();
     let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();

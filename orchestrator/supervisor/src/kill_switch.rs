@@ -1,8 +1,8 @@
-//! Kill switch of the operator: a key of an input device, or a button at a serial line.
+//! The operator's kill switch: a key of an input device, or a button on a serial line.
 //!
-//! * [`device`]: opens either, and reads what it sends;
-//! * [`signal`]: what either sends, and what of it is a press;
-//! * [`watch`]: a thread that waits for a press, tells of a loss, and opens the device again.
+//! * [`device`]: opens and reads both kinds;
+//! * [`signal`]: their signals, and which of them are presses;
+//! * [`watch`]: a thread that waits for a press, reports a loss, and reopens the device;
 
 pub mod device;
 pub mod signal;

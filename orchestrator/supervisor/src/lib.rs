@@ -1,4 +1,4 @@
-//! Runs of a scenario in processes of their own: the hosts, what they have in common, and how a run ends.
+//! Runs of a scenario in separate processes: lock step and real time, and what they share.
 
 pub mod archive;
 mod control_server;
@@ -28,27 +28,26 @@ use system_limits::resource_limits;
 use metrics::summary::laboratory::LaboratoryReport;
 use metrics::summary::timing::TimingReport;
 
-/// The end of a run.
+/// Result of a run.
 #[derive(Debug)]
 pub struct Ending {
-    /// Why.
     pub outcome: Outcome,
-    /// Ticks that are whole in the log, from tick 0.
+    /// Number of complete ticks in the log.
     pub ticks: u64,
     /// Wall time from the first tick to the last.
     pub wall_time: Duration,
-    /// Warnings about the machine, once.
+    /// Warnings about the machine, without repetitions.
     pub warnings: Vec<String>,
-    /// Restarts in flight, in their order.
+    /// Restarts in flight, in order.
     pub restarts: Vec<supervision::Restart>,
-    /// Its timing, if it was flown in real time.
+    /// Timing of a flight in real time.
     pub timing: Option<TimingReport>,
-    /// The performance of cameras and radio link, if it was flown in a laboratory.
+    /// Figures of cameras and radio link of a flight in a laboratory.
     pub laboratory: Option<LaboratoryReport>,
 }
 
 impl Ending {
-    /// The ending of a run whose record of the machine was closed so. What failed before counts.
+    /// Adds the result of closing the record of the machine. An earlier failure has precedence.
     #[must_use]
     pub fn with_record(mut self, closed: Result<(), run_log::LogError>) -> Self {
         if let (Err(error), Outcome::Completed | Outcome::Interrupted { .. }) = (closed, &self.outcome) {
@@ -76,130 +75,103 @@ impl From<flight::Ending> for Ending {
     }
 }
 
-/// Reason why a run ended.
 pub type Outcome = flight::Outcome<RunFailure>;
 
-/// Reason why a run could not go on.
+/// Reason why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFailure {
-    /// One that a flight in one process may have, too.
+    /// A failure that is also possible in a flight in one process.
     #[error(transparent)]
     Flight(#[from] FlightFailure),
-    /// It failed at Gerono's own code, in a flight in which other code publishes, too.
+    /// A failure of one of Gerono's own services, in a flight in which foreign code publishes as well.
     #[error("{failure}{suspects}")]
     Suspected {
-        /// The failure.
         failure: Box<Self>,
-        /// The services in whose place other code flies.
+        /// Services that are replaced by foreign code.
         suspects: Suspects,
     },
-    /// A service process died again and again without getting any further.
+    /// A service died repeatedly without progress.
     #[error(
         "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
          it is not started again after {times} deaths in a row without flying a tick more (see --restarts); \
          the log ends with the last whole tick"
     )]
     Died {
-        /// Name of the service.
         service: String,
-        /// The last of its process ids.
+        /// PID of its last process.
         pid: u32,
-        /// The last tick that it had stepped.
+        /// Last tick that it completed.
         tick: u64,
-        /// The outcome of the run.
+        /// Signal or exit code.
         how: String,
-        /// Number of times that it had died there.
+        /// Number of deaths at this tick.
         times: u32,
     },
-    /// A restarted service published another sample than before its death.
+    /// A restarted service published a sample that differs from the one before its death.
     #[error(
         "the service that publishes `{topic}` was restarted and published another sample of tick {tick} than before: \
          its step is not a function of state and inputs, or the machine computes wrongly"
     )]
-    Diverged {
-        /// Name of the topic.
-        topic: String,
-        /// Tick of the sample.
-        tick: u64,
-    },
-    /// A service could not do its work and said so.
+    Diverged { topic: String, tick: u64 },
+    /// A service reported a failure.
     #[error("the service `{service}` gave up: {reason}")]
-    GaveUp {
-        /// Name of the service.
-        service: String,
-        /// The reason that it gave.
-        reason: String,
-    },
-    /// The folder of the run's bookkeeping is gone.
+    GaveUp { service: String, reason: String },
+    /// The run's folder was removed.
     #[error(
-        "the folder of the run, {}, was removed: nothing finds the run any more, and no service could be started again; \
-         one below XDG_RUNTIME_DIR goes with the user's last login (`loginctl enable-linger`)", .0.display()
+        "the folder of the run, {}, was removed: the run cannot be found any more, and no service could be restarted; \
+         one below XDG_RUNTIME_DIR is removed with the user's last session (`loginctl enable-linger`)", .0.display()
     )]
-    PlaceRemoved(PathBuf),
-    /// A service did not become ready.
+    FolderRemoved(PathBuf),
+    /// Services did not become ready in time.
     #[error("the services {} did not become ready within {} s; is the machine overloaded?", .services.join(", "), .limit.as_secs())]
     NotReady {
-        /// Their names.
         services: Vec<String>,
-        /// Time for which they had.
+        /// The timeout.
         limit: Duration,
     },
-    /// An external service did not keep the process contract.
+    /// An external service violated the process contract.
     #[error(
         "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
     )]
     ExternalService {
-        /// Name of the service.
         service: String,
-        /// Its process id.
         pid: u32,
-        /// Its action, in words.
+        /// Predicate of the message: what it did.
         what: String,
     },
-    /// A program in place of a service published another sample than the one that was due.
+    /// An external service published another sample than the one that was due.
     #[error(
         "the program in place of `{service}` published a sample of `{topic}` with the tick {}, the number {} and the time \
          {} ns where that of tick {due} was due; docs/process_contract.md says what it must do",
         .got.tick, .got.seq, .got.stamp_ns
     )]
     NotDue {
-        /// Name of the service.
         service: &'static str,
-        /// Name of the topic.
         topic: &'static str,
-        /// Tick of the sample that was due.
         due: u64,
-        /// Header of the sample that came.
+        /// Header of the received sample.
         got: Header,
     },
-    /// The machine does not permit what the scenario insists on.
+    /// The system refused a setting although the deployment is strict.
     #[error(
-        "the scenario insists on its deployment (`deployment.strict`), of which this machine does not permit all: {}; \
+        "the scenario requires its deployment (`deployment.strict`), and this machine does not permit all of it: {}; \
          nothing was flown",
         .refusals.join("; ")
     )]
     NotPermitted {
-        /// The refused permissions, with the fixes.
+        /// The refused settings, with the fixes.
         refusals: Vec<String>,
     },
     /// A sample did not reach the recorder.
     #[error("a sample of `{topic}` was lost: tick {due} was due and {got} came")]
-    Lost {
-        /// Name of the topic.
-        topic: String,
-        /// Tick that was due.
-        due: u64,
-        /// Tick that came.
-        got: u64,
-    },
-    /// The record of the machine, `host.mcap`, cannot be written.
-    #[error("the record of the machine cannot be kept: {0}")]
+    Lost { topic: String, due: u64, got: u64 },
+    #[error("the record of the machine cannot be written: {0}")]
     Record(#[source] run_log::LogError),
 }
 
 impl RunFailure {
-    /// Names the services in whose place other code flies, if the run has failed at another service and the failure
-    /// names none of them.
+    /// Adds the services with foreign code as suspects, if the failure may result from their samples and does not name
+    /// one of them.
     #[must_use]
     pub fn suspecting(self, foreign: impl IntoIterator<Item = ServiceId>) -> Self {
         let is_by_samples = matches!(
@@ -220,7 +192,7 @@ impl RunFailure {
         }
     }
 
-    /// Returns the failure without the suspects.
+    /// Returns the failure without suspects.
     #[must_use]
     pub fn itself(&self) -> &Self {
         match self {
@@ -229,7 +201,7 @@ impl RunFailure {
         }
     }
 
-    /// Returns whether a service could not do its work and said so.
+    /// Returns whether a service reported the failure.
     #[must_use]
     pub fn is_given_up(&self) -> bool {
         matches!(self.itself(), Self::GaveUp { .. })
@@ -244,7 +216,7 @@ impl RunFailure {
         }
     }
 
-    /// A flight that cannot begin, and the error or the sentence that says why.
+    /// Returns the failure of a flight that cannot begin, from an error or a message.
     pub fn setup(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let error = error.into();
         Self::Flight(match resource_limits::advice(&*error) {

@@ -1,4 +1,4 @@
-//! Flies a scenario as processes in lock-step: one a service, and this one, which supervises and records.
+//! Flights in lock step: one process for each service, and this process as supervisor and recorder.
 
 mod stall;
 mod watchers;
@@ -23,13 +23,13 @@ use flight::interrupt::Interrupt;
 use stall::StallWatch;
 use watchers::Watchers;
 
-/// Period at which the recorder looks: between two looks the fastest flight fills a tenth of its buffers.
+/// Period of the recorder: within it, the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
-/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`. `messages` are shown at once.
+/// Flies `scenario` to its end or until `interrupt`, and passes all samples to `sink`. `messages` are shown at once.
 ///
 /// # Errors
-/// [`RunFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if the run cannot be set up. A failure in flight is in the [`Ending`].
 pub fn fly<S: TickSink>(
     scenario: &Scenario,
     deployment: &Deployment,
@@ -47,7 +47,7 @@ where
     let mut recorder = recorder.distrust(context.scenario.external_services(), &context.schedule);
     let mut supervisor = context.start_supervisor(deployment, Host::LockStep)?;
     let block = supervisor.page().control_block();
-    recorder.make_known(block);
+    recorder.publish_ids(block);
     if !deployment.yielding {
         block.block_only.store(BLOCK_ALWAYS, Ordering::Relaxed);
     }
@@ -55,7 +55,7 @@ where
     observer.ready(&supervisor, context.cores.ring);
 
     let started = Instant::now();
-    // First: what services publish that are gone before it is connected is lost.
+    // Must come before `go`: samples of services that exit before the connection would be lost.
     recorder.connect().map_err(RunFailure::setup)?;
     supervisor.go()?;
     observer.changed(&supervisor);
@@ -84,7 +84,7 @@ where
     })
 }
 
-/// A flight under way.
+/// State of a flight.
 struct Flight<'a> {
     supervisor: Supervisor<'a>,
     recorder: Recorder,
@@ -95,7 +95,7 @@ struct Flight<'a> {
 }
 
 impl Flight<'_> {
-    /// Records, watches and restarts until the flight is over.
+    /// Records, watches and restarts services until the flight ends.
     fn supervise<S: TickSink>(&mut self, sink: &mut S, interrupt: &Interrupt) -> Result<Outcome, RunFailure>
     where
         RunFailure: From<S::Error>,
@@ -106,7 +106,7 @@ impl Flight<'_> {
             if progress == Progress::Done {
                 return Ok(Outcome::Completed);
             }
-            self.look_after_external_services(progress)?;
+            self.check_external_services(progress)?;
             self.observer.progressed(&self.supervisor, self.recorder.ticks());
             self.watchers.serve(&self.supervisor, &self.recorder);
             if let Some(signal) = interrupt.signal() {
@@ -118,7 +118,7 @@ impl Flight<'_> {
                 _ => RECORDER_PERIOD,
             };
             for event in self.supervisor.watch(period) {
-                self.attend_to(event)?;
+                self.handle(event)?;
             }
             if self.supervisor.needs_care() {
                 self.recorder.receive()?;
@@ -139,12 +139,12 @@ impl Flight<'_> {
         }
     }
 
-    /// Takes note of how far external services have come, and of those that have finished without having flown to the end.
-    fn look_after_external_services(&self, progress: Progress) -> Result<(), RunFailure> {
+    /// Records the progress of external services; fails if one has finished without publishing all its samples.
+    fn check_external_services(&self, progress: Progress) -> Result<(), RunFailure> {
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         for external_service in self.supervisor.external_services() {
-            // What it has published before it said so has been received since.
+            // Everything published before its message has been received by now.
             if progress == Progress::Waiting
                 && self.supervisor.is_finished(external_service)
                 && self.recorder.waits_for(external_service)
@@ -155,7 +155,7 @@ impl Flight<'_> {
         Ok(())
     }
 
-    /// Says for which service the flight waits, if it has waited for long.
+    /// Reports the services that the flight waits for, if it has waited for long.
     fn report_stall(&mut self) {
         let ticks = self.recorder.ticks();
         let awaited = || stall::awaited(&self.supervisor, ticks);
@@ -163,11 +163,11 @@ impl Flight<'_> {
             self.watchers
                 .events
                 .keep(self.watchers.time(&self.recorder), &text);
-            self.messages.say(text);
+            self.messages.show(text);
         }
     }
 
-    fn attend_to(&mut self, event: ServiceEvent) -> Result<(), RunFailure> {
+    fn handle(&mut self, event: ServiceEvent) -> Result<(), RunFailure> {
         match event {
             ServiceEvent::Lost(failure) => return Err(failure),
             ServiceEvent::Died => {
@@ -190,7 +190,7 @@ impl Flight<'_> {
     }
 }
 
-/// Ends the services and records the whole ticks that they had published.
+/// Stops the services and records the complete ticks that they have published.
 fn wind_up<S: TickSink>(
     supervisor: &mut Supervisor<'_>,
     recorder: &mut Recorder,
@@ -210,11 +210,11 @@ where
     };
     match outcome {
         Outcome::Completed => Outcome::Completed,
-        // The sink itself has failed, or what comes is not what is due.
+        // The sink has failed, or samples are wrong.
         Outcome::Failed(failure) if takes_no_more(&failure) => Outcome::Failed(failure),
         outcome => match recorder.drain_all(sink) {
             Ok(()) => outcome,
-            // Why the flight ended matters more, unless it was on request.
+            // The first failure is reported, unless the end was requested.
             Err(failure) => match outcome {
                 Outcome::Failed(first) => Outcome::Failed(first),
                 Outcome::Completed | Outcome::Interrupted { .. } => Outcome::Failed(failure),

@@ -1,12 +1,12 @@
-//! Flies a scenario as processes in real time: one a service, and this one, which supervises and records.
+//! Flights in real time: one process for each service, and this process as supervisor and recorder.
 //!
-//! Nobody waits for this process: services step by the clock and publish whether anybody listens or not. A service that
-//! dies is noticed at once, one that hangs when it has not stepped for too long; both are restarted with what they
-//! knew after their last step, and fly on with the newest that comes.
+//! No service waits for this process: services step by the clock, and publishing does not depend on receivers. A dead
+//! service is detected at once, a hung one by a timeout; both are restarted from their last checkpoint, and continue
+//! with the newest samples.
 //!
-//! Failure policy: in the air nothing ends a flight but its landing. A log that cannot be written, a service that is
-//! beyond its restarts, a failed port: the first failure is kept and told, the vehicle is asked to land, services are
-//! restarted until it has landed, and then the flight ends with that failure (`shutdown.rs`).
+//! Failure policy: in the air only a landing ends a flight. If the log cannot be written, a service exceeds its
+//! restarts, or a port fails, the first failure is stored and reported, a landing is requested, services are restarted
+//! until the vehicle has landed, and then the flight ends with that failure (`shutdown.rs`).
 
 mod answers;
 mod decisions;
@@ -59,26 +59,26 @@ use run_client::live_events::LiveEvents;
 use run_client::newest::Newest;
 use run_log::{CaptureFigures, LinkFigures, LogError};
 
-/// Period at which the recorder looks: a fast flight fills a hundredth of its buffers meanwhile.
+/// Period of the recorder: within it, a fast flight fills a hundredth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
-/// From the decision to fly until tick 0 begins: everybody has been told by then.
+/// Delay from the start command to tick 0; long enough to reach every service.
 const COUNTDOWN: Duration = Duration::from_millis(50);
 
-/// Time after the last tick within which a flight ends whose services are delayed.
+/// Time after the last tick after which a flight with delayed services ends.
 const DELAYED_END_LIMIT: Duration = Duration::from_secs(10);
 
-/// Events of a flight in real time, for the record of the machine.
+/// Observer of a flight in real time, for the record of the machine.
 pub trait StepObserver: SupervisionObserver {
     /// Tick 0 begins, or began, at this time of `CLOCK_MONOTONIC`, ns.
     fn flight_begins_at(&mut self, start_ns: u64);
-    /// A service has stepped; its inputs as the schedule sees them.
+    /// A service has stepped; `inputs` are its edges in the schedule.
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]);
-    /// Returns why the record cannot go on, once.
+    /// Returns the failure of the record, once.
     fn failure(&mut self) -> Option<LogError>;
-    /// Clients have done something.
+    /// An event for the record, such as a request of a client.
     fn note(&mut self, text: &str);
-    /// A service hung and was killed.
+    /// A hung service was killed.
     fn hung(&mut self, service: ServiceId);
     /// Records the figures of a laboratory's cameras, about once a second and at the end.
     fn capture(&mut self, figures: &CaptureFigures);
@@ -88,15 +88,15 @@ pub trait StepObserver: SupervisionObserver {
     fn timing(&mut self, report: &TimingReport);
 }
 
-/// Flies `scenario` to its end, or until `interrupt` is raised, and hands everything to `sink`.
+/// Flies `scenario` to its end or until the interrupt, and passes all samples to `sink`.
 ///
 /// # Errors
-/// [`RunFailure`] if the run cannot be set up. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if the run cannot be set up. A failure in flight is in the [`Ending`].
 pub fn fly<S: TickSink>(
     scenario: &Scenario,
     deployment: &Deployment,
     sink: &mut S,
-    people: &Clients<'_>,
+    clients: &Clients<'_>,
     observer: &mut dyn StepObserver,
 ) -> Result<Ending, RunFailure>
 where
@@ -134,51 +134,52 @@ where
         let text = format!(
             "The vehicle stands on the ground, disarmed. To take off, in another terminal: gerono arm --run {run}"
         );
-        people.messages.say(text);
+        clients.messages.show(text);
     }
-    let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
+    let mut flight = Flight::new(&context, clock, supervisor, recorder, clients, observer);
     flight.kill_switch = kill_switch;
     Ok(flight.conduct(sink, &mut server, warnings))
 }
 
-/// Takes over a flight whose orchestrator is gone, and hands everything from then on to `sink`.
+/// Takes over a flight whose orchestrator is gone, and passes all samples from then on to `sink`.
 ///
 /// # Errors
-/// [`RunFailure`] if it cannot be taken over. A failure in flight is the ending's outcome.
+/// [`RunFailure`] if the flight cannot be taken over. A failure in flight is in the [`Ending`].
 pub fn take_over<S: TickSink>(
     take_over: TakeOver,
     sink: &mut S,
-    people: &Clients<'_>,
+    clients: &Clients<'_>,
     observer: &mut dyn StepObserver,
 ) -> Result<Ending, RunFailure>
 where
     RunFailure: From<S::Error>,
 {
     let TakeOver {
-        only_one: _only_one,
+        take_over_lock: _only_one,
         context,
         shared,
         survivors,
-        place,
+        folder,
         clock,
         first_tick,
     } = take_over;
-    let mut recorder = Recorder::new(context.listen_in()?, first_tick);
+    let mut recorder = Recorder::new(context.subscribe_in_flight()?, first_tick);
     let mut server = ControlServer::open(&context.root, Host::RealTime).map_err(RunFailure::setup)?;
     recorder.connect().map_err(RunFailure::setup)?;
-    // Only now: if it failed before, they would not be restarted. From here on nothing fails without a landing.
-    let killed = take_over::end_the_others(&place, &survivors)?;
+    // Only now: if an earlier step had failed, they would not be restarted. From here on every failure leads to a
+    // landing.
+    let killed = take_over::kill_unconnected(&folder, &survivors)?;
     let supervisor = context.adopt_supervisor(shared, survivors)?;
     observer.flight_begins_at(clock.start_ns);
     observer.ready(&supervisor, context.cores.ring);
     observer.note("another orchestrator has taken over");
     for pid in killed {
-        observer.note(&format!("killed the process {pid}, which did not come to it"));
+        observer.note(&format!("killed the process {pid}, which has not connected"));
     }
     let recorder = recorder
         .distrust(context.scenario.external_services(), &context.schedule, clock)
         .remember_for_restarts(&context.schedule);
-    let mut flight = Flight::new(&context, clock, supervisor, recorder, people, observer);
+    let mut flight = Flight::new(&context, clock, supervisor, recorder, clients, observer);
     flight.motors = Motors::UNKNOWN;
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
@@ -187,15 +188,15 @@ where
     Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
-/// The people at the terminal of a flight: what they ask for, and what they are told.
+/// Terminal of a flight.
 pub struct Clients<'a> {
-    /// Signals by which they ask for the end.
+    /// Signals that request the end.
     pub interrupt: &'a Interrupt,
-    /// The messages to them meanwhile.
+    /// Messages on the terminal.
     pub messages: Messages,
 }
 
-/// A flight under way.
+/// State of a flight.
 struct Flight<'a> {
     schedule: &'a Schedule,
     clock: FlightClock,
@@ -205,35 +206,32 @@ struct Flight<'a> {
     heartbeats: Heartbeats,
     observer: &'a mut dyn StepObserver,
     scenario: &'a Scenario,
-    /// The folder of its bookkeeping.
-    place: &'a Path,
+    /// Folder of the run.
+    folder: &'a Path,
     laboratory: Laboratory<'a>,
-    people: &'a Clients<'a>,
-    /// Name of the run, by which other terminals find it.
+    clients: &'a Clients<'a>,
+    /// Name of the run, as other terminals find it.
     run: String,
     motors: Motors,
     shutdown: Shutdown,
-    /// The signal that asked for the end.
+    /// Signal that requested the end.
     signal: Option<i32>,
-    /// The operator's kill switch, if the scenario states one.
     kill_switch: Option<KillSwitch>,
-    /// The first failure, with which the flight ends once the vehicle is on the ground.
+    /// First failure, reported once the vehicle is on the ground.
     failure: Option<RunFailure>,
     /// Events that are not in the log yet: tick, kind and text.
-    happened: Vec<(u64, u32, Cow<'static, str>)>,
-    /// The scenario with the gains that the operator has changed; `None` before the first change.
+    pending_events: Vec<(u64, u32, Cow<'static, str>)>,
+    /// Scenario with the gains that the operator has changed; `None` before the first change.
     tuned: Option<Scenario>,
-    /// Action of the newest frame.
     last_action: u8,
-    /// Phase and cause of the newest reference.
     last_decision: (u8, u8),
-    /// `true` if the place of an airborne vehicle was not known by the newest reference.
+    /// `true` if the position of an airborne vehicle was unknown at the newest reference.
     was_lost: bool,
-    /// z of the vehicle when it was on the ground last, in {I}, m; that of the floor until it is known.
+    /// z of the vehicle when it was last on the ground, in {I}, m; 0, the floor, before that.
     ground_z: f64,
-    /// z of the vehicle when it was last seen, m.
+    /// z of the vehicle when it was last tracked, m.
     vehicle_z: f64,
-    /// The last events, for people at other terminals.
+    /// Last events, for clients.
     events: LiveEvents,
 }
 
@@ -243,7 +241,7 @@ impl<'a> Flight<'a> {
         clock: FlightClock,
         supervisor: Supervisor<'a>,
         recorder: Recorder,
-        people: &'a Clients<'a>,
+        clients: &'a Clients<'a>,
         observer: &'a mut dyn StepObserver,
     ) -> Self {
         let schedule = &context.schedule;
@@ -258,16 +256,16 @@ impl<'a> Flight<'a> {
             recorder,
             observer,
             scenario: &context.scenario,
-            place: context.root.folder(),
+            folder: context.root.folder(),
             laboratory: Laboratory::of(&context.scenario),
-            people,
+            clients,
             run: context.root.name(),
             motors: Motors::AT_REST,
             shutdown: Shutdown::None,
             signal: None,
             kill_switch: None,
             failure: None,
-            happened: Vec::new(),
+            pending_events: Vec::new(),
             tuned: None,
             last_action: RcFrame::ACTION_NONE,
             last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
@@ -278,7 +276,7 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Sees the flight to its end.
+    /// Conducts the flight to its end.
     fn conduct<S: TickSink>(
         mut self,
         sink: &mut S,
@@ -297,7 +295,7 @@ impl<'a> Flight<'a> {
         self.finish(wall_time, warnings)
     }
 
-    /// Records, watches and restarts until the flight is over, one way or the other.
+    /// Records, watches and restarts services until the flight ends.
     fn supervise<S: TickSink>(&mut self, sink: &mut S, server: &mut ControlServer)
     where
         RunFailure: From<S::Error>,
@@ -308,19 +306,19 @@ impl<'a> Flight<'a> {
             block
                 .orchestrator_alive_ns
                 .store(monotonic_ns(), Ordering::Relaxed);
-            if let Some(signal) = self.people.interrupt.take() {
+            if let Some(signal) = self.clients.interrupt.take() {
                 self.signal = Some(signal);
                 let answer = self.request_end("a signal");
-                self.people.messages.say(answer);
+                self.clients.messages.show(answer);
             }
-            self.attend_to_kill_switch();
+            self.handle_kill_switch();
             let period = if self.supervisor.needs_care() {
                 RESTART_POLL_PERIOD
             } else {
                 RECORDER_PERIOD
             };
             for event in self.supervisor.watch(period) {
-                self.attend_to(event);
+                self.handle(event);
             }
             self.restart_services();
             if let Err(failure) = self.record(sink) {
@@ -330,30 +328,29 @@ impl<'a> Flight<'a> {
             if let Some(error) = self.observer.failure() {
                 self.fail(RunFailure::Record(error));
             }
-            self.replace_the_hung();
+            self.replace_hung_services();
             self.land_before_the_end();
             server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
                 self.supervisor.remove_unfinished();
-                if matches!(self.place.try_exists(), Ok(false)) {
-                    self.fail(RunFailure::PlaceRemoved(self.place.to_owned()));
+                if matches!(self.folder.try_exists(), Ok(false)) {
+                    self.fail(RunFailure::FolderRemoved(self.folder.to_owned()));
                 }
                 self.observer.health(&self.supervisor);
                 self.observe_laboratory();
-                self.tell_of_laboratory();
+                self.announce_laboratory();
                 self.monitor.end_window();
                 next_health += Duration::from_secs(1);
             }
         }
     }
 
-    /// Returns whether all steps are done, or the flight may end before.
+    /// Returns whether all services have finished, or the flight may end earlier.
     fn is_over(&self) -> bool {
         self.supervisor.has_finished() || self.is_past_its_end() || self.shutdown.permits_end(&self.motors)
     }
 
-    /// Returns whether the last tick is so long past that nothing more comes: a service that cannot be restarted never
-    /// finishes.
+    /// Returns whether the timeout after the last tick has passed: a service that cannot be restarted never finishes.
     fn is_past_its_end(&self) -> bool {
         let since_end = self.since_end();
         since_end > STOP_LIMIT && (since_end > DELAYED_END_LIMIT || !self.supervisor.is_delayed())
@@ -365,8 +362,8 @@ impl<'a> Flight<'a> {
         Duration::from_nanos(monotonic_ns().saturating_sub(last))
     }
 
-    /// Takes note of a service that has not flown its last step although its time is past: its flight is not complete.
-    /// One that has, and only does not end, leaves the flight complete: returns a warning.
+    /// Handles services that have not finished in time. A service that has not done its last step makes the flight
+    /// incomplete, which is a failure. One that has only not exited leaves it complete, with a warning.
     fn note_unfinished(&mut self) -> Vec<String> {
         if self.shutdown != Shutdown::None || self.failure.is_some() {
             return Vec::new();
@@ -395,23 +392,23 @@ impl<'a> Flight<'a> {
         warnings
     }
 
-    /// Takes note of a failure, the first of which ends the flight on the ground.
+    /// Stores a failure and requests the end; the first one becomes the outcome of the flight.
     fn fail(&mut self, failure: RunFailure) {
         if self.failure.is_some() {
             return;
         }
         let failure = failure.suspecting(self.scenario.foreign_services());
-        self.tell(&format!("the flight has failed: {failure}"));
+        self.record_event(&format!("the flight has failed: {failure}"));
         self.failure = Some(failure);
         let answer = self.request_end("a failure");
         if self.shutdown == Shutdown::Land {
             let failure = self.failure.as_ref().map(ToString::to_string);
             let text = format!("{}\n{answer}", failure.unwrap_or_default());
-            self.people.messages.say(text);
+            self.clients.messages.show(text);
         }
     }
 
-    /// Asks for the end of the flight, on the ground; what follows, in words.
+    /// Requests the end of the flight, after a landing. Returns the message for the user.
     fn request_end(&mut self, reason: impl Into<Cow<'static, str>>) -> String {
         let before = self.shutdown;
         self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
@@ -436,24 +433,24 @@ impl<'a> Flight<'a> {
         )
     }
 
-    fn attend_to(&mut self, event: ServiceEvent) {
+    fn handle(&mut self, event: ServiceEvent) {
         match event {
             ServiceEvent::Lost(failure) => self.fail(failure),
             ServiceEvent::Died => {
                 self.observer.changed(&self.supervisor);
                 if let Some(text) = self.supervisor.last_death() {
-                    self.remember(&text);
+                    self.add_event(&text);
                 }
             }
             ServiceEvent::Ready(service, _) => {
                 let name = self.supervisor.name_of(service);
-                self.remember(&format!("`{name}` was restarted"));
+                self.add_event(&format!("`{name}` was restarted"));
             }
             ServiceEvent::Finished(_) => {}
         }
     }
 
-    /// RestartPolicies services that have died; after a failure also those that were given up.
+    /// Restarts services that have died; after a failure also those that were given up.
     fn restart_services(&mut self) {
         if self.failure.is_some() {
             self.supervisor.retry_given_up();
@@ -461,9 +458,10 @@ impl<'a> Flight<'a> {
         if !self.supervisor.needs_care() {
             return self.supervisor.keep_standby();
         }
-        // A process gets what was published before it was ready by message, and receives what comes later by itself.
+        // A restarted process receives the samples published before it was ready as messages, and later ones through
+        // its ports.
         let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
-        // A port that fails keeps no service from flying on.
+        // A failed port does not prevent the restart of services.
         let restarted = supervisor.restart_dead().and(recorder.receive());
         let resumed =
             supervisor.resume_in_real_time(&|topic, from| recorder.remembered(topic, from).collect());
@@ -473,35 +471,36 @@ impl<'a> Flight<'a> {
         self.observer.changed(&self.supervisor);
     }
 
-    /// Keeps an event for people at other terminals.
-    fn remember(&mut self, text: &str) {
+    /// Appends an event for clients.
+    fn add_event(&mut self, text: &str) {
         self.events.keep(seconds(self.clock.elapsed_ns()), text);
     }
 
-    /// Tells of something that people have done.
-    fn tell(&mut self, text: &str) {
+    /// Records an event, and shows it to clients.
+    fn record_event(&mut self, text: &str) {
         self.observer.note(text);
-        self.remember(text);
+        self.add_event(text);
     }
 
-    /// Tells of something that has happened by itself, also at the terminal of the run.
+    /// Records an event, shows it to clients and on the terminal of the run.
     fn announce(&mut self, text: String) {
-        self.tell(&text);
-        self.people.messages.say(text);
+        self.record_event(&text);
+        self.clients.messages.show(text);
     }
 
-    /// Takes what has been published and told, and writes the ticks that have settled.
+    /// Receives samples and step records, and writes the ticks that have settled.
     fn record<S: TickSink>(&mut self, sink: &mut S) -> Result<(), RunFailure>
     where
         RunFailure: From<S::Error>,
     {
         let received = self.recorder.receive();
         let frame = self.recorder.newest::<RcFrame>();
-        // Where frames cannot be heard, the phase still says when the vehicle is down.
-        let is_heard = self.recorder.hears(Topic::RcFrame) || self.phase() == Some(FlightPhase::Disarmed);
+        // If the port of frames has failed, the phase still shows when the vehicle is down.
+        let can_receive =
+            self.recorder.is_receiving(Topic::RcFrame) || self.phase() == Some(FlightPhase::Disarmed);
         self.motors
-            .observe(frame.as_ref(), self.clock.elapsed_ns(), is_heard);
-        self.tell_of_decisions();
+            .observe(frame.as_ref(), self.clock.elapsed_ns(), can_receive);
+        self.announce_decisions();
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
         self.observe_steps();
@@ -511,12 +510,12 @@ impl<'a> Flight<'a> {
         received
     }
 
-    /// Writes the ticks before `tick`, and what has happened at them.
+    /// Writes the ticks before `tick`, with their events.
     fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), RunFailure>
     where
         RunFailure: From<S::Error>,
     {
-        for (at, kind, text) in self.happened.extract_if(.., |(at, ..)| *at < tick) {
+        for (at, kind, text) in self.pending_events.extract_if(.., |(at, ..)| *at < tick) {
             sink.event(at, kind, &text);
         }
         Ok(self.recorder.write_before(tick, sink)?)
@@ -544,34 +543,34 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn tell_of_laboratory(&mut self) {
+    fn announce_laboratory(&mut self) {
         let block = self.supervisor.page().control_block();
         for text in self.laboratory.news(block, self.clock.elapsed_ns()) {
             self.announce(text);
         }
     }
 
-    fn replace_the_hung(&mut self) {
+    fn replace_hung_services(&mut self) {
         let now = self.clock.tick();
         let supervisor = &self.supervisor;
-        let hanging = self.heartbeats.hanging(
+        let hung_services = self.heartbeats.hung_services(
             now,
             supervisor.page().control_block(),
             |service| supervisor.flies(service),
             |service| supervisor.activity(service),
             |service| supervisor.first_step_limit(service).as_nanos() as u64 / self.clock.tick_ns,
         );
-        for service in hanging {
+        for service in hung_services {
             self.observer.hung(service);
             let ticks = now.saturating_sub(self.supervisor.steps_until(service));
             let hung_for = Duration::from_nanos(ticks * self.clock.tick_ns);
             self.supervisor.replace_hung(service, hung_for);
             let name = self.supervisor.name_of(service);
-            self.remember(&format!("`{name}` hangs and is replaced"));
+            self.add_event(&format!("`{name}` hangs and is replaced"));
         }
     }
 
-    /// Ends the services and records what they had published.
+    /// Stops the services and records what they have published.
     fn wind_up<S: TickSink>(&mut self, sink: &mut S)
     where
         RunFailure: From<S::Error>,
@@ -585,14 +584,14 @@ impl<'a> Flight<'a> {
             let cell = &self.supervisor.page().control_block().cells[service.index()];
             cell.steps_until.load(Ordering::Relaxed)
         });
-        // What services and programs tell is not taken for more than there can be.
+        // The counters come from services and external programs: they are limited to the schedule.
         let until = flown.into_iter().max().unwrap_or_default();
         let until = until.min(self.schedule.last_tick() + 1);
         let received = self.recorder.receive();
-        // What ended the flight comes after its last step. Gains that no step has used have not changed.
-        self.happened
+        // Events after the last step are moved to its tick. A change of gains that no step has used did not happen.
+        self.pending_events
             .retain(|(at, kind, _)| *at < until || *kind != RunEvent::KIND_OPERATOR_TUNES);
-        for (at, ..) in &mut self.happened {
+        for (at, ..) in &mut self.pending_events {
             *at = until.saturating_sub(1).min(*at);
         }
         if let Err(failure) = self.write_before(until, sink).and(received) {
@@ -620,7 +619,7 @@ impl<'a> Flight<'a> {
             unrecorded,
             ..self.monitor.finish()
         };
-        // Nobody has timed the steps of external services.
+        // The steps of external services have no timing records.
         let is_external_service = |name: &str| {
             self.supervisor
                 .external_services()
@@ -643,7 +642,7 @@ impl<'a> Flight<'a> {
     }
 }
 
-/// Topics that a service publishes at every step and of which fewer samples were received than it did steps.
+/// Returns the topics with a sample at every step of which fewer samples were received than steps done.
 fn unrecorded(schedule: &Schedule, monitor: &Monitor, recorder: &Recorder) -> Vec<Unrecorded> {
     let of_topic = |topic: Topic| {
         let publisher = topic.publisher()?;

@@ -1,4 +1,4 @@
-//! Puts what the services publish into the order of the log: (tick, topic), whole ticks only.
+//! Recorder of a flight in lock step: passes on complete ticks in the order of the log (tick, topic).
 
 use std::ops::ControlFlow;
 
@@ -15,14 +15,14 @@ use super::archive::Archive;
 use super::subscription::Subscription;
 use run_client::newest::Newest;
 
-/// Ticks that are handed over in a row: one that is always behind on a busy machine must not keep the orchestrator from
-/// everything else. The fastest flight has a third of them ready at a look.
-const TICKS_IN_A_ROW: u64 = 256;
+/// Maximum number of ticks passed on at once: a recorder that is always behind on a busy machine must not block the
+/// orchestrator's other work. The fastest flight has a third of them ready in a period.
+const MAX_TICKS: u64 = 256;
 
-/// Subscribes to every topic of a lock-step flight and hands its samples over tick by tick.
+/// Subscriber of every topic of a flight in lock step.
 pub struct Recorder {
     feeds: Vec<Feed>,
-    /// The tick that is being put together.
+    /// The tick that is being collected.
     tick: u64,
     last_tick: u64,
 }
@@ -34,19 +34,19 @@ struct Feed {
     subscription: Subscription,
 }
 
-/// The progress of the recorder.
+/// Progress of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Samples are still missing.
+    /// Samples of the tick are missing.
     Waiting,
-    /// There may be more.
+    /// More ticks may be complete.
     Behind,
-    /// The last tick is whole, or the sink wants no more.
+    /// The last tick is complete, or the sink has ended the flight.
     Done,
 }
 
 impl Recorder {
-    /// A recorder that has received nothing yet.
+    /// Creates a recorder without samples.
     ///
     /// # Panics
     /// If the subscriptions are not in the order of the log, one a topic.
@@ -69,12 +69,12 @@ impl Recorder {
         }
     }
 
-    /// Copies what external programs publish before it is looked at, and demands that it is what is due.
+    /// Copies samples of external programs before they are checked, and requires them to be the ones that are due.
     #[must_use]
     pub fn distrust(mut self, external_services: ExternalServices, schedule: &Schedule) -> Self {
         let distrust = |mut feed: Feed| {
             if feed.subscription.is_of(external_services) {
-                feed.archive.demand_what_is_due();
+                feed.archive.require_due_samples();
                 feed.subscription = feed.subscription.distrust(schedule);
             }
             feed
@@ -83,14 +83,14 @@ impl Recorder {
         self
     }
 
-    /// Lets publishers wait for the recorder.
-    pub fn make_known(&self, block: &ControlBlock) {
+    /// Publishes the recorder's IDs, so that publishers wait for it when its buffers are full.
+    pub fn publish_ids(&self, block: &ControlBlock) {
         for (known, feed) in block.recorder.iter().zip(&self.feeds) {
             known.store(feed.subscription.receiver.id());
         }
     }
 
-    /// Returns the recorded samples of a topic that a service publishes.
+    /// Returns the recorded samples of a topic.
     ///
     /// # Panics
     /// If no service publishes it.
@@ -100,7 +100,7 @@ impl Recorder {
         &feed.expect("all topics of services are recorded").archive
     }
 
-    /// Tick of the newest sample that a service has published, and how many of that topic have come.
+    /// Returns the tick of the newest sample of a service, and the number of received samples of that topic.
     #[must_use]
     pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
         let feeds = self.feeds.iter();
@@ -108,14 +108,14 @@ impl Recorder {
         own.filter_map(|feed| feed.archive.newest()).max()
     }
 
-    /// Samples of all topics that have come.
+    /// Returns the number of received samples of all topics.
     #[must_use]
     pub fn received_in_all(&self) -> u64 {
         let newest = self.feeds.iter().filter_map(|feed| feed.archive.newest());
         newest.map(|(_, count)| count).sum()
     }
 
-    /// Returns whether a sample of a service is missing to the tick that is being put together.
+    /// Returns whether the tick that is being collected lacks a sample of a service.
     #[must_use]
     pub fn waits_for(&self, service: ServiceId) -> bool {
         let mut feeds = self.feeds.iter();
@@ -126,23 +126,22 @@ impl Recorder {
         })
     }
 
-    /// Ticks handed over so far.
+    /// Returns the number of ticks passed on so far.
     #[must_use]
     pub fn ticks(&self) -> u64 {
         self.tick
     }
 
-    /// Connects to all publishers, once everybody is ready.
+    /// Connects to all publishers, once all services are ready.
     ///
     /// # Errors
-    /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()
             .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
     }
 
-    /// Hands over every tick that is whole by now, however many.
+    /// Passes on all complete ticks.
     ///
     /// # Errors
     /// As [`Self::drain`].
@@ -154,15 +153,15 @@ impl Recorder {
         Ok(())
     }
 
-    /// Hands over the ticks that are whole by now, up to some hundred.
+    /// Passes on complete ticks, up to some hundred.
     ///
     /// # Errors
-    /// [`RunFailure`] if a sample is missing or differs from an earlier one, a port failed or the sink did.
+    /// [`RunFailure`] if a sample is missing or differs from an earlier one, or a port or the sink failed.
     pub fn drain<S: TickSink>(&mut self, sink: &mut S) -> Result<Progress, RunFailure>
     where
         RunFailure: From<S::Error>,
     {
-        let pause = self.tick + TICKS_IN_A_ROW;
+        let pause = self.tick + MAX_TICKS;
         while self.tick <= self.last_tick {
             if self.tick == pause {
                 return Ok(Progress::Behind);
@@ -182,7 +181,7 @@ impl Recorder {
         Ok(Progress::Done)
     }
 
-    /// Takes all that has been published, as far as there is room, whether its tick is whole or not.
+    /// Receives all pending samples that fit, whether or not their ticks are complete.
     ///
     /// # Errors
     /// As [`Self::drain`].
@@ -193,11 +192,11 @@ impl Recorder {
             .try_for_each(|feed| feed.receive_while(|archive| archive.has_room(tick)))
     }
 
-    /// Has the sample of every topic that is due at the tick; `false` if one is still missing.
+    /// Receives the samples of the tick; `false` if one is missing.
     fn collect(&mut self) -> Result<bool, RunFailure> {
         let tick = self.tick;
         let mut is_whole = true;
-        // Also those behind one that is missing: what is wrong with them may be why it is.
+        // Continues after a missing sample: an error of a later topic may be the cause.
         for feed in self.feeds.iter_mut().filter(|feed| feed.rate.occurs_at(tick)) {
             feed.receive_while(|archive| archive.sample(tick).is_none())?;
             is_whole &= feed.archive.sample(tick).is_some();

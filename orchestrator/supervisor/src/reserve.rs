@@ -1,9 +1,9 @@
-//! Room in shared memory for all that a run has there, and for services that are started again.
+//! Reserved shared memory for the segments of a run, and for those of restarted services.
 //!
-//! iceoryx2 makes its segments without pages: each page comes when it is touched first, and where /dev/shm is full by
-//! then the process that touches it dies of SIGBUS. So a run begins only if there is room for twice its segments. Once
-//! all ports are made every page of them is allocated, and as much again is held in a file: a service that is restarted makes
-//! segments again. If there is no other room for them, the file's is given back just before.
+//! iceoryx2 creates its segments as sparse files: a page is allocated when it is first touched, and if /dev/shm is full
+//! by then, the process dies of SIGBUS. So a run starts only if twice the size of its segments is free. Once all ports
+//! exist, all their pages are allocated, and a file reserves the same size again for the new segments of restarted
+//! services. If there is no other room for them, the file is truncated just before.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -17,17 +17,17 @@ use rustix::fs::{FallocateFlags, OFlags, fallocate, ftruncate};
 use rustix::io::Errno;
 use shared_types::Topic;
 
-/// Bytes that `stat` counts as a block.
+/// Unit of block counts in `stat`, bytes.
 const BLOCK: u64 = 512;
 
-/// Pause before the next attempt to reserve room.
+/// Pause between two attempts to reserve memory.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Most bytes that a sample takes beside its own, and that a connection takes beside its places.
+/// Upper bounds of the overhead of a sample and of a connection, bytes.
 const SAMPLE_OVERHEAD: u64 = 48;
 const CONNECTION: u64 = 24 << 10;
 
-/// The sizes that a run needs in shared memory and that there are, bytes.
+/// Shared memory that a run needs and that is free, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the run needs {:.1} MB in {}, half of it for services that have to be started again, and {:.1} MB are free; remove \
@@ -40,27 +40,26 @@ pub struct Shortage {
     free: u64,
 }
 
-/// The room of a run.
+/// Reserved memory of a run.
 #[derive(Debug)]
 pub struct Reserve {
     prefix: String,
     path: PathBuf,
     file: File,
-    /// Bytes that are held.
+    /// Reserved bytes.
     held: u64,
-    /// `true` if there may be segments without pages, or less is held than should be.
+    /// `true` if segments may lack pages, or less is reserved than needed.
     is_unsettled: bool,
-    /// Time of the next attempt to reserve room.
+    /// Time of the next attempt.
     again_at: Instant,
 }
 
-/// Refuses a run for which there is no room, before it makes anything.
+/// Checks that there is room for a run, before anything is created.
 ///
 /// # Errors
-/// [`Shortage`].
 pub fn check() -> Result<(), Shortage> {
     let needed = needed();
-    // Where the system does not tell, the run is let try.
+    // If the free size is unknown, the run is allowed to try.
     let free = shared_memory::free_bytes().unwrap_or(u64::MAX);
     if free < needed {
         return Err(Shortage { needed, free });
@@ -68,13 +67,13 @@ pub fn check() -> Result<(), Shortage> {
     Ok(())
 }
 
-/// Returns the size that a run needs, bytes: its segments, and as much again for services that are started again.
+/// Returns the size that a run needs, bytes: that of its segments, twice for restarts.
 #[must_use]
 pub fn needed() -> u64 {
     2 * estimate()
 }
 
-/// At least the bytes of all segments of a run.
+/// Returns an upper bound of the segments' size, bytes.
 fn estimate() -> u64 {
     let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
     let of_topic = |topic: Topic| {
@@ -87,16 +86,16 @@ fn estimate() -> u64 {
 }
 
 impl Reserve {
-    /// Holds nothing yet of what the run needs whose segments' names begin with `prefix`.
+    /// Creates an empty reserve for the run whose segments have this prefix.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     #[expect(clippy::disallowed_methods, reason = "it is memory of the run, not a result")]
     pub fn new(prefix: &str) -> io::Result<Self> {
         let path = Path::new(shared_memory::FOLDER).join(format!("{prefix}reserve"));
-        // It may be that of an orchestrator which has died.
+        // Left by an earlier orchestrator of the run.
         let _ = std::fs::remove_file(&path);
-        // Anybody may write to the folder: a link of another user's must not be followed.
+        // /dev/shm is writable for all users: `create_new` does not follow another user's link.
         let file = OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -112,10 +111,9 @@ impl Reserve {
         })
     }
 
-    /// Allocates all pages of all segments, and holds as many again.
+    /// Allocates all pages of all segments, and reserves the same size again.
     ///
     /// # Errors
-    /// [`Shortage`] if there is no room for them.
     pub fn settle(&mut self) -> Result<(), Shortage> {
         let mut size = 0;
         for segment in shared_memory::of(&self.prefix) {
@@ -127,7 +125,7 @@ impl Reserve {
             match fallocate(&self.file, FallocateFlags::empty(), 0, size) {
                 Ok(()) => self.held = size,
                 Err(Errno::NOSPC) => return Err(self.shortage(size - self.held)),
-                // A limit on the size of files, or an older system: the run does without.
+                // A file size limit or an older kernel: the run continues without a reserve.
                 Err(_) => {}
             }
         }
@@ -135,7 +133,7 @@ impl Reserve {
         Ok(())
     }
 
-    /// Makes room for a process that is about to make ports.
+    /// Frees the reserve if a process that is about to create ports would not fit otherwise.
     pub fn lend(&mut self) {
         self.is_unsettled = true;
         let has_room = shared_memory::free_bytes().is_some_and(|free| free > self.held);
@@ -144,10 +142,10 @@ impl Reserve {
         }
     }
 
-    /// Settles what processes that were started again have left open, if it is time to.
+    /// Settles again after restarts, once a period.
     pub fn refill(&mut self) {
         if self.is_unsettled && Instant::now() >= self.again_at {
-            // Where there is no room now there may be later.
+            // If there is no room, the next attempt may find some.
             let _ = self.settle();
             self.again_at = Instant::now() + PAUSE;
         }
@@ -164,17 +162,17 @@ impl Reserve {
 
 impl Drop for Reserve {
     fn drop(&mut self) {
-        // What stays goes with the run's place.
+        // A leftover is removed with the run's shared memory.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// Allocates all pages of a segment; its size.
+/// Allocates all pages of a segment and returns its size.
 ///
 /// # Errors
-/// The bytes for which there was no room.
+/// The number of bytes for which there was no room.
 fn allocate(segment: &Path) -> Result<u64, u64> {
-    // If it was removed meanwhile, it needs no pages.
+    // A segment that was removed meanwhile needs no pages.
     let flags = OFlags::NOFOLLOW.bits().cast_signed();
     let opened = OpenOptions::new()
         .read(true)
@@ -193,7 +191,7 @@ fn allocate(segment: &Path) -> Result<u64, u64> {
     }
     match rustix::io::retry_on_intr(|| fallocate(&file, FallocateFlags::empty(), 0, size)) {
         Err(Errno::NOSPC) => Err(size - there),
-        // What cannot be allocated beforehand comes when it is touched.
+        // Pages that cannot be allocated in advance are allocated on access.
         _ => Ok(size),
     }
 }

@@ -1,4 +1,4 @@
-//! The preparation that the hosts of several processes make before the first of them starts.
+//! Preparation of a run in several processes, before the first of them starts.
 
 use std::os::fd::OwnedFd;
 
@@ -15,80 +15,75 @@ use super::subscription::Subscription;
 use super::supervision::{OrphanedService, Shared, Supervisor};
 use run_client::run_root::RunRoot;
 
-/// Place where a run takes place: its schedule, its place in shared memory, its cores.
+/// Resources of a run: schedule, run folder, shared-memory prefix, cores.
 pub(super) struct RunContext {
-    /// Time at which everybody steps.
     pub(super) schedule: Schedule,
-    /// The scenario, with the command line's word about the machine.
+    /// The scenario with the command line's deployment.
     pub(super) scenario: Scenario,
-    /// Which cores the services use.
     pub(super) cores: Cores,
     scheduler: Scheduler,
-    member: RunNode,
-    /// Goes last: all that is in shared memory goes with it.
+    node: RunNode,
+    /// Must be the last field: dropping it removes all shared memory of the run.
     pub(super) root: RunRoot,
 }
 
 impl RunContext {
-    /// Makes the place of a run and joins it; from then on this process keeps off the services' cores.
+    /// Creates the run's folder and joins its iceoryx2 domain; moves this process off the services' cores.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, RunFailure> {
         let schedule = flight::schedule_of(scenario)?;
         let root = RunRoot::create().map_err(RunFailure::setup)?;
-        // What dead runs had has just been removed.
+        // Leftovers of dead runs have been removed by now.
         reserve::check().map_err(RunFailure::setup)?;
-        let scenario = deployment.stated_over(scenario);
+        let scenario = deployment.override_deployment(scenario);
         let cores = Cores::choose(deployment.placement, &scenario);
-        cores.keep_off();
-        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
+        cores.leave_service_cores();
+        let node = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
         Ok(Self {
             schedule,
             scenario,
             cores,
             scheduler: deployment.scheduler,
-            member,
+            node,
             root,
         })
     }
 
-    /// Comes to the place of a run that is under way: `start` is what its services were told, and `lock` that of the
-    /// place, which one of them has handed over.
+    /// Joins a run in flight. `start` is the message that its services got at their start; `lock`, the lock of its
+    /// folder, comes from one of them.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, RunFailure> {
         let schedule = flight::schedule_of(&start.scenario)?;
         let root = RunRoot::adopt(start.place(), lock);
         let cores = Cores::around(start.core, &start.scenario);
-        cores.keep_off();
-        let member = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
-        member.clean_up_after_the_dead();
+        cores.leave_service_cores();
+        let node = RunNode::join(&root.configuration(), "orchestrator").map_err(RunFailure::setup)?;
+        node.clean_up_after_the_dead();
         Ok(Self {
             schedule,
             scenario: start.scenario.clone(),
             cores,
             scheduler: start.scheduler,
-            member,
+            node,
             root,
         })
     }
 
-    /// Makes every topic of the run and subscribes to it.
+    /// Creates every topic of the run and subscribes to it.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, RunFailure> {
-        let make = |topic| self.member.create_topic(topic, &self.schedule, delivery);
+        let make = |topic| self.node.create_topic(topic, &self.schedule, delivery);
         let external_services = self.scenario.external_services();
         let is_external = |topic: Topic| {
             topic
                 .publisher()
                 .is_some_and(|service| external_services[service.index()])
         };
-        // External programs wait for nobody, but for their inputs: if services wait for the recorder before its buffers of
-        // the programs' topics are full, those never are.
+        // External programs wait only for their inputs. With smaller buffers for the other topics, services wait for
+        // the recorder before its buffers for the programs' topics are full, so those never overflow.
         let is_waited_for = delivery == Delivery::Lossless && external_services.contains(&true);
         let places = |topic| match is_waited_for && !is_external(topic) {
             true => RECORDER_BUFFER / 2,
@@ -97,26 +92,23 @@ impl RunContext {
         Subscription::to_all(&self.schedule, make, places).map_err(RunFailure::setup)
     }
 
-    /// Subscribes to every topic of a flight in real time that is under way; makes those whose publisher was the last to
-    /// have them open, and has died.
+    /// Subscribes to every topic of a flight in real time; creates those whose publisher has died and was the last
+    /// process to hold them.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
-    pub(super) fn listen_in(&self) -> Result<Vec<Subscription>, RunFailure> {
+    pub(super) fn subscribe_in_flight(&self) -> Result<Vec<Subscription>, RunFailure> {
         let enter = |topic| {
-            let open = self.member.open_topic(topic, &self.schedule);
+            let open = self.node.open_topic(topic, &self.schedule);
             open.or_else(|_| {
-                self.member
+                self.node
                     .create_topic(topic, &self.schedule, Delivery::NewestWins)
             })
         };
         Subscription::to_all(&self.schedule, enter, |_| RECORDER_BUFFER).map_err(RunFailure::setup)
     }
 
-    /// Starts the services' processes.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(super) fn start_supervisor(
         &self,
         deployment: &Deployment,
@@ -125,7 +117,7 @@ impl RunContext {
         let start = self.start(host);
         let crashes = deployment.crashes.clone();
         Supervisor::start(
-            &self.member,
+            &self.node,
             self.root.lock(),
             &self.schedule,
             start,
@@ -137,28 +129,27 @@ impl RunContext {
     /// Takes over the services of a flight in real time.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(super) fn adopt_supervisor(
         &self,
         shared: Shared,
         survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Supervisor<'_>, RunFailure> {
-        // Those that have just been killed have ports that others need.
-        self.member.clean_up_after_the_dead();
+        // Frees the ports of the services that were just killed: their successors need them.
+        self.node.clean_up_after_the_dead();
         let start = self.start(Host::RealTime);
         let lock = self.root.lock();
-        let supervisor = Supervisor::adopt(&self.member, lock, &self.schedule, start, shared, survivors)?;
+        let supervisor = Supervisor::adopt(&self.node, lock, &self.schedule, start, shared, survivors)?;
         self.root.own();
         let mut supervisor = supervisor;
         if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
-            // The flight is under way: room that is missing now is requested again.
+            // The flight is under way: if memory is missing now, it is requested again later.
             reserve.refill();
             supervisor.keep_reserve(reserve);
         }
         Ok(supervisor)
     }
 
-    /// Returns the message to every process of the run.
+    /// Returns the start message of the run's processes.
     fn start(&self, host: Host) -> Start {
         Start {
             scenario: self.scenario.clone(),
@@ -170,10 +161,11 @@ impl RunContext {
         }
     }
 
-    /// Waits until everybody is ready; what could not be had of the deployment, if the flight may do without it.
+    /// Waits until all services are ready. Returns the refused settings of the deployment.
     ///
     /// # Errors
-    /// [`RunFailure::NotPermitted`] if the scenario says that it may not; else that of the supervisor.
+    /// [`RunFailure::NotPermitted`] if settings were refused although the deployment is strict; otherwise the
+    /// supervisor's failure.
     pub(super) fn await_ready(&self, supervisor: &mut Supervisor<'_>) -> Result<Vec<String>, RunFailure> {
         let refusals = supervisor.await_ready()?;
         let mut reserve = Reserve::new(self.root.prefix()).map_err(RunFailure::setup)?;

@@ -1,4 +1,4 @@
-//! The recorder's ports: one subscriber a topic.
+//! Ports of the recorder: one subscriber for each topic.
 
 use std::rc::Rc;
 
@@ -8,23 +8,20 @@ use runtime::untrusted::{Refusals, UntrustedReceiver};
 use shared_types::ExternalServices;
 use shared_types::{Schedule, Topic};
 
-/// The recorder's subscriber of a topic.
+/// Subscriber of a topic.
 pub struct Subscription {
-    /// The topic.
     pub topic: Topic,
-    /// The receiver of its samples.
     pub receiver: Box<dyn Receiver>,
-    /// The refusals of it, if an external program publishes it in real time.
+    /// Samples of an external program that were refused in real time.
     pub refusals: Rc<Refusals>,
-    /// Holds the topic: services can open it as long as a process holds it.
+    /// Keeps the topic alive: services can open it while any process holds it.
     _ports: Box<dyn TopicPorts>,
 }
 
 impl Subscription {
-    /// Subscribes to every topic that a service of the flight publishes, made or opened by `enter`, with as many places as `places` says.
+    /// Subscribes to every published topic, which `enter` creates or opens, with buffers of `places` samples.
     ///
     /// # Errors
-    /// [`PortError`].
     pub fn to_all(
         schedule: &Schedule,
         enter: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,
@@ -42,7 +39,7 @@ impl Subscription {
         schedule.published_topics().map(subscribe).collect()
     }
 
-    /// Returns whether one of these external programs publishes the topic.
+    /// Returns whether an external program publishes the topic.
     #[must_use]
     pub fn is_of(&self, external_services: ExternalServices) -> bool {
         self.topic
@@ -50,7 +47,7 @@ impl Subscription {
             .is_some_and(|service| external_services[service.index()])
     }
 
-    /// Copies every sample before it is looked at.
+    /// Copies every sample before it is checked.
     #[must_use]
     pub fn distrust(self, schedule: &Schedule) -> Self {
         let receiver = UntrustedReceiver::new(self.receiver, &schedule.publication(self.topic));
@@ -60,7 +57,7 @@ impl Subscription {
         }
     }
 
-    /// Copies every sample before it is looked at, and refuses it unless it may be there by the flight's clock.
+    /// Copies every sample before it is checked, and refuses those that are impossible by the flight's clock.
     #[must_use]
     pub fn distrust_by_the_clock(self, schedule: &Schedule, clock: FlightClock) -> Self {
         let publication = schedule.publication(self.topic);

@@ -1,8 +1,8 @@
-//! The service processes of a run: started, watched, started again when they die, stopped, and never left behind.
+//! The service processes of a run: started, watched, restarted after deaths, stopped, and never left behind.
 //!
-//! After a death in flight another process goes on from the dead one's last checkpoint and gets from the
-//! recorder what it has missed ([`runtime::input_port`]). A service that dies again and again at the same place is given
-//! up: its crash is a function of its inputs, and so will the next be.
+//! After a death in flight, another process resumes from the last checkpoint and gets the samples that it has missed
+//! from the recorder ([`runtime::input_port`]). A service that dies repeatedly at the same tick is given up: its crash
+//! is a function of its inputs, so the next process would crash as well.
 //!
 //! In normal operation a standby process waits to take the role of the next service that dies.
 
@@ -44,26 +44,25 @@ pub use take_over::OrphanedService;
 use super::reserve::Reserve;
 use super::{Outcome, RunFailure};
 
-/// Time for which a service that was told to stop may take before it is killed.
+/// Timeout of a service that was told to stop, before it is killed.
 pub const STOP_LIMIT: Duration = Duration::from_secs(2);
 
-/// Messages of one process that are taken at a look: one that speaks without a pause must not keep this process from the
-/// others.
-const MESSAGES_AT_A_LOOK: usize = 64;
+/// Maximum number of messages received from one process in a row: a process that sends without pauses must not block
+/// the others.
+const MAX_MESSAGES: usize = 64;
 
 /// Period of the supervisor's checks while a service restarts.
 pub(super) const RESTART_POLL_PERIOD: Duration = Duration::from_micros(100);
 
-/// The restart policy of each service.
 pub type RestartPolicies = [RestartPolicy; ServiceId::ALL.len()];
 
-/// All service processes of a run. Dropping it ends them.
+/// Supervisor of all service processes of a run. Dropping it ends them.
 pub struct Supervisor<'a> {
-    member: &'a RunNode,
+    node: &'a RunNode,
     lock: BorrowedFd<'a>,
     schedule: &'a Schedule,
     start: Start,
-    /// Deaths that processes shall bring upon themselves, the first of a service upon its first process and so on.
+    /// Planned crashes: the first one of a service applies to its first process, and so on.
     crashes: Vec<(ServiceId, Crash)>,
     restart_policies: RestartPolicies,
     members: Vec<ManagedService>,
@@ -72,31 +71,31 @@ pub struct Supervisor<'a> {
     step_log: StepLog,
     doorbells: Vec<Doorbell>,
     standby: Standby,
-    /// Room in shared memory for processes that are started again.
+    /// Reserved shared memory for restarted processes.
     reserve: Option<Reserve>,
     exits: Vec<(Option<ServiceId>, u32, Exit)>,
     restarts: Vec<Restart>,
-    /// `true` from the start of the flight: from then on no process may take as long as while the run is set up.
+    /// `true` from the start of the flight: the start-up limits of the set-up do not apply any more.
     is_in_flight: bool,
-    /// What has happened between two calls of [`Supervisor::watch`].
+    /// Events that occurred between two calls of [`Supervisor::watch`].
     pending: Vec<ServiceEvent>,
 }
 
-/// Events of the processes of a run, for the record of the machine.
+/// Observer of the processes of a run, for the record of the machine.
 pub trait SupervisionObserver {
-    /// The processes have been started and are ready.
+    /// All processes have started and are ready.
     fn ready(&mut self, supervisor: &Supervisor<'_>, core: Option<usize>);
     /// Processes may have died, and services may fly again.
     fn changed(&mut self, supervisor: &Supervisor<'_>);
-    /// The flight has come to a tick. Called often.
+    /// The flight has reached a tick. Called often.
     fn progressed(&mut self, supervisor: &Supervisor<'_>, tick: u64);
     /// About a second of the flight has passed, or it has ended.
     fn health(&mut self, supervisor: &Supervisor<'_>);
-    /// The flight has ended, and this is how.
+    /// The flight has ended.
     fn ended(&mut self, supervisor: &Supervisor<'_>, outcome: &Outcome);
 }
 
-/// The memory that all processes of a run share.
+/// Memory shared by all processes of a run.
 pub struct Shared {
     page: SharedPage,
     checkpoints: Checkpoints,
@@ -104,7 +103,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// The words.
+    /// Returns the page with the control block.
     pub(super) fn page(&self) -> &SharedPage {
         &self.page
     }
@@ -118,26 +117,25 @@ impl Shared {
     }
 }
 
-/// A message or an act of a service process.
+/// Event of a service process.
 #[derive(Debug)]
 pub enum ServiceEvent {
-    /// It made its ports; what it could not have of its deployment.
+    /// The service has created its ports; with the refused settings of its deployment.
     Ready(ServiceId, Vec<String>),
-    /// It has flown its last tick.
+    /// The service has done its last step.
     Finished(ServiceId),
-    /// It died, or the standby process did, and will be started again.
+    /// The service or the standby process has died, and will be restarted.
     Died,
-    /// It cannot go on.
+    /// The service cannot be restarted.
     Lost(RunFailure),
 }
 
 impl<'a> Supervisor<'a> {
-    /// Starts one process a service and tells each what to fly. Each holds `lock`, that of the run's place.
+    /// Starts a process for each service and sends it the start message. Each holds `lock`, that of the run's folder.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub fn start(
-        member: &'a RunNode,
+        node: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
@@ -145,7 +143,7 @@ impl<'a> Supervisor<'a> {
         restart_policies: RestartPolicies,
     ) -> Result<Self, RunFailure> {
         let shared = Shared::create().map_err(RunFailure::setup)?;
-        let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
+        let mut supervisor = Self::without_members(node, lock, schedule, start, shared)?;
         supervisor.crashes = crashes;
         supervisor.restart_policies = restart_policies;
         for service in ServiceId::ALL {
@@ -155,7 +153,7 @@ impl<'a> Supervisor<'a> {
     }
 
     fn without_members(
-        member: &'a RunNode,
+        node: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
@@ -164,7 +162,7 @@ impl<'a> Supervisor<'a> {
         let doorbells = ServiceId::ALL.iter().map(|_| Doorbell::create());
         let doorbells = doorbells.collect::<Result<_, _>>().map_err(RunFailure::setup)?;
         Ok(Self {
-            member,
+            node,
             lock,
             schedule,
             start,
@@ -184,27 +182,26 @@ impl<'a> Supervisor<'a> {
         })
     }
 
-    /// Starts the first process of the next service and tells it what to fly.
+    /// Starts the first process of the next service.
     fn start_service(&mut self, service: ServiceId) -> Result<(), RunFailure> {
         let name = self.name_of(service);
         let process = self.spawn(name)?;
-        // Kept before it is spoken to, so that it is ended whatever happens next.
-        self.take_in(ManagedService::new(service, name, process));
+        // Stored first, so that it is ended even if the next steps fail.
+        self.add(ManagedService::new(service, name, process));
         let role = Role {
             service,
             crash: self.crash_of(service, 0),
         };
-        self.instruct(&self.members[service.index()].process, Some(role))?;
-        self.say(service, &ToService::MakePorts)
+        self.send_start(&self.members[service.index()].process, Some(role))?;
+        self.send(service, &ToService::MakePorts)
     }
 
-    /// Returns the name of a service's process.
     #[must_use]
     pub fn name_of(&self, service: ServiceId) -> &'static str {
         self.start.scenario.process_name(service)
     }
 
-    fn take_in(&mut self, member: ManagedService) {
+    fn add(&mut self, member: ManagedService) {
         assert_eq!(
             self.members.len(),
             member.service.index(),
@@ -213,7 +210,7 @@ impl<'a> Supervisor<'a> {
         self.members.push(member);
     }
 
-    /// Returns where the process of a service is to kill itself that follows so many others.
+    /// Returns the planned crash of a service's process after `lives` earlier ones.
     fn crash_of(&self, service: ServiceId, lives: u32) -> Option<Crash> {
         let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
         own.nth(lives as usize).map(|(_, crash)| *crash)
@@ -230,53 +227,51 @@ impl<'a> Supervisor<'a> {
         Process::start(name, label, shared, &self.doorbells).map_err(RunFailure::setup)
     }
 
-    /// Tells a process that has just been started what to fly, and which service it is, if that is known.
-    fn instruct(&self, process: &Process, role: Option<Role>) -> Result<(), RunFailure> {
+    /// Sends the start message to a new process, with its role if it has one.
+    fn send_start(&self, process: &Process, role: Option<Role>) -> Result<(), RunFailure> {
         let start = Start {
             role,
             ..self.start.clone()
         };
-        tell(process, &ToService::Start(Box::new(start)))
+        send_to(process, &ToService::Start(Box::new(start)))
     }
 
-    /// The words that the supervisor shares.
+    /// Returns the page with the control block.
     #[must_use]
     pub fn page(&self) -> &SharedPage {
         &self.page
     }
 
-    /// Returns the services' log of their steps in real time.
     #[must_use]
     pub fn step_log(&self) -> &StepLog {
         &self.step_log
     }
 
-    /// Returns the services' states after their last steps.
+    /// Returns the checkpoints of the services.
     #[must_use]
     pub fn checkpoints(&self) -> &Checkpoints {
         &self.checkpoints
     }
 
-    /// Returns when everybody steps.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         self.schedule
     }
 
-    /// The processes, by service.
+    /// Returns the PID of each service.
     pub fn processes(&self) -> impl Iterator<Item = (ServiceId, u32)> {
         self.members
             .iter()
             .map(|member| (member.service, member.process.id()))
     }
 
-    /// Returns the processes that have ended, in the order of their ends; a standby one was of no service.
+    /// Returns the exits of processes in their order; those of standby processes have no service.
     #[must_use]
     pub fn exits(&self) -> &[(Option<ServiceId>, u32, Exit)] {
         &self.exits
     }
 
-    /// Returns the end of the last process that has ended, in words, if it was that of a service.
+    /// Describes the last exit, if it was that of a service.
     #[must_use]
     pub fn last_death(&self) -> Option<String> {
         let (service, pid, exit) = self.exits.last()?;
@@ -284,16 +279,15 @@ impl<'a> Supervisor<'a> {
         Some(format!("`{name}` (process {pid}) died: {}", exit.description))
     }
 
-    /// Restarts, in their order.
     #[must_use]
     pub fn restarts(&self) -> &[Restart] {
         &self.restarts
     }
 
-    /// Waits until every service has made its ports; their warnings.
+    /// Waits until every service has created its ports. Returns the refused settings.
     ///
     /// # Errors
-    /// [`RunFailure`] if one of them fails or takes too long.
+    /// [`RunFailure`] if a service fails or is not ready in time.
     pub fn await_ready(&mut self) -> Result<Vec<String>, RunFailure> {
         let mut notes = Vec::new();
         while self.members.iter().any(|member| member.phase != Phase::Ready) {
@@ -314,70 +308,70 @@ impl<'a> Supervisor<'a> {
         Ok(notes)
     }
 
-    /// Lets everybody fly, in the order of the ring.
+    /// Starts the flight of all services, in the order of the ring.
     ///
     /// # Errors
-    /// [`RunFailure`] if the system refuses.
+    /// [`RunFailure`] if a message cannot be sent.
     pub fn go(&mut self) -> Result<(), RunFailure> {
         self.is_in_flight = true;
         for service in ServiceId::ALL {
             self.members[service.index()].phase = Phase::Flying;
-            self.say_go(service, false)?;
+            self.send_go(service, false)?;
         }
         Ok(())
     }
 
-    fn say_go(&self, service: ServiceId, restarted: bool) -> Result<(), RunFailure> {
+    fn send_go(&self, service: ServiceId, restarted: bool) -> Result<(), RunFailure> {
         let block = self.page.control_block();
-        // Before `Go`, which the service acts upon: a consumer that waits for it again finds it flying, or soon to be.
+        // Must be stored before `Go` is sent: a consumer that waits for the service again then finds it flying, or
+        // about to.
         block.cells[service.index()].gone.store(0, Ordering::SeqCst);
         let start_ns = block.start_ns.load(Ordering::Acquire);
-        self.say(service, &ToService::Go { restarted, start_ns })
+        self.send(service, &ToService::Go { restarted, start_ns })
     }
 
-    /// Returns whether a service is dead, restarting, or has samples to catch up with.
+    /// Returns whether a service is dead, restarting, or catching up.
     #[must_use]
     #[inline]
     pub fn needs_care(&self) -> bool {
-        let is_well = |member: &ManagedService| matches!(member.phase, Phase::Flying | Phase::Finished);
-        !self.members.iter().all(is_well)
+        let is_settled = |member: &ManagedService| matches!(member.phase, Phase::Flying | Phase::Finished);
+        !self.members.iter().all(is_settled)
     }
 
-    /// Returns whether a service is in flight: neither starting nor dead nor at its end.
+    /// Returns whether a service is in flight: neither starting, nor dead, nor finished.
     #[must_use]
     pub fn flies(&self, service: ServiceId) -> bool {
         self.members[service.index()].phase == Phase::Flying
     }
 
-    /// Returns the activity of a service's process, if the system tells.
+    /// Returns the activity of a service's process, if the kernel reports it.
     #[must_use]
     pub fn activity(&self, service: ServiceId) -> Option<Activity> {
         Activity::of(self.members[service.index()].process.id())
     }
 
-    /// Replaces the process of a service, which has hung for some time.
+    /// Replaces the process of a service, which has hung for `hung_for`.
     pub fn replace_hung(&mut self, service: ServiceId, hung_for: Duration) {
         self.members[service.index()].silent_since = Instant::now().checked_sub(hung_for);
         self.replace(service.index(), "hung".to_owned());
     }
 
-    /// Kills the process of a service, which is then restarted.
     pub fn kill(&mut self, service: ServiceId) {
         self.members[service.index()].process.signal(Signal::KILL);
     }
 
-    /// Stops the process of a service (SIGSTOP): it hangs from now on.
+    /// Stops the process of a service (SIGSTOP), so that it hangs.
     pub fn freeze(&self, service: ServiceId) {
         self.members[service.index()].process.signal(Signal::STOP);
     }
 
-    /// Returns whether every service has flown its last tick.
+    /// Returns whether every service has done its last step.
     #[must_use]
     pub fn has_finished(&self) -> bool {
         self.unfinished().next().is_none()
     }
 
-    /// Returns the services that have not reported their end after their last tick.
+    /// Returns the services that have not reported the end of their steps.
     pub fn unfinished(&self) -> impl Iterator<Item = ServiceId> {
         let unfinished = self
             .members
@@ -386,7 +380,7 @@ impl<'a> Supervisor<'a> {
         unfinished.map(|member| member.service)
     }
 
-    /// Returns whether a service has stepped at its last tick.
+    /// Returns whether a service has done its last step.
     #[must_use]
     pub fn has_flown_all(&self, service: ServiceId) -> bool {
         let steps = self.schedule.steps(service);
@@ -398,12 +392,13 @@ impl<'a> Supervisor<'a> {
     #[must_use]
     pub fn steps_until(&self, service: ServiceId) -> u64 {
         let cell = &self.page.control_block().cells[service.index()];
-        // Relaxed: a count and nothing else; of a dead service it is the last, because the end of its process was awaited.
+        // Relaxed: a counter on which no data depends; for a dead service it is final, because the end of its process
+        // was awaited.
         cell.steps_until.load(Ordering::Relaxed)
     }
 
-    /// Returns whether a service that has steps to do is delayed by the machine or by its restart: it runs, waits for a processor
-    /// or for its memory, or is about to fly again.
+    /// Returns whether a service with steps to do is delayed by the machine or by its restart: it runs, waits for a
+    /// processor or for memory, or is restarting.
     #[must_use]
     pub fn is_delayed(&self) -> bool {
         let is_delayed = |member: &ManagedService| match member.phase {
@@ -419,7 +414,7 @@ impl<'a> Supervisor<'a> {
         self.members.iter().any(is_delayed)
     }
 
-    /// Waits up to `limit` for something to happen and tells what did.
+    /// Waits up to `limit` for events and returns them.
     pub fn watch(&mut self, limit: Duration) -> Vec<ServiceEvent> {
         let timeout = Timespec::try_from(limit).unwrap_or_default();
         let mut events = std::mem::take(&mut self.pending);
@@ -432,9 +427,9 @@ impl<'a> Supervisor<'a> {
             .flat_map(|process| [process.channel.as_fd(), process.death.as_fd()])
             .map(|file| PollFd::from_borrowed_fd(file, PollFlags::IN))
             .collect();
-        // An interrupted poll is one in which nothing happened.
-        let happened = poll(&mut files, Some(&timeout)).unwrap_or(0) > 0;
-        if !happened {
+        // An interrupted poll counts as one without events.
+        let has_events = poll(&mut files, Some(&timeout)).unwrap_or(0) > 0;
+        if !has_events {
             return events;
         }
         let mut pairs = files.chunks_exact(2);
@@ -446,34 +441,34 @@ impl<'a> Supervisor<'a> {
             .map(|(&at, _)| at)
             .collect();
         let standby_has_called = pairs.next().is_some_and(has_called);
-        events.extend(called.into_iter().flat_map(|at| self.listen(at)));
+        events.extend(called.into_iter().flat_map(|at| self.receive_from(at)));
         if standby_has_called {
-            events.extend(self.listen_to_standby());
+            events.extend(self.receive_from_standby());
         }
         events
     }
 
-    /// Takes a process's messages, and its end if it has ended.
-    fn listen(&mut self, at: usize) -> Vec<ServiceEvent> {
+    /// Receives the messages of a process, and handles its end if it has ended.
+    fn receive_from(&mut self, at: usize) -> Vec<ServiceEvent> {
         let mut events = Vec::new();
-        for _ in 0..MESSAGES_AT_A_LOOK {
-            // Before the look: the last words of a process that has ended by now have all been sent.
+        for _ in 0..MAX_MESSAGES {
+            // Checked before the receive: all messages of a process that has ended by now are already in the channel.
             let has_ended = self.members[at].process.has_ended();
             match self.members[at].process.channel.try_receive::<ToOrchestrator>() {
-                // What it says until it is dead counts no more.
+                // Messages of a process that is being killed do not count.
                 Ok(Some(_)) if self.members[at].blamed.is_some() => {}
                 Ok(Some(message)) => {
                     if self.is_external_service(at)
-                        && let Err(what) = self.hear_external_service(at, &message)
+                        && let Err(what) = self.handle_external_message(at, &message)
                     {
                         events.extend(self.blame_external_service(at, what));
                         break;
                     }
                     let steps_until = self.steps_until(self.members[at].service);
-                    let event = self.members[at].understand(message, self.start.host, steps_until);
+                    let event = self.members[at].handle(message, self.start.host, steps_until);
                     events.extend(event);
                 }
-                // A program may have handed its end of the line on to one that outlives it.
+                // A program may have passed its end of the channel to a process that outlives it.
                 Ok(None) if !has_ended => break,
                 Ok(None) | Err(ControlError::Closed) => {
                     events.extend(self.reap(at));
@@ -499,33 +494,34 @@ impl<'a> Supervisor<'a> {
         events
     }
 
-    /// Keeps room for processes that are started again.
+    /// Stores the reserve for restarted processes.
     pub(super) fn keep_reserve(&mut self, reserve: Reserve) {
         self.reserve = Some(reserve);
     }
 
-    /// Wakes everybody to look again, whatever has become of their wake-ups.
+    /// Wakes all services, so that they check their conditions again even if a wake-up was lost.
     pub fn wake_all(&self) {
         self.doorbells.iter().for_each(Doorbell::ring);
         self.page.control_block().cells.iter().for_each(Cell::ring);
     }
 
-    /// Removes shared memory that a service was making when it died: others may be waiting for it.
+    /// Removes shared memory that a service was creating when it died: others may wait for it.
     pub fn remove_unfinished(&self) {
-        self.member.remove_unfinished();
+        self.node.remove_unfinished();
     }
 
-    /// Tells everybody to stop, waits until all are gone, and kills who does not go.
+    /// Stops all services, waits for their ends, and kills those that do not end in time.
     pub fn stop(&mut self) {
         self.standby.end();
         if self.members.is_empty() {
             return;
         }
         let block = self.page.control_block();
-        // The word first, then the message, then the doorbells: a sleeper that wakes must find the reason.
+        // The flag must be stored first, then the messages sent, then the doorbells rung: a service that wakes up must
+        // find the flag.
         block.stopping.store(1, Ordering::SeqCst);
         for member in &self.members {
-            // Who is gone already need not be told, and who takes no messages is killed below.
+            // A failure is ignored: the process has ended, or it reads no messages and is killed below.
             let _ = member.process.channel.try_send(&ToService::Stop);
         }
         self.wake_all();
@@ -545,9 +541,9 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Tells a service something. One that is gone is found so when the supervisor is watched.
-    fn say(&self, service: ServiceId, message: &ToService) -> Result<(), RunFailure> {
-        tell(&self.members[service.index()].process, message)
+    /// Sends a message to a service. A dead process is detected by `watch`.
+    fn send(&self, service: ServiceId, message: &ToService) -> Result<(), RunFailure> {
+        send_to(&self.members[service.index()].process, message)
     }
 }
 
@@ -557,9 +553,9 @@ impl Drop for Supervisor<'_> {
     }
 }
 
-/// Tells a process something. One that is gone is found so when the supervisor is watched, and one that has not read anything
-/// for so long that its line is full is killed.
-fn tell(process: &Process, message: &ToService) -> Result<(), RunFailure> {
+/// Sends a message to a process. A dead process is detected by `watch`; one whose channel is full has not read for long
+/// and is killed.
+fn send_to(process: &Process, message: &ToService) -> Result<(), RunFailure> {
     match process.channel.try_send(message) {
         Ok(true) | Err(ControlError::Closed) => Ok(()),
         Ok(false) => {

@@ -9,9 +9,9 @@ use command_line::output::print;
 use run_client::{Answer, LiveRun, PATIENCE, Question, Snapshot};
 
 use crate::arguments::Top;
-use crate::{Leaving, once, watch};
+use crate::{ViewEnd, once, watch};
 
-/// Columns of what is printed where there is no terminal.
+/// Columns of the printed view.
 const COLUMNS: u16 = 80;
 
 /// Shows a live run until the user quits or it ends, or prints its state once.
@@ -21,7 +21,7 @@ const COLUMNS: u16 = 80;
 pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     let is_terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
     if !is_terminal && !arguments.once {
-        let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints how the run is \
+        let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints kind the run is \
              now, and `--once --json` does so for other programs";
         return Err(Failure::trouble(reason));
     }
@@ -31,9 +31,9 @@ pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     }
     let interrupt = interrupt::install_in_terminal().map_err(Failure::trouble)?;
     match watch(&run, arguments.allow_faults, &interrupt).map_err(Failure::trouble)? {
-        Leaving::Wanted => Ok(Exit::Success),
-        Leaving::Signal(signal) => Ok(Exit::Signal(signal)),
-        Leaving::Ended(last) => {
+        ViewEnd::Quit => Ok(Exit::Success),
+        ViewEnd::Signal(signal) => Ok(Exit::Signal(signal)),
+        ViewEnd::Ended(last) => {
             print(ending(run.name(), last.as_deref()));
             Ok(Exit::Success)
         }

@@ -1,16 +1,15 @@
-//! The last minute of a live run: the run itself tells only its present state.
+//! The last minute of a live run: snapshots contain only the present state.
 
 use std::collections::VecDeque;
 
 use run_client::Snapshot;
 
-/// Its length, s.
+/// Length of the history, s.
 pub const SPAN: f64 = 60.0;
 
-/// A quantity that is followed.
+/// Quantity with a trend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trend {
-    /// Distance from the path, m.
     PositionError,
     /// m̂, kg.
     MassEstimate,
@@ -19,7 +18,6 @@ pub enum Trend {
 }
 
 impl Trend {
-    /// All of them.
     pub const ALL: [Self; 3] = [Self::PositionError, Self::MassEstimate, Self::DisturbanceEstimate];
 
     fn of(self, snapshot: &Snapshot) -> Option<f64> {
@@ -31,7 +29,7 @@ impl Trend {
     }
 }
 
-/// The followed quantities of the last minute.
+/// Trends of the last minute.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     points: VecDeque<Point>,
@@ -44,7 +42,7 @@ struct Point {
 }
 
 impl History {
-    /// Keeps what a snapshot tells, and forgets what is too old.
+    /// Appends the values of a snapshot and removes those older than [`SPAN`].
     pub fn keep(&mut self, snapshot: &Snapshot) {
         let time = snapshot.time;
         self.points
@@ -53,13 +51,13 @@ impl History {
         self.points.push_back(Point { time, values });
     }
 
-    /// The newest value.
     #[must_use]
     pub fn newest(&self, trend: Trend) -> Option<f64> {
         self.points.back()?.values[trend as usize]
     }
 
-    /// The last minute in `columns` equal parts, the newest last: the largest value of each; none where there was none.
+    /// Divides the last minute into `columns` equal parts, the newest last, and returns the maximum of each; `None`
+    /// without a value.
     #[must_use]
     pub fn columns(&self, trend: Trend, columns: usize) -> Vec<Option<f64>> {
         let mut largest = vec![None; columns];

@@ -1,40 +1,32 @@
-//! The meanings of the keys. Nothing is broken without a confirmation, and nothing at all unless that was permitted; no gain
-//! is set before its new value has been typed.
+//! Meanings of the keys. Breaking a service needs a permission and a confirmation; a gain is set only after its new
+//! value was typed.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use run_client::Question;
 use run_client::snapshot::ServiceSnapshot;
 
-/// Beginning of every key that can be set.
+/// Common prefix of the scenario keys that can be set.
 const COMMON_SECTION: &str = "controller.";
 
-/// Bytes that a setting has at most.
-const LONGEST_SETTING: usize = 120;
+/// Maximum length of a setting, bytes.
+const MAX_SETTING: usize = 120;
 
-/// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Up.
     Up,
-    /// Down.
     Down,
-    /// A character, as typed.
+    /// Typed character.
     Character(char),
-    /// Enter.
     Enter,
-    /// Backspace.
     Backspace,
-    /// Escape.
     Escape,
-    /// Ctrl-C.
     Interrupt,
-    /// Any other one.
     Other,
 }
 
 impl Key {
-    /// The key of an event.
+    /// Returns the key of an event.
     #[must_use]
     pub fn of(event: &KeyEvent) -> Self {
         let is_control = event.modifiers.contains(KeyModifiers::CONTROL);
@@ -53,7 +45,7 @@ impl Key {
     }
 }
 
-/// A way to break a service.
+/// Way to break a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Break {
     /// SIGKILL.
@@ -62,51 +54,47 @@ pub enum Break {
     Freeze,
 }
 
-/// An intent that waits for a confirmation.
+/// Request to break a service that waits for its confirmation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Intent {
-    /// The way to do it.
-    pub how: Break,
-    /// To the service of this name.
+    pub kind: Break,
     pub service: String,
-    /// As long as it is this process.
+    /// Process that the request is limited to.
     pub pid: u32,
 }
 
 impl Intent {
     fn question(self) -> Question {
-        match self.how {
+        match self.kind {
             Break::Kill => Question::KillService(self.service),
             Break::Freeze => Question::FreezeService(self.service),
         }
     }
 }
 
-/// The present meaning of the keys.
+/// Meaning of the keys.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Looking.
     Watch,
-    /// Reading the help.
     Help,
-    /// About to break a service.
+    /// Waiting for the confirmation of a break.
     Confirm(Intent),
     /// Typing a setting.
     Set(String),
 }
 
-/// The consequence of a key.
+/// Effect of a key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Nothing beyond another picture.
+    /// None but a redraw.
     None,
-    /// The view is left.
+    /// Quit.
     Leave,
-    /// The run is asked for something.
+    /// Send a question to the run.
     Ask(Question),
 }
 
-/// The user's selection and intent.
+/// Selection and mode of the user.
 #[derive(Clone, Debug)]
 pub struct Controls {
     may_break: bool,
@@ -117,7 +105,7 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// At the beginning; `may_break` permits to break services.
+    /// Creates the initial state; `may_break` permits to break services.
     #[must_use]
     pub fn new(may_break: bool) -> Self {
         Self {
@@ -129,32 +117,30 @@ impl Controls {
         }
     }
 
-    /// Returns whether services may be broken.
     #[must_use]
     pub fn may_break(&self) -> bool {
         self.may_break
     }
 
-    /// The present meaning of the keys.
     #[must_use]
     pub fn mode(&self) -> &Mode {
         &self.mode
     }
 
-    /// Place of the selected service.
+    /// Returns the index of the selected service.
     #[must_use]
     pub fn selected(&self) -> usize {
         self.selected
     }
 
-    /// The gains that can be set, with their present values, once the run has told them.
+    /// Returns the gains that can be set as `KEY=VALUE`; empty before the run's answer.
     #[must_use]
     pub fn gains(&self) -> &[String] {
         &self.gains
     }
 
-    /// Takes note of the gains and their present values.
-    pub fn keep_gains(&mut self, gains: Vec<String>) {
+    /// Stores the gains and their present values.
+    pub fn set_gains(&mut self, gains: Vec<String>) {
         self.gains = gains;
     }
 
@@ -164,12 +150,12 @@ impl Controls {
         &self.notice
     }
 
-    /// Tells the user something, until the next key.
-    pub fn tell(&mut self, notice: String) {
+    /// Shows a notice until the next key.
+    pub fn show_notice(&mut self, notice: String) {
         self.notice = notice;
     }
 
-    /// A key was pressed while the services were so.
+    /// Handles a key.
     pub fn press(&mut self, key: Key, services: &[ServiceSnapshot]) -> Action {
         self.notice.clear();
         if key == Key::Interrupt {
@@ -177,7 +163,7 @@ impl Controls {
         }
         match std::mem::replace(&mut self.mode, Mode::Watch) {
             Mode::Help => Action::None,
-            Mode::Confirm(intent) => self.decide(intent, key, services),
+            Mode::Confirm(intent) => self.confirm(intent, key, services),
             Mode::Set(setting) => self.type_in(setting, key),
             Mode::Watch => self.choose(key, services),
         }
@@ -189,8 +175,8 @@ impl Controls {
             Key::Up => self.selected = self.selected.saturating_sub(1),
             Key::Down => self.selected = (self.selected + 1).min(services.len().saturating_sub(1)),
             Key::Character('?') => self.mode = Mode::Help,
-            Key::Character('k') => self.intend(Break::Kill, services),
-            Key::Character('f') => self.intend(Break::Freeze, services),
+            Key::Character('k') => self.request_break(Break::Kill, services),
+            Key::Character('f') => self.request_break(Break::Freeze, services),
             Key::Character('s') => {
                 self.mode = Mode::Set(COMMON_SECTION.to_owned());
                 return Action::Ask(Question::Get(Vec::new()));
@@ -207,7 +193,7 @@ impl Controls {
                 return Action::None;
             }
             Key::Enter if setting.contains('=') => return Action::Ask(Question::Set(vec![setting])),
-            Key::Character(character) if setting.len() < LONGEST_SETTING => setting.push(character),
+            Key::Character(character) if setting.len() < MAX_SETTING => setting.push(character),
             Key::Backspace => {
                 setting.pop();
             }
@@ -217,7 +203,7 @@ impl Controls {
         Action::None
     }
 
-    fn intend(&mut self, how: Break, services: &[ServiceSnapshot]) {
+    fn request_break(&mut self, kind: Break, services: &[ServiceSnapshot]) {
         if !self.may_break {
             self.notice = "only looking; `gerono top --allow-faults` can kill and freeze services".to_owned();
             return;
@@ -225,7 +211,7 @@ impl Controls {
         match services.get(self.selected) {
             Some(service) if service.flies => {
                 self.mode = Mode::Confirm(Intent {
-                    how,
+                    kind,
                     service: service.name.clone(),
                     pid: service.pid,
                 });
@@ -235,8 +221,8 @@ impl Controls {
         }
     }
 
-    /// Only `y` does it, and only to the process that was there when the question was asked.
-    fn decide(&mut self, intent: Intent, key: Key, services: &[ServiceSnapshot]) -> Action {
+    /// Breaks the service on `y`, and only the process that the question named.
+    fn confirm(&mut self, intent: Intent, key: Key, services: &[ServiceSnapshot]) -> Action {
         if key != Key::Character('y') {
             self.notice = "nothing was done".to_owned();
             return Action::None;

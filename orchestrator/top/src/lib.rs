@@ -1,8 +1,8 @@
-//! A view of a live run in a terminal: how its services keep time, how the vehicle follows, what has happened.
+//! Live view of a run in a terminal: timing of its services, tracking of the path, events.
 //!
-//! [`view`] makes a picture of what is known and [`keys`] makes actions of keys; both are functions without input or
-//! output. This module asks the run, hands over what comes, and waits. It never waits for the run: a run that does
-//! not answer is shown as such, and the keys go on to work.
+//! [`view`] draws the state and [`keys`] maps keys to actions; both are pure functions. This module exchanges messages
+//! with the run and waits. It never blocks on the run: a run that does not answer is shown as such, and the keys still
+//! work.
 
 pub mod arguments;
 mod command;
@@ -27,76 +27,74 @@ use self::view::View;
 use flight::interrupt::Interrupt;
 use run_client::{Answer, LiveError, LiveRun, Question, Snapshot};
 
-/// Period at which the run is asked how it is; its numbers are those of whole seconds.
-const LOOK_PERIOD: Duration = Duration::from_millis(250);
+/// Period of snapshots; their figures are of whole seconds.
+const SNAPSHOT_PERIOD: Duration = Duration::from_millis(250);
 
-/// A run that has not answered for this long is said not to.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Time without an answer after which the run is shown as silent.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// The system's sign that the other end of the terminal is closed.
+/// Poll events that report a closed terminal.
 const GONE: PollFlags = PollFlags::HUP.union(PollFlags::ERR);
 
-/// Reason why the view was left.
+/// Reason why the view ended.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Leaving {
-    /// The user quit, or the terminal is gone.
-    Wanted,
-    /// The run has ended; as it was last seen.
+pub enum ViewEnd {
+    /// The user quit, or the terminal was closed.
+    Quit,
+    /// The run ended, with its last snapshot.
     Ended(Option<Box<Snapshot>>),
-    /// By a signal of this number.
+    /// A signal arrived.
     Signal(i32),
 }
 
-/// Reason why there is no view.
 #[derive(Debug, thiserror::Error)]
 pub enum TopError {
-    /// The terminal failed.
     #[error("the terminal failed: {0}")]
     Terminal(#[from] io::Error),
-    /// The run cannot be spoken to.
+    /// The connection to the run failed.
     #[error(transparent)]
     Run(#[from] LiveError),
 }
 
-/// Shows a run until the user quits or it ends; the terminal is then as before.
+/// Shows a run until the user quits or it ends, then restores the terminal.
 ///
 /// # Errors
 /// [`TopError`].
-pub fn watch(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<Leaving, TopError> {
+pub fn watch(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<ViewEnd, TopError> {
     match show(run, may_break, interrupt) {
-        Err(TopError::Terminal(_)) if is_terminal_gone() => Ok(Leaving::Wanted),
+        Err(TopError::Terminal(_)) if is_terminal_gone() => Ok(ViewEnd::Quit),
         result => result,
     }
 }
 
-fn show(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<Leaving, TopError> {
+fn show(run: &LiveRun, may_break: bool, interrupt: &Interrupt) -> Result<ViewEnd, TopError> {
     let mut screen = Screen::enter()?;
     let mut watch = Watch::new(run, may_break);
     loop {
         if let Some(signal) = interrupt.signal() {
-            return Ok(Leaving::Signal(signal));
+            return Ok(ViewEnd::Signal(signal));
         }
-        match watch.converse() {
-            Err(LiveError::Ended(_)) => return Ok(Leaving::Ended(watch.snapshot.map(Box::new))),
+        match watch.update() {
+            Err(LiveError::Ended(_)) => return Ok(ViewEnd::Ended(watch.snapshot.map(Box::new))),
             result => result?,
         }
         screen.draw(|frame| frame.render_widget(&watch.view(), frame.area()))?;
-        match wait(run, watch.next_look)? {
-            Woken::ByKeys => {}
-            Woken::ByOthers => continue,
-            Woken::TerminalGone => return Ok(Leaving::Wanted),
+        match wait(run, watch.next_snapshot)? {
+            Wake::Key => {}
+            Wake::Other => continue,
+            Wake::TerminalGone => return Ok(ViewEnd::Quit),
         }
         while event::poll(Duration::ZERO)? {
-            match watch.attend_to(&event::read()?) {
+            match watch.handle(&event::read()?) {
                 Action::None => {}
-                Action::Leave => return Ok(Leaving::Wanted),
+                Action::Leave => return Ok(ViewEnd::Quit),
                 Action::Ask(question) => watch.ask(&question)?,
             }
         }
     }
 }
 
-/// One view of a run as text, `width` columns wide.
+/// Returns one view of a run as text, `width` columns wide.
 #[must_use]
 pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
     let (controls, mut history) = (Controls::new(false), History::default());
@@ -111,21 +109,21 @@ pub fn once(run: &str, snapshot: &Snapshot, width: u16) -> String {
     view.without_keys(width)
 }
 
-/// Sentences of the run in the one line that there is for them.
+/// Joins the lines of an answer: the notice has one line.
 fn in_one_line(text: &str) -> String {
     text.lines().collect::<Vec<_>>().join("; ")
 }
 
-/// The cause that ended a wait.
-enum Woken {
-    ByKeys,
-    /// The run, a signal (a new size of the terminal, or a request to end), or the time.
-    ByOthers,
+/// Cause that ended a wait.
+enum Wake {
+    Key,
+    /// A message of the run, a signal (window size or termination), or the timeout.
+    Other,
     TerminalGone,
 }
 
-/// Waits for a key, a word of the run, a signal, or the moment.
-fn wait(run: &LiveRun, until: Instant) -> io::Result<Woken> {
+/// Waits for a key, a message of the run, a signal, or the deadline.
+fn wait(run: &LiveRun, until: Instant) -> io::Result<Wake> {
     let left = until.saturating_duration_since(Instant::now());
     let left = Timespec::try_from(left).map_err(io::Error::other)?;
     let terminal = io::stdin();
@@ -135,12 +133,12 @@ fn wait(run: &LiveRun, until: Instant) -> io::Result<Woken> {
     ];
     match rustix::event::poll(&mut files, Some(&left)) {
         Ok(_) => Ok(match files[0].revents() {
-            // Who reads keys of a terminal that is gone reads for ever.
-            happened if happened.intersects(GONE) => Woken::TerminalGone,
-            happened if happened.contains(PollFlags::IN) => Woken::ByKeys,
-            _ => Woken::ByOthers,
+            // Reading keys of a closed terminal would never return.
+            happened if happened.intersects(GONE) => Wake::TerminalGone,
+            happened if happened.contains(PollFlags::IN) => Wake::Key,
+            _ => Wake::Other,
         }),
-        Err(rustix::io::Errno::INTR) => Ok(Woken::ByOthers),
+        Err(rustix::io::Errno::INTR) => Ok(Wake::Other),
         Err(error) => Err(error.into()),
     }
 }
@@ -152,16 +150,16 @@ fn is_terminal_gone() -> bool {
     looked.is_ok() && files[0].revents().intersects(GONE)
 }
 
-/// The state of the run, and the user's intent.
+/// State of the run and of the user interface.
 struct Watch<'a> {
     run: &'a LiveRun,
     snapshot: Option<Snapshot>,
     history: History,
     controls: Controls,
-    next_look: Instant,
-    /// Questions that have not been answered yet.
+    next_snapshot: Instant,
+    /// Number of questions without an answer.
     unanswered: usize,
-    heard: Instant,
+    last_answer: Instant,
 }
 
 impl<'a> Watch<'a> {
@@ -171,50 +169,52 @@ impl<'a> Watch<'a> {
             snapshot: None,
             history: History::default(),
             controls: Controls::new(may_break),
-            next_look: Instant::now(),
+            next_snapshot: Instant::now(),
             unanswered: 0,
-            heard: Instant::now(),
+            last_answer: Instant::now(),
         }
     }
 
-    /// Hears what the run has answered, and asks how it is if it is time.
-    fn converse(&mut self) -> Result<(), LiveError> {
-        while let Some(answer) = self.run.hear()? {
+    /// Handles the answers of the run, and requests a snapshot when it is due.
+    fn update(&mut self) -> Result<(), LiveError> {
+        while let Some(answer) = self.run.receive()? {
             self.unanswered = self.unanswered.saturating_sub(1);
-            self.heard = Instant::now();
+            self.last_answer = Instant::now();
             match answer {
                 Answer::Snapshot(snapshot) => {
                     self.history.keep(&snapshot);
                     self.snapshot = Some(*snapshot);
                 }
-                Answer::Done(text) => self.controls.tell(in_one_line(&text)),
-                Answer::Values(gains) => self.controls.keep_gains(gains),
-                // It asks for none of them.
+                Answer::Done(text) => self.controls.show_notice(in_one_line(&text)),
+                Answer::Values(gains) => self.controls.set_gains(gains),
+                // Answers to questions that this view does not send.
                 Answer::Description(_) | Answer::Newest(_) => {}
                 Answer::Refused(reason) | Answer::Closed(reason) => {
-                    self.controls.tell(in_one_line(&format!("refused: {reason}")));
+                    self.controls
+                        .show_notice(in_one_line(&format!("refused: {reason}")));
                 }
             }
         }
-        if Instant::now() >= self.next_look {
+        if Instant::now() >= self.next_snapshot {
             if self.unanswered == 0 {
                 self.ask(&Question::Look)?;
             }
-            self.next_look = Instant::now() + LOOK_PERIOD;
+            self.next_snapshot = Instant::now() + SNAPSHOT_PERIOD;
         }
         Ok(())
     }
 
     fn ask(&mut self, question: &Question) -> Result<(), LiveError> {
-        if self.run.say(question)? {
+        if self.run.send(question)? {
             self.unanswered += 1;
         } else {
-            self.controls.tell("the run takes no questions now".to_owned());
+            self.controls
+                .show_notice("the run takes no questions now".to_owned());
         }
         Ok(())
     }
 
-    fn attend_to(&mut self, event: &Event) -> Action {
+    fn handle(&mut self, event: &Event) -> Action {
         let services = self
             .snapshot
             .as_ref()
@@ -228,13 +228,13 @@ impl<'a> Watch<'a> {
     }
 
     fn view(&self) -> View<'_> {
-        let silence = self.heard.elapsed();
+        let silence = self.last_answer.elapsed();
         View {
             run: self.run.name(),
             snapshot: self.snapshot.as_ref(),
             history: &self.history,
             controls: &self.controls,
-            silence: (silence > PATIENCE).then_some(silence),
+            silence: (silence > ANSWER_TIMEOUT).then_some(silence),
         }
     }
 }

@@ -1,28 +1,28 @@
-//! The terminal while it shows the view, and as it was before whenever that ends.
+//! The terminal in raw mode, restored whenever the view ends.
 
 use std::io;
 use std::mem::ManuallyDrop;
 
 use ratatui::{DefaultTerminal, Frame};
 
-/// A terminal in raw mode that shows its alternate screen. Dropped, it is as before; a panic restores it first, so
-/// that its message is seen. No mouse is captured: a selection with it goes on to work.
+/// Terminal in raw mode that shows its alternate screen. Dropping it restores the terminal; a panic restores it first,
+/// so that its message is visible. The mouse is not captured: selecting text still works.
 pub struct Screen {
-    // Never dropped: on a terminal that is gone its own end would panic.
+    // Never dropped: its own `Drop` would panic on a closed terminal.
     terminal: ManuallyDrop<DefaultTerminal>,
     _restored: Restored,
 }
 
-/// Gives the terminal back.
+/// Guard that restores the terminal.
 struct Restored;
 
 impl Screen {
-    /// Takes the terminal.
+    /// Switches the terminal to raw mode.
     ///
     /// # Errors
-    /// If it cannot be had.
+    /// If the terminal refuses.
     pub fn enter() -> io::Result<Self> {
-        // Whatever has been changed when this fails half-way is undone as well.
+        // The guard exists first: a half-completed initialisation is undone as well.
         let restored = Restored;
         Ok(Self {
             terminal: ManuallyDrop::new(ratatui::try_init()?),
@@ -30,10 +30,10 @@ impl Screen {
         })
     }
 
-    /// Shows a picture, as large as the terminal is now.
+    /// Draws a frame at the terminal's current size.
     ///
     /// # Errors
-    /// If the terminal is gone.
+    /// If the terminal was closed.
     pub fn draw(&mut self, picture: impl FnOnce(&mut Frame)) -> io::Result<()> {
         self.terminal.draw(picture).map(|_| ())
     }
@@ -47,9 +47,9 @@ impl Drop for Screen {
 
 impl Drop for Restored {
     fn drop(&mut self) {
-        // A panic has restored it already; once more would put the cursor onto its message.
+        // The panic hook has restored it already; a second time would move the cursor onto its message.
         if !std::thread::panicking() {
-            // A terminal that is gone needs nothing.
+            // Errors of a closed terminal are ignored.
             let _ = ratatui::try_restore();
         }
     }

@@ -1,7 +1,7 @@
-//! The picture: a function of what the run has told, of its last minute, and of what the user is about to do.
+//! The picture: a function of the run's snapshot, the last minute, and the user's selection and mode.
 //!
-//! At 80 columns and 24 rows everything is there. Less room first costs events, then trends, then columns; the state of
-//! the flight, the services and the keys stay.
+//! 80 columns and 24 rows hold everything. With less room, events are left out first, then trends, then columns; the
+//! state of the flight, the services and the keys stay.
 
 mod help;
 mod laboratory;
@@ -23,24 +23,21 @@ use super::keys::{Break, Controls, Intent, Mode};
 use super::words::{cut, short_time};
 use run_client::Snapshot;
 
-/// Below this many columns or rows nothing can be told.
+/// Minimum columns and rows of a useful picture.
 const SMALLEST: (u16, u16) = (20, 4);
 
-/// Rows of a view that is printed; it holds everything.
+/// Rows of a printed view; they hold everything.
 const PRINTED_ROWS: u16 = 24;
 
-/// All that a picture shows.
+/// Contents of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// Name of the run.
     pub run: &'a str,
-    /// The snapshot of the run; none before its first answer.
+    /// The last snapshot; `None` before the first answer.
     pub snapshot: Option<&'a Snapshot>,
-    /// The last minute.
     pub history: &'a History,
-    /// The user's selection and intent.
     pub controls: &'a Controls,
-    /// Time for which the run has not answered, if that is long.
+    /// Time without an answer, if longer than the limit.
     pub silence: Option<Duration>,
 }
 
@@ -69,7 +66,7 @@ impl Widget for &View<'_> {
 }
 
 impl View<'_> {
-    /// The picture as text, without the line of the keys.
+    /// Returns the picture as text, without the line of the keys.
     #[must_use]
     pub fn without_keys(&self, width: u16) -> String {
         let lines = self.lines(width, PRINTED_ROWS);
@@ -78,7 +75,7 @@ impl View<'_> {
         text.trim_end().to_owned() + "\n"
     }
 
-    /// The picture as lines of text.
+    /// Returns the picture as lines of text.
     fn lines(&self, width: u16, height: u16) -> Vec<String> {
         let mut buffer = Buffer::empty(Rect::new(0, 0, width, height));
         self.render(buffer.area, &mut buffer);
@@ -162,7 +159,7 @@ impl View<'_> {
     }
 }
 
-/// The setting that is being typed, of a long one the end, and what becomes of it.
+/// Returns the line of a setting that is being typed. A long setting shows its end.
 fn prompt(setting: &str, width: u16) -> Line<'static> {
     const KEYS: &str = "Enter: set, Esc: no";
     let room = usize::from(width).saturating_sub("set ▏  ".chars().count() + KEYS.len());
@@ -171,15 +168,15 @@ fn prompt(setting: &str, width: u16) -> Line<'static> {
     Line::styled(format!("set {shown}▏  {KEYS}"), Style::new().reversed())
 }
 
-fn confirmation(Intent { how, service, pid }: &Intent) -> String {
-    let verb = match how {
+fn confirmation(Intent { kind, service, pid }: &Intent) -> String {
+    let verb = match kind {
         Break::Kill => "kill",
         Break::Freeze => "freeze",
     };
     format!("{verb} {service} ({pid})? y: yes, else: no")
 }
 
-/// Place where everything goes.
+/// Layout of the picture.
 struct Rows {
     title: Rect,
     status: Rect,
@@ -193,7 +190,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// Divides the rows: what matters most takes its rows first.
+    /// Divides the rows in the order of importance.
     fn within(area: Rect, table: u16, has_laboratory: bool) -> Self {
         let mut left = area.height;
         let mut take = |wanted: u16| {
@@ -246,7 +243,7 @@ impl Rows {
     }
 }
 
-/// Returns where the flight is, and what it is permitted.
+/// Returns the line of the flight's time, phase and arming.
 fn status(snapshot: &Snapshot) -> Vec<Span<'static>> {
     let time = format!("{:.1} s of {:.1} s", snapshot.time, snapshot.duration);
     let mut parts = vec![Span::raw(time).bold()];
@@ -281,7 +278,7 @@ fn capture_to_frame(snapshot: &Snapshot) -> Vec<Span<'static>> {
     parts
 }
 
-/// Those of the parts that fit whole.
+/// Joins the parts that fit completely.
 fn fitting(parts: Vec<Span<'static>>, width: u16) -> Line<'static> {
     const GAP: &str = "  ";
     let mut line = Line::default();
@@ -295,7 +292,7 @@ fn fitting(parts: Vec<Span<'static>>, width: u16) -> Line<'static> {
     line
 }
 
-/// The last events that have room, the newest last.
+/// Draws the last events that fit, the newest last.
 fn events(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     if area.height < 2 {
         return;
@@ -320,7 +317,7 @@ fn events(snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
     }
 }
 
-/// A line that begins a part.
+/// Returns the headline of a section.
 fn rule(title: &str, width: u16) -> Line<'static> {
     let text = format!("── {title} ");
     let rest = usize::from(width).saturating_sub(text.chars().count());

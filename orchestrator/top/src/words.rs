@@ -1,6 +1,6 @@
-//! Numbers in few columns.
+//! Numbers and text in few columns.
 
-/// A time, in at most five columns: `850ns`, `45µs`, `1.2ms`, `35ms`, `2.5s`, `999s`.
+/// Formats a time in at most five columns: `850ns`, `45µs`, `1.2ms`, `35ms`, `2.5s`, `999s`.
 pub fn short_time(seconds: f64) -> String {
     const UNITS: [(f64, &str); 3] = [(1e9, "ns"), (1e6, "µs"), (1e3, "ms")];
     let text = UNITS
@@ -10,7 +10,7 @@ pub fn short_time(seconds: f64) -> String {
         .unwrap_or_else(|| "long".to_owned())
 }
 
-/// A number below 1000 in three columns; below ten, but not below one, with a decimal.
+/// Formats a number below 1000 in three columns, with one decimal from 1 to 10.
 fn digits(number: f64) -> Option<String> {
     match number {
         _ if number < 0.95 => Some(format!("{number:.0}")),
@@ -20,7 +20,7 @@ fn digits(number: f64) -> Option<String> {
     }
 }
 
-/// A count, in at most four columns: `9999`, `12k`, `999M`.
+/// Formats a count in at most four columns: `9999`, `12k`, `999M`.
 pub fn short_count(count: u64) -> String {
     match count {
         0..10_000 => count.to_string(),
@@ -30,7 +30,7 @@ pub fn short_count(count: u64) -> String {
     }
 }
 
-/// Text in at most so many columns, with an ellipsis for the rest.
+/// Truncates a text to `columns`, with an ellipsis.
 pub fn cut(text: &str, columns: usize) -> String {
     if text.chars().count() <= columns {
         return text.to_owned();

@@ -1,4 +1,4 @@
-//! The address that a person types or scans.
+//! The address that a user types or scans.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 
@@ -7,12 +7,12 @@ use qrcode::{EcLevel, QrCode};
 
 use crate::host_name::in_url;
 
-/// Returns an address of this machine by which others reach a server that listens at `bound`.
+/// Returns an address of this machine for clients of a server that listens at `bound`.
 ///
-/// For a server at all addresses it is that from which the machine would send to the internet: nothing is sent.
+/// If the server listens at all addresses, this is the source address of the route to the internet; nothing is sent.
 #[must_use]
 pub fn reachable(bound: SocketAddr) -> IpAddr {
-    /// Belongs to nobody (RFC 5737).
+    /// Documentation address, assigned to no host (RFC 5737).
     const ELSEWHERE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);
     if !bound.ip().is_unspecified() {
         return bound.ip();
@@ -24,13 +24,13 @@ pub fn reachable(bound: SocketAddr) -> IpAddr {
     own.map_or(Ipv4Addr::LOCALHOST.into(), |own| own.ip())
 }
 
-/// Returns the URL of a server that listens at `bound`, with what follows its path.
+/// Returns the URL of a server that listens at `bound`, with a query.
 #[must_use]
 pub fn url(bound: SocketAddr, query: &str) -> String {
     format!("http://{}:{}/{query}", in_url(reachable(bound)), bound.port())
 }
 
-/// Returns a URL as a QR code for a terminal, black on white whatever its colours are. None if it is too long for one.
+/// Returns a URL as a QR code for a terminal, black on white whatever its colours are; `None` if it is too long.
 #[must_use]
 pub fn qr_code(url: &str) -> Option<String> {
     const BLACK_ON_WHITE: &str = "\x1b[30;107m";

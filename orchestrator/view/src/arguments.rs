@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Port unless one is stated: nothing well known has it.
+/// Default port; not assigned to a well-known service.
 const PORT: u16 = 8421;
 
 /// Arguments of `gerono view`.

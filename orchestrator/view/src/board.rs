@@ -1,27 +1,27 @@
-//! The news of a flight: the newest of each kind, for any number of readers.
+//! The newest message of each kind, shared with any number of readers.
 //!
-//! A reader that is slow misses what came meanwhile and gets the newest: nothing is kept for it, and nobody waits for it.
+//! A slow reader skips messages and gets the newest: nothing is queued for it, and no writer waits for it.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use crate::foxglove::Moment;
 
-/// Frames that are kept for readers that come later. When there are more, every second one is forgotten.
-const PAST: usize = 600;
+/// Maximum number of frames kept for later readers. When there are more, every second one is dropped.
+const MAX_PAST: usize = 600;
 
-/// A kind of news, in the order in which a reader gets them.
+/// Kind of message, in the order in which a reader gets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The flight that the others are about.
+    /// The flight that the other messages belong to.
     Flight,
-    /// What has happened in it.
+    /// Events of the flight.
     Marks,
-    /// The state of services, cameras and link.
+    /// State of services, cameras and radio link.
     Status,
-    /// The vehicle and its signals.
+    /// State of the vehicle, and its signals.
     Frame,
-    /// Whether the run answers, and whether it has ended.
+    /// Connection to the run: whether it answers, and whether it has ended.
     Contact,
 }
 
@@ -34,7 +34,7 @@ impl Kind {
         Self::Contact,
     ];
 
-    /// Returns the name on the wire.
+    /// Returns the event name in the stream.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -47,10 +47,10 @@ impl Kind {
     }
 }
 
-/// The news that a reader has not had yet: the name of each and its text, in their order.
+/// Name and text of each message that a reader has not received yet, in the order of their kinds.
 pub type Unread = Vec<(&'static str, Arc<str>)>;
 
-/// The newest news of each kind.
+/// Newest message of each kind.
 #[derive(Debug, Default)]
 pub struct Board {
     state: Mutex<State>,
@@ -59,28 +59,28 @@ pub struct Board {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Number of the last news.
+    /// Number of the last message.
     last: u64,
-    news: [News; Kind::ALL.len()],
+    messages: [Message; Kind::ALL.len()],
     past: Past,
-    /// The newest samples themselves, and their number.
+    /// The newest samples, and the message number.
     moment: Option<(u64, Arc<Moment>)>,
     readers: usize,
     is_over: bool,
 }
 
 #[derive(Debug, Default)]
-struct News {
-    /// 0 if there is none.
+struct Message {
+    /// 0 before the first message.
     number: u64,
     text: Arc<str>,
 }
 
-/// Frames of the flight so far, evenly thinned.
+/// Frames of the flight so far, decimated evenly.
 #[derive(Debug)]
 struct Past {
     frames: Vec<Arc<str>>,
-    /// Of so many frames one is kept.
+    /// Every `stride`-th frame is kept.
     stride: u64,
     seen: u64,
 }
@@ -101,7 +101,7 @@ impl Past {
             self.frames.push(Arc::clone(frame));
         }
         self.seen += 1;
-        if self.frames.len() > PAST {
+        if self.frames.len() > MAX_PAST {
             let mut place = 0;
             self.frames.retain(|_| {
                 place += 1;
@@ -112,7 +112,7 @@ impl Past {
     }
 }
 
-/// Someone who reads the board, for as long as this lives.
+/// Registered reader of the board; dropping it unregisters it.
 #[derive(Debug)]
 pub struct Reader<'a> {
     board: &'a Board,
@@ -122,31 +122,31 @@ pub struct Reader<'a> {
 
 impl Board {
     fn state(&self) -> MutexGuard<'_, State> {
-        // A thread that panicked left whole news behind.
+        // The mutex may be poisoned, but the state is consistent: no panic is possible in the middle of a change.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts up news. A flight makes all earlier news past.
-    pub fn put(&self, kind: Kind, text: String) {
+    /// Posts a message. A new flight removes all earlier messages.
+    pub fn post(&self, kind: Kind, text: String) {
         let text: Arc<str> = text.into();
         let mut state = self.state();
         match kind {
             Kind::Flight => {
                 state.past = Past::default();
-                state.news = Default::default();
+                state.messages = Default::default();
             }
             Kind::Frame => state.past.keep(&text),
             Kind::Marks | Kind::Status | Kind::Contact => {}
         }
         state.last += 1;
         let number = state.last;
-        state.news[kind as usize] = News { number, text };
+        state.messages[kind as usize] = Message { number, text };
         drop(state);
         self.changed.notify_all();
     }
 
-    /// Puts up the newest samples, for those who want them as they are.
-    pub fn put_moment(&self, moment: Moment) {
+    /// Posts the newest samples for clients of the Foxglove protocol.
+    pub fn post_moment(&self, moment: Moment) {
         let mut state = self.state();
         state.last += 1;
         state.moment = Some((state.last, Arc::new(moment)));
@@ -154,17 +154,17 @@ impl Board {
         self.changed.notify_all();
     }
 
-    /// Says that no more news will come.
+    /// Ends the board: no more messages will follow.
     pub fn end(&self) {
         self.state().is_over = true;
         self.changed.notify_all();
     }
 
-    /// Adds a reader, unless there are `most` already.
+    /// Registers a reader; `None` if there are `maximum` already.
     #[must_use]
-    pub fn read(&self, most: usize) -> Option<Reader<'_>> {
+    pub fn read(&self, maximum: usize) -> Option<Reader<'_>> {
         let mut state = self.state();
-        if state.readers >= most {
+        if state.readers >= maximum {
             return None;
         }
         state.readers += 1;
@@ -177,13 +177,13 @@ impl Board {
         })
     }
 
-    /// Returns how many readers there are.
+    /// Returns the number of readers.
     #[must_use]
     pub fn readers(&self) -> usize {
         self.state().readers
     }
 
-    /// Waits until no reader is left, but no longer than `limit`.
+    /// Waits up to `limit` until no reader is left.
     pub fn await_no_reader(&self, limit: Duration) {
         let waited = self
             .changed
@@ -193,11 +193,17 @@ impl Board {
 }
 
 impl Reader<'_> {
-    /// Waits for news, but no longer than `limit`. None when no more will come; empty after the limit.
+    /// Waits up to `limit` for messages. `None` once the board has ended and all were read; empty after the timeout.
     #[must_use]
     pub fn wait(&mut self, limit: Duration) -> Option<Unread> {
         let seen = self.seen;
-        let is_unread = |state: &State| state.news.iter().zip(seen).any(|(news, seen)| news.number > seen);
+        let is_unread = |state: &State| {
+            state
+                .messages
+                .iter()
+                .zip(seen)
+                .any(|(message, seen)| message.number > seen)
+        };
         let waits = |state: &mut State| !state.is_over && !is_unread(state);
         let waited = self
             .board
@@ -210,7 +216,7 @@ impl Reader<'_> {
         Some(self.take(&state))
     }
 
-    /// Waits for samples, but no longer than `limit`. None when no more will come; `Some(None)` after the limit.
+    /// Waits up to `limit` for samples. `None` once the board has ended; `Some(None)` after the timeout.
     #[must_use]
     pub fn wait_for_moment(&mut self, limit: Duration) -> Option<Option<Arc<Moment>>> {
         let seen = self.seen_moment;
@@ -234,12 +240,12 @@ impl Reader<'_> {
     fn take(&mut self, state: &State) -> Unread {
         let mut unread = Unread::new();
         for kind in Kind::ALL {
-            let (news, seen) = (&state.news[kind as usize], &mut self.seen[kind as usize]);
-            if news.number <= *seen {
+            let (message, seen) = (&state.messages[kind as usize], &mut self.seen[kind as usize]);
+            if message.number <= *seen {
                 continue;
             }
-            *seen = news.number;
-            unread.push((kind.name(), Arc::clone(&news.text)));
+            *seen = message.number;
+            unread.push((kind.name(), Arc::clone(&message.text)));
             if kind == Kind::Flight && !state.past.frames.is_empty() {
                 let frames = state.past.frames.join(",");
                 unread.push(("past", format!("[{frames}]").into()));
@@ -271,16 +277,16 @@ mod tests {
     fn a_reader_gets_the_newest_of_each_kind_once_and_the_flight_first() {
         let board = Board::default();
         let mut reader = board.read(1).unwrap();
-        board.put(Kind::Frame, "1".to_owned());
-        board.put(Kind::Frame, "2".to_owned());
-        board.put(Kind::Status, "s".to_owned());
+        board.post(Kind::Frame, "1".to_owned());
+        board.post(Kind::Frame, "2".to_owned());
+        board.post(Kind::Status, "s".to_owned());
         let unread = reader.wait(AT_ONCE).unwrap();
         assert_eq!(names(&unread), [("status", "s"), ("frame", "2")]);
         assert_eq!(reader.wait(AT_ONCE).unwrap(), []);
 
-        board.put(Kind::Flight, "f".to_owned());
-        board.put(Kind::Frame, "3".to_owned());
-        board.put(Kind::Frame, "4".to_owned());
+        board.post(Kind::Flight, "f".to_owned());
+        board.post(Kind::Frame, "3".to_owned());
+        board.post(Kind::Frame, "4".to_owned());
         let unread = reader.wait(AT_ONCE).unwrap();
         assert_eq!(
             names(&unread),
@@ -303,7 +309,7 @@ mod tests {
     fn the_last_news_are_read_before_the_end() {
         let board = Board::default();
         let mut reader = board.read(1).unwrap();
-        board.put(Kind::Contact, "ended".to_owned());
+        board.post(Kind::Contact, "ended".to_owned());
         board.end();
         assert_eq!(
             names(&reader.wait(Duration::MAX).unwrap()),
@@ -320,7 +326,7 @@ mod tests {
         let mut reader = board.read(1).unwrap();
         std::thread::scope(|scope| {
             let waiting = scope.spawn(move || reader.wait(Duration::from_secs(60)));
-            board.put(Kind::Frame, "1".to_owned());
+            board.post(Kind::Frame, "1".to_owned());
             let unread = waiting.join().unwrap().unwrap();
             assert_eq!(names(&unread), [("frame", "1")]);
         });
@@ -334,7 +340,7 @@ mod tests {
                 past.keep(&frame.to_string().into());
             }
             let kept: Vec<u64> = past.frames.iter().map(|frame| frame.parse().unwrap()).collect();
-            prop_assert!(kept.len() <= PAST && (frames < 2 || kept.len() as u64 >= frames.min(PAST as u64 / 2)));
+            prop_assert!(kept.len() <= MAX_PAST && (frames < 2 || kept.len() as u64 >= frames.min(MAX_PAST as u64 / 2)));
             prop_assert!(kept.iter().enumerate().all(|(place, &frame)| frame == place as u64 * past.stride));
             prop_assert!(frames - kept.last().unwrap() <= past.stride);
         }

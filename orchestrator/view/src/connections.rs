@@ -1,30 +1,30 @@
-//! Places for connections: a client has none of its own before its request has come and is permitted.
+//! Limits of connections: a client counts as permitted only after its request has arrived and passed the checks.
 
 use std::collections::VecDeque;
 use std::io;
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::server::MOST_WATCHERS;
+use crate::server::MAX_WATCHERS;
 
-/// Permitted connections at once: those of the watchers, and others that ask for the page.
-const MOST_CONNECTIONS: usize = 2 * MOST_WATCHERS;
+/// Maximum number of permitted connections: the watchers, and others that load the page.
+const MAX_CONNECTIONS: usize = 2 * MAX_WATCHERS;
 
-/// Connections at once whose request has not come, or was refused.
-pub(crate) const MOST_ARRIVALS: usize = 16;
+/// Maximum number of connections whose request has not arrived or was refused.
+pub(crate) const MAX_ARRIVALS: usize = 16;
 
-/// The connections of a server.
+/// Connections of a server.
 #[derive(Debug, Default)]
 pub(crate) struct Connections {
-    /// Those whose request has not come, or was refused, by number; the oldest first.
+    /// Connections without a permitted request, by number; the oldest first.
     arrivals: VecDeque<(u64, TcpStream)>,
-    /// Number of the permitted ones.
+    /// Number of permitted connections.
     permitted: usize,
-    /// Number of the next one.
+    /// Number of the next connection.
     next: u64,
 }
 
-/// A place among the connections, for as long as this lives.
+/// Slot of a connection; dropping it frees the slot.
 pub(crate) struct Connection {
     connections: Arc<Mutex<Connections>>,
     number: u64,
@@ -36,14 +36,14 @@ fn locked(connections: &Mutex<Connections>) -> MutexGuard<'_, Connections> {
 }
 
 impl Connection {
-    /// Takes a place among the arrivals; the oldest of them makes room.
+    /// Takes a slot among the arrivals; if all are taken, the oldest connection is closed.
     pub(crate) fn arrive(connections: &Arc<Mutex<Connections>>, stream: &TcpStream) -> io::Result<Self> {
         let handle = stream.try_clone()?;
         let mut places = locked(connections);
-        if places.arrivals.len() == MOST_ARRIVALS
+        if places.arrivals.len() == MAX_ARRIVALS
             && let Some((_, oldest)) = places.arrivals.pop_front()
         {
-            // Its thread finds the connection closed, and ends.
+            // Its thread gets the end of the stream, and ends.
             let _ = oldest.shutdown(Shutdown::Both);
         }
         let number = places.next;
@@ -57,10 +57,10 @@ impl Connection {
         })
     }
 
-    /// Takes a place among the permitted connections in exchange. Returns whether there was one.
+    /// Exchanges the slot for one of a permitted connection. Returns whether one was free.
     pub(crate) fn permit(&mut self) -> bool {
         let mut places = locked(&self.connections);
-        self.is_permitted = places.permitted < MOST_CONNECTIONS;
+        self.is_permitted = places.permitted < MAX_CONNECTIONS;
         if self.is_permitted {
             places.permitted += 1;
             places.arrivals.retain(|(number, _)| *number != self.number);
@@ -94,14 +94,14 @@ mod tests {
             (one, listener.accept().unwrap().0)
         };
         let connections = Arc::default();
-        let mut places: Vec<_> = (0..=MOST_CONNECTIONS)
+        let mut places: Vec<_> = (0..=MAX_CONNECTIONS)
             .map(|_| {
                 let mut place = Connection::arrive(&connections, &one).unwrap();
                 (place.permit(), place)
             })
             .collect();
         let permitted: Vec<_> = places.iter().map(|(is_permitted, _)| *is_permitted).collect();
-        assert_eq!(permitted, [vec![true; MOST_CONNECTIONS], vec![false]].concat());
+        assert_eq!(permitted, [vec![true; MAX_CONNECTIONS], vec![false]].concat());
         places.remove(0);
         let (_, last) = places.last_mut().unwrap();
         assert!(last.permit(), "one has gone");

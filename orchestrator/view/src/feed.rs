@@ -1,7 +1,7 @@
-//! Keeps the board up to date: finds the run, asks it for its newest samples, and says when it does not answer.
+//! Feeds the board: finds the run, polls its newest samples, and reports when it does not answer.
 //!
-//! The orchestrator answers between its other work and never waits. Whatever becomes of this process, the flight loses
-//! nothing but a client.
+//! The orchestrator answers between its other work and never waits for a client. If this process fails, the flight only
+//! loses a client.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -16,48 +16,47 @@ use crate::foxglove::Moment;
 use crate::frame::Encoder;
 use crate::manners::Distance;
 
-/// Period of frames while a browser watches.
+/// Frame period while a client is connected.
 const FRAME_PERIOD: Duration = Duration::from_millis(33);
 
-/// Period of frames while none does: the past goes on.
+/// Frame period without clients: the past still grows.
 const IDLE_PERIOD: Duration = Duration::from_millis(250);
 
-/// Period of the state of services; its numbers are those of whole seconds.
+/// Period of the services' state; its figures are of whole seconds.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
 
-/// Time for which an orchestrator may take to answer before readers are told.
+/// Answer timeout of the orchestrator.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Period at which a run is looked for that is not there, or does not answer.
+/// Period at which a missing or silent run is searched again.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Span over which the speed of simulated time is taken.
+/// Interval over which the speed of simulated time is averaged.
 const SPEED_SPAN: Duration = Duration::from_secs(1);
 
-/// A run's samples on their way to the board.
+/// Transfer of a run's samples to the board.
 pub struct Feed<'a> {
-    /// The name of the run, if several are under way.
+    /// Name of the run; required if several are under way.
     pub run: Option<String>,
-    /// `true` if other runs follow.
+    /// `true` if later runs are shown as well.
     pub follows: bool,
-    /// Where the news go.
     pub board: &'a Board,
-    /// Closed when this is to end.
+    /// Closed to stop the feed.
     pub stop: Receiver<()>,
 }
 
-/// Why a run is left.
-enum Left {
-    /// It has ended, or another build flies it: the reason in words.
-    Run(String),
-    /// This is to end.
+/// Reason why a run is left.
+enum LeaveReason {
+    /// The run has ended or was built differently: the reason as text.
+    RunEnded(String),
+    /// The feed was stopped.
     Stopped,
 }
 
 impl Feed<'_> {
-    /// Follows the run, and others after it if so asked, until it has ended or this is to stop.
+    /// Shows the run, and later ones if requested, until it ends or the feed is stopped.
     ///
-    /// `found` is the run to begin with.
+    /// `found` is the first run.
     pub fn run(&self, found: Option<MachineRun>) {
         let mut next = found;
         loop {
@@ -69,14 +68,14 @@ impl Feed<'_> {
                 continue;
             };
             match self.follow(&run) {
-                Left::Stopped => return,
-                Left::Run(reason) => {
+                LeaveReason::Stopped => return,
+                LeaveReason::RunEnded(reason) => {
                     let waits = if self.follows {
-                        "; the next flight is waited for"
+                        "; waiting for the next flight"
                     } else {
                         ""
                     };
-                    self.say("ended", &format!("{reason}{waits}"));
+                    self.post_contact("ended", &format!("{reason}{waits}"));
                     if !self.follows {
                         return;
                     }
@@ -89,16 +88,16 @@ impl Feed<'_> {
         self.stop.recv_timeout(limit) != Err(RecvTimeoutError::Timeout)
     }
 
-    /// Tells readers whether the run answers.
-    fn say(&self, state: &str, text: &str) {
-        self.board.put(
+    /// Posts the state of the connection to the run.
+    fn post_contact(&self, state: &str, text: &str) {
+        self.board.post(
             Kind::Contact,
             json!({"state": state, "text": text, "follows": self.follows}).to_string(),
         );
     }
 
-    /// Follows a run to its end, through all silences.
-    fn follow(&self, run: &MachineRun) -> Left {
+    /// Shows a run to its end, across connection losses.
+    fn follow(&self, run: &MachineRun) -> LeaveReason {
         let mut encoder = None;
         loop {
             let error = match LiveRun::connect(run, PATIENCE) {
@@ -108,19 +107,19 @@ impl Feed<'_> {
                 },
                 Err(error) => error,
             };
-            // Also the socket of an orchestrator that has died is closed, and its services may fly on.
+            // A closed socket is no proof: the orchestrator may have died while its services fly on.
             if !run.lives() {
-                return Left::Run(format!("the run `{}` has ended", run.name()));
+                return LeaveReason::RunEnded(format!("the run `{}` has ended", run.name()));
             }
-            self.say("silent", &error.to_string());
+            self.post_contact("silent", &error.to_string());
             if self.is_stopped_within(RETRY) {
-                return Left::Stopped;
+                return LeaveReason::Stopped;
             }
         }
     }
 
-    /// Relays what a run answers until it ends or no longer does.
-    fn relay(&self, line: &LiveRun, encoder: &mut Option<Encoder>) -> Result<Left, LiveError> {
+    /// Polls a run until it ends or does not answer.
+    fn relay(&self, line: &LiveRun, encoder: &mut Option<Encoder>) -> Result<LeaveReason, LiveError> {
         if encoder.is_none() {
             let description = describe(line)?;
             if let Some(topic) = description.unreadable() {
@@ -128,21 +127,21 @@ impl Feed<'_> {
                     "the run `{}` is flown by another build of gerono: its `{topic}` has another layout",
                     line.name()
                 );
-                return Ok(Left::Run(reason));
+                return Ok(LeaveReason::RunEnded(reason));
             }
             let Some(made) = Encoder::new(description) else {
-                return Ok(Left::Run(format!(
-                    "the scenario of the run `{}` makes no schedule",
+                return Ok(LeaveReason::RunEnded(format!(
+                    "the scenario of the run `{}` has no valid schedule",
                     line.name()
                 )));
             };
-            self.board.put(Kind::Flight, made.flight(line.name()));
+            self.board.post(Kind::Flight, made.flight(line.name()));
             *encoder = Some(made);
         }
         let Some(encoder) = encoder else {
-            unreachable!("it has just been made");
+            unreachable!("the encoder was created above");
         };
-        self.say("live", "");
+        self.post_contact("live", "");
         let mut pace = Pace::default();
         let mut distance = Distance::none();
         let mut marks = String::new();
@@ -152,18 +151,18 @@ impl Feed<'_> {
             if let Answer::Newest(samples) = line.ask(&Question::Watch, PATIENCE)? {
                 if let Some(frame) = encoder.frame(&samples) {
                     pace.observe(began, frame.time);
-                    self.board.put(Kind::Frame, text_of(&frame));
+                    self.board.post(Kind::Frame, text_of(&frame));
                 }
                 let scenario = Arc::clone(encoder.scenario());
-                self.board.put_moment(Moment { scenario, samples });
+                self.board.post_moment(Moment { scenario, samples });
             }
             if began >= next_status {
                 next_status = began + STATUS_PERIOD;
                 if let Answer::Snapshot(snapshot) = line.ask(&Question::Look, PATIENCE)? {
-                    distance.keep_from(snapshot.services.iter().map(|service| service.pid));
-                    self.put_marks(encoder, &snapshot, &mut marks);
+                    distance.avoid_cores_of(snapshot.services.iter().map(|service| service.pid));
+                    self.post_marks(encoder, &snapshot, &mut marks);
                     let status = json!({"snapshot": snapshot, "speed": pace.speed()});
-                    self.board.put(Kind::Status, status.to_string());
+                    self.board.post(Kind::Status, status.to_string());
                 }
             }
             let period = if self.board.readers() > 0 {
@@ -172,15 +171,15 @@ impl Feed<'_> {
                 IDLE_PERIOD
             };
             if self.is_stopped_within(period.saturating_sub(began.elapsed())) {
-                return Ok(Left::Stopped);
+                return Ok(LeaveReason::Stopped);
             }
         }
     }
 
-    fn put_marks(&self, encoder: &Encoder, snapshot: &Snapshot, last: &mut String) {
+    fn post_marks(&self, encoder: &Encoder, snapshot: &Snapshot, last: &mut String) {
         let marks = text_of(&encoder.marks(snapshot.time));
         if marks != *last {
-            self.board.put(Kind::Marks, marks.clone());
+            self.board.post(Kind::Marks, marks.clone());
             *last = marks;
         }
     }
@@ -197,15 +196,13 @@ fn describe(line: &LiveRun) -> Result<Description, LiveError> {
     };
     match line.ask(&Question::Describe, PATIENCE)? {
         Answer::Description(description) => Ok(*description),
-        // An older program does not know the question.
+        // An older program that lacks the question.
         Answer::Refused(reason) | Answer::Closed(reason) => Err(unexpected(reason)),
-        _ => Err(unexpected(
-            "it answered something else than what it flies".to_owned(),
-        )),
+        _ => Err(unexpected("it sent an unexpected answer".to_owned())),
     }
 }
 
-/// The speed of a flight's time.
+/// Ratio of a flight's time to the system's.
 #[derive(Debug, Default)]
 struct Pace {
     from: Option<(Instant, f64)>,
@@ -225,7 +222,7 @@ impl Pace {
         }
     }
 
-    /// Seconds of the flight in a second.
+    /// Returns the flight's time per real time, s/s.
     fn speed(&self) -> Option<f64> {
         self.speed
     }

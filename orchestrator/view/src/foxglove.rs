@@ -1,7 +1,8 @@
-//! The Foxglove WebSocket protocol, as far as a server that only shows needs it: every topic as it is, for the programs that
-//! speak it.
+//! The server's part of the Foxglove WebSocket protocol: all topics in their recorded encoding.
 //!
-//! A client says which topics it wants, and nothing else that it says is heard: the server offers none of the protocol's
+//! A client subscribes to topics; all its other messages are ignored: the server offers none of the protocol's
+//! capabilities (publishing, parameters, services). See
+//! <https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md>.
 //! capabilities (publishing, parameters, services). See <https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md>.
 
 use std::sync::Arc;
@@ -15,50 +16,47 @@ use shared_types::Topic;
 use shared_types::sample::CDR_HEADER;
 use shared_types::service::header_of;
 
-/// The protocol's names, which mean the same, the newer one first.
+/// Names of the protocol, which are equivalent, the newer one first.
 pub const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
-/// The binary message that holds a sample.
+/// Opcode of a binary message with a sample.
 const MESSAGE_DATA: u8 = 1;
 
 const TOPICS: usize = Topic::ALL.len();
 
-/// The newest samples of a flight.
+/// Newest samples of a flight.
 #[derive(Debug)]
 pub struct Moment {
-    /// The flight's scenario: the same one for all moments of a flight.
+    /// Scenario of the flight, shared by all its moments.
     pub scenario: Arc<Scenario>,
-    /// The samples.
     pub samples: NewestSamples,
 }
 
-/// A message to a client.
+/// Message to a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outgoing {
-    /// JSON.
     Text(String),
-    /// A sample.
     Binary(Vec<u8>),
 }
 
-/// What one client has been told, and what it wants.
+/// Protocol state of a client.
 #[derive(Debug, Default)]
 pub struct Session {
     scenario: Option<Arc<Scenario>>,
-    topics: [Known; TOPICS],
+    topics: [TopicState; TOPICS],
 }
 
-/// A topic to a client.
+/// State of a topic for a client.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct TopicState {
     is_advertised: bool,
-    /// The client's number for it, if it wants the samples.
+    /// The client's subscription ID, if it has subscribed.
     subscription: Option<u32>,
-    /// Number of the last sample that was sent.
+    /// Sequence number of the last sample that was sent.
     sent: Option<u64>,
 }
 
-/// What a client says and the server hears. Everything else is ignored.
+/// Message from a client. All others are ignored.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 enum Incoming {
@@ -79,15 +77,15 @@ struct Subscription {
 }
 
 impl Session {
-    /// Returns what a client is told first.
+    /// Returns the first message to a client.
     #[must_use]
     pub fn greeting() -> Outgoing {
         let name = format!("gerono {}", env!("CARGO_PKG_VERSION"));
         Outgoing::Text(json!({"op": "serverInfo", "name": name, "capabilities": []}).to_string())
     }
 
-    /// Takes note of what a client has said.
-    pub fn take(&mut self, text: &str) {
+    /// Handles a message from the client.
+    pub fn handle(&mut self, text: &str) {
         match serde_json::from_str(text) {
             Ok(Incoming::Subscribe { subscriptions }) => {
                 for Subscription { id, channel_id } in subscriptions {
@@ -113,16 +111,16 @@ impl Session {
         }
     }
 
-    /// Returns how many topics the client wants.
+    /// Returns the number of subscriptions.
     #[must_use]
     pub fn subscriptions(&self) -> usize {
         let wanted = self.topics.iter().filter(|topic| topic.subscription.is_some());
         wanted.count()
     }
 
-    /// Returns what the client has not been told of a moment: topics that are new, and samples of those that it wants. None if
-    /// it is of another flight than those before: the client has to connect again.
-    pub fn news(&mut self, moment: &Moment) -> Option<Vec<Outgoing>> {
+    /// Returns the messages for a moment: advertisements of new topics, and samples of subscribed ones. `None` if the
+    /// moment is of another flight than the ones before: the client has to connect again.
+    pub fn messages_for(&mut self, moment: &Moment) -> Option<Vec<Outgoing>> {
         let is_first = self.scenario.is_none();
         let scenario = self.scenario.get_or_insert_with(|| Arc::clone(&moment.scenario));
         if !Arc::ptr_eq(scenario, &moment.scenario) {
@@ -130,19 +128,19 @@ impl Session {
         }
         let mut channels = Vec::new();
         let mut samples = Vec::new();
-        for (known, topic) in self.topics.iter_mut().zip(Topic::ALL) {
+        for (state, topic) in self.topics.iter_mut().zip(Topic::ALL) {
             let Some(bytes) = moment.samples.bytes(topic) else {
                 continue;
             };
-            if !known.is_advertised {
-                known.is_advertised = true;
+            if !state.is_advertised {
+                state.is_advertised = true;
                 channels.push(channel(topic, scenario));
             }
             let header = header_of(bytes);
-            if let Some(subscription) = known.subscription
-                && known.sent != Some(header.seq)
+            if let Some(subscription) = state.subscription
+                && state.sent != Some(header.seq)
             {
-                known.sent = Some(header.seq);
+                state.sent = Some(header.seq);
                 samples.push(message(subscription, header.stamp_ns, bytes));
             }
         }
@@ -153,7 +151,7 @@ impl Session {
     }
 }
 
-/// Returns a topic as the protocol tells of it: as the log does.
+/// Returns the advertisement of a topic, with the schema of the log.
 fn channel(topic: Topic, scenario: &Scenario) -> Value {
     json!({
         "id": topic.index(),
@@ -215,15 +213,15 @@ mod tests {
     fn topics_are_told_once_and_samples_sent_once_to_who_wants_them() {
         let scenario = Arc::new(scenario(0.001, 1.0));
         let mut session = Session::default();
-        let news = session.news(&moment(&scenario, 1, false)).unwrap();
+        let news = session.messages_for(&moment(&scenario, 1, false)).unwrap();
         assert_eq!(news.len(), 1);
         assert_eq!(advertised(&news[0]), ["vehicle/truth"]);
 
         let channel = Topic::VehicleTruth.index();
-        session.take(&format!(
+        session.handle(&format!(
             r#"{{"op":"subscribe","subscriptions":[{{"id":7,"channelId":{channel}}}]}}"#
         ));
-        let news = session.news(&moment(&scenario, 1, false)).unwrap();
+        let news = session.messages_for(&moment(&scenario, 1, false)).unwrap();
         let [Outgoing::Binary(sample)] = &news[..] else {
             panic!("{news:?}");
         };
@@ -231,13 +229,13 @@ mod tests {
         assert_eq!(sample[5..13], 1_000_000_u64.to_le_bytes());
         assert_eq!(sample[13..17], CDR_HEADER);
         assert_eq!(sample.len(), 17 + Topic::VehicleTruth.kind().size);
-        assert_eq!(session.news(&moment(&scenario, 1, false)), Some(vec![]));
+        assert_eq!(session.messages_for(&moment(&scenario, 1, false)), Some(vec![]));
 
-        let news = session.news(&moment(&scenario, 2, true)).unwrap();
+        let news = session.messages_for(&moment(&scenario, 2, true)).unwrap();
         assert_eq!(advertised(&news[0]), ["path/reference"]);
         assert_eq!(news.len(), 2, "a topic that is not wanted is not sent");
-        session.take(r#"{"op":"unsubscribe","subscriptionIds":[7]}"#);
-        assert_eq!(session.news(&moment(&scenario, 3, true)), Some(vec![]));
+        session.handle(r#"{"op":"unsubscribe","subscriptionIds":[7]}"#);
+        assert_eq!(session.messages_for(&moment(&scenario, 3, true)), Some(vec![]));
     }
 
     #[test]
@@ -251,11 +249,11 @@ mod tests {
             r#"{"op":"subscribe","subscriptions":[{"id":1,"channelId":4711}]}"#,
             r#"{"op":"subscribe","subscriptions":[{"id":-1,"channelId":0}]}"#,
         ] {
-            session.take(text);
+            session.handle(text);
             assert_eq!(session.subscriptions(), 0, "{text}");
         }
         // One number for one topic.
-        session.take(
+        session.handle(
             r#"{"op":"subscribe","subscriptions":[{"id":1,"channelId":0},{"id":1,"channelId":1},{"id":2,"channelId":0}]}"#,
         );
         assert_eq!(session.subscriptions(), 1);
@@ -265,7 +263,7 @@ mod tests {
     fn another_flight_ends_a_session() {
         let [one, other] = [(); 2].map(|()| Arc::new(scenario(0.001, 1.0)));
         let mut session = Session::default();
-        assert!(session.news(&moment(&one, 1, false)).is_some());
-        assert_eq!(session.news(&moment(&other, 1, false)), None);
+        assert!(session.messages_for(&moment(&one, 1, false)).is_some());
+        assert_eq!(session.messages_for(&moment(&other, 1, false)), None);
     }
 }

@@ -1,4 +1,4 @@
-//! From a run's samples to what the page draws of them.
+//! Conversion of a run's samples to the frames that the page draws.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -23,27 +23,27 @@ use zerocopy::IntoBytes;
 
 use crate::path;
 
-/// Makes frames of the samples of one flight.
+/// Encoder of the frames of a flight.
 pub struct Encoder {
     description: Description,
     scenario: Arc<Scenario>,
     schedule: Schedule,
     source: StateSource,
     marks: Marks,
-    /// Planned events that are still to happen, the next one last.
+    /// Planned events in the future, the next one last.
     planned: Vec<RunEvent>,
 }
 
-/// A moment of the flight, as the page reads it. A number that is not finite is null.
+/// State of the flight at one time, in the page's format. A number that is not finite becomes null.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Frame {
     /// Time of the flight, s.
     #[serde(rename = "t")]
     pub time: f64,
-    /// When that was, in ms since 1970; none in simulated time.
+    /// Wall-clock time, ms since 1970; `None` in simulated time.
     #[serde(rename = "w", skip_serializing_if = "Option::is_none")]
     pub wall_ms: Option<f64>,
-    /// Position (m), the path's point (m), roll, pitch and yaw (rad).
+    /// Position (m), reference position (m), roll, pitch and yaw (rad).
     #[serde(rename = "p")]
     pub place: [f32; 9],
     /// Distance from the path (m), speed (m/s), body rate (rad/s), commanded thrust (N), m̂ (kg), ‖b̂‖ (m/s²).
@@ -55,7 +55,7 @@ pub struct Frame {
 }
 
 impl Encoder {
-    /// Makes the encoder of a flight. None if its scenario makes no schedule.
+    /// Creates the encoder of a flight; `None` if its scenario has no valid schedule.
     #[must_use]
     pub fn new(description: Description) -> Option<Self> {
         let schedule = description.scenario.schedule().ok()?;
@@ -71,13 +71,12 @@ impl Encoder {
         })
     }
 
-    /// Returns the scenario of the flight.
     #[must_use]
     pub fn scenario(&self) -> &Arc<Scenario> {
         &self.scenario
     }
 
-    /// Returns what does not change in the flight of a run, as the page reads it.
+    /// Returns the constants of a flight, in the page's format.
     #[must_use]
     pub fn flight(&self, run: &str) -> String {
         let scenario = &self.description.scenario;
@@ -98,7 +97,7 @@ impl Encoder {
         flight.to_string()
     }
 
-    /// Returns topic and name of each channel, in the order of the values of a frame.
+    /// Returns topic and name of each channel, in the order of a frame's values.
     fn channels(&self) -> Vec<(&'static str, &str)> {
         let vehicle = match self.source {
             StateSource::Truth => (Topic::VehicleTruth, &channels::TRUTH[..]),
@@ -119,7 +118,7 @@ impl Encoder {
         ours.chain(telemetry).collect()
     }
 
-    /// Returns the frame of these samples. None before the vehicle is known.
+    /// Returns the frame of the samples; `None` before the vehicle's state is available.
     pub fn frame(&mut self, newest: &NewestSamples) -> Option<Frame> {
         let truth = newest.get::<VehicleTruth>();
         let vehicle = match self.source {
@@ -154,13 +153,13 @@ impl Encoder {
         self.description.scenario.flight.is_some()
     }
 
-    /// Takes note of what the samples say has happened.
+    /// Adds the events that the samples report.
     fn observe(&mut self, newest: &NewestSamples) {
         let tick = newest.tick().unwrap_or_default();
         while let Some(event) = self.planned.pop_if(|event| event.header.tick <= tick) {
             self.marks.observe(Topic::RunEvent, event.as_bytes());
         }
-        // A flight without phases is in one all the time.
+        // Flights without phases have samples of all these topics, too.
         let topics = [Topic::PathReference, Topic::ControlAdaptation, Topic::RcFrame];
         for topic in topics {
             if let Some(bytes) = newest.bytes(topic) {
@@ -169,7 +168,7 @@ impl Encoder {
         }
     }
 
-    /// Returns what has happened up to a time, s.
+    /// Returns the events up to a time, s.
     #[must_use]
     pub fn marks(&self, time: f64) -> Vec<Mark> {
         self.marks.clone().finish(&self.description.scenario, time)
@@ -183,11 +182,11 @@ impl Encoder {
     ) -> Vec<f32> {
         let scenario = &self.description.scenario;
         let adaptation = newest.get::<ControlAdaptation>();
-        let is_led = reference.is_none() || distance.is_some();
+        let is_following_path = reference.is_none() || distance.is_some();
         let is_in_law = |adaptation: &ControlAdaptation| adaptation.stage == ControlAdaptation::STAGE_LAW;
-        let goes_by_law = is_led && adaptation.as_ref().is_none_or(is_in_law);
+        let is_law_active = is_following_path && adaptation.as_ref().is_none_or(is_in_law);
         let mut values = Vec::new();
-        // A topic without a sample has channels without values.
+        // A topic without a sample contributes NaN.
         let mut add = |known: Option<&[f64]>, count: usize| match known {
             Some(known) => values.extend(known.iter().map(|&value| value as f32)),
             None => values.extend(std::iter::repeat_n(f32::NAN, count)),
@@ -202,7 +201,7 @@ impl Encoder {
             StateSource::Estimate => add(Some(&channels::state(distance)), channels::STATE.len()),
         }
         let errors = newest.get::<ControlErrors>();
-        let errors = errors.map(|errors| channels::errors(&errors, goes_by_law));
+        let errors = errors.map(|errors| channels::errors(&errors, is_law_active));
         add(errors.as_ref().map(<[_; _]>::as_slice), channels::ERRORS.len());
         let command = newest.get::<ControlCommand>();
         let command = command.map(|command| channels::command(&command));
@@ -231,7 +230,7 @@ impl Encoder {
 
 fn place(vehicle: &Vehicle, reference: Option<&PathReference>) -> [f32; 9] {
     let attitude = roll_pitch_yaw(&from_row_major(&vehicle.world_from_body));
-    // Before there is a path its sample is zero.
+    // Before the vehicle is known, the reference is zero.
     let known = reference.filter(|reference| reference.vehicle_known.is_set());
     let desired = known.map_or([f64::NAN; 3], |reference| reference.position_world);
     let mut place = [0.0; 9];
@@ -261,7 +260,7 @@ fn quantities(
     ]
 }
 
-/// Returns when a moment of `CLOCK_MONOTONIC` (ns) is or was, in ms since 1970.
+/// Converts a time of `CLOCK_MONOTONIC` (ns) to ms since 1970.
 fn wall_ms(monotonic_ns: u64) -> f64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let since = runtime::flight_clock::monotonic_ns() as f64 - monotonic_ns as f64;

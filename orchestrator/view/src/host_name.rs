@@ -1,29 +1,30 @@
-//! Which names a browser may call this server by.
+//! Host names under which the server accepts requests.
 //!
-//! A page on the internet can make its own name mean 127.0.0.1 and then ask this server as if it were the page's own (DNS
-//! rebinding). The browser still says the name, in the header `Host`.
+//! A page on the internet can resolve its own name to 127.0.0.1 and then send requests to this server as its own origin
+//! (DNS rebinding). The browser still sends that name in the header `Host`.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use crate::http::{Refusal, Request};
 
-/// The server is called by a name that is not its own.
+/// The request is for a host name that is not the server's.
 const OTHER_NAME: Refusal = Refusal {
     status: 421,
-    reason: "this server does not go by the name in the address; use the address that `gerono view` printed",
+    reason: "the host name in the address is not one of this server; use the address that `gerono view` printed",
 };
 
-/// The names of a server.
+/// Host names of a server.
 #[derive(Clone, Debug)]
 pub struct HostNames {
     names: Vec<String>,
-    /// `true` if every address is one of its names: a name of the internet can mean any of them, but none is such a name.
+    /// `true` if every IP address is accepted: a name of the internet can resolve to any of them, but none is such a
+    /// name.
     has_all_addresses: bool,
 }
 
 impl HostNames {
-    /// Returns the names of a server that listens at `address`, with `more` that a person has permitted, whose ports do not
-    /// matter.
+    /// Returns the names of a server that listens at `address`, with `more` names that the user permits. Ports are
+    /// ignored.
     #[must_use]
     pub fn of(address: IpAddr, more: &[String]) -> Self {
         let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned(), "[::1]".to_owned()];
@@ -35,7 +36,7 @@ impl HostNames {
         }
     }
 
-    /// Checks the name in a request. Its port is not looked at: a tunnel may have another.
+    /// Checks the host name of a request. Its port is ignored: a tunnel may use another.
     ///
     /// # Errors
     /// A refusal if it is not a name of this server.
@@ -50,7 +51,7 @@ impl HostNames {
         is_ours || self.has_all_addresses && is_address(name)
     }
 
-    /// Returns whether a site is this server's, or none of the internet: a program says none, or names a scheme of its own.
+    /// Returns whether an origin is this server's, or not of the web: programs send none, or one with their own scheme.
     #[must_use]
     pub fn is_origin_permitted(&self, origin: Option<&str>) -> bool {
         let Some(origin) = origin else {
@@ -66,7 +67,7 @@ impl HostNames {
     }
 }
 
-/// Returns an address as it stands in a URL.
+/// Formats an address for a URL.
 #[must_use]
 pub fn in_url(address: IpAddr) -> String {
     match address {
@@ -75,7 +76,7 @@ pub fn in_url(address: IpAddr) -> String {
     }
 }
 
-/// Returns whether a name is an address, as it stands in a URL.
+/// Returns whether a name is an IP address in the format of URLs.
 fn is_address(name: &str) -> bool {
     let in_brackets = name.strip_prefix('[').and_then(|name| name.strip_suffix(']'));
     match in_brackets {

@@ -1,6 +1,6 @@
-//! The little of HTTP/1.1 that a page and its events need: a request with GET and no body, one a connection.
+//! The part of HTTP/1.1 that a page and its events need: GET requests without a body, one a connection.
 //!
-//! Nothing that a client sends is kept or acted upon but the path and some headers, whose lengths are limited.
+//! Of a request only the path and some headers are used, with limited lengths.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -10,58 +10,55 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use sha1::{Digest, Sha1};
 
-/// Longest request, bytes.
-pub const LONGEST_REQUEST: usize = 8 * 1024;
+/// Maximum length of a request, bytes.
+pub const MAX_REQUEST: usize = 8 * 1024;
 
-/// Most headers of a request; browsers send some twenty.
-const MOST_HEADERS: usize = 64;
+/// Maximum number of headers; browsers send about twenty.
+const MAX_HEADERS: usize = 64;
 
-/// A request as far as it is looked at.
+/// The evaluated parts of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Request {
-    /// The path, without what follows a question mark.
+    /// Path without the query.
     pub path: String,
-    /// What follows the question mark.
+    /// Query without the question mark.
     pub query: String,
-    /// The header `Host`.
     pub host: Option<String>,
-    /// The header `Cookie`.
     pub cookie: Option<String>,
-    /// The header `Sec-Fetch-Site`: where the page comes from that asks.
+    /// Header `Sec-Fetch-Site`: relation of the requesting page to this server.
     pub fetch_site: Option<String>,
-    /// The header `Origin`: the site of the page that asks.
+    /// Header `Origin`: origin of the requesting page.
     pub origin: Option<String>,
-    /// What the connection is to become, if it is not to stay one of HTTP.
+    /// Requested switch of protocols.
     pub upgrade: Option<Upgrade>,
 }
 
-/// A request to go on as a WebSocket (RFC 6455).
+/// Request to switch to a WebSocket (RFC 6455).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Upgrade {
-    /// The header `Sec-WebSocket-Key`.
+    /// Header `Sec-WebSocket-Key`.
     pub key: String,
-    /// The protocols that the client speaks, the best first.
+    /// Protocols that the client supports, the preferred one first.
     pub protocols: Vec<String>,
 }
 
-/// A refusal, with its status and reason in words.
+/// Refusal of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// The status code.
     pub status: u16,
-    /// The reason, for a person.
+    /// Reason for the user.
     pub reason: &'static str,
 }
 
-/// What does not parse.
-pub const NOT_UNDERSTOOD: Refusal = Refusal {
+/// Refusal of a request that does not parse.
+pub const MALFORMED: Refusal = Refusal {
     status: 400,
     reason: "this is not a request of HTTP/1.1",
 };
 
 const ONLY_GET: Refusal = Refusal {
     status: 405,
-    reason: "this server only shows: it answers GET and nothing else",
+    reason: "this server is read-only: it answers GET and nothing else",
 };
 
 const TOO_SLOW: Refusal = Refusal {
@@ -74,26 +71,26 @@ const TOO_LONG: Refusal = Refusal {
     reason: "the request has more than 8 KiB or 64 headers",
 };
 
-/// There is nothing of this name.
+/// Refusal of an unknown path.
 pub const NOT_FOUND: Refusal = Refusal {
     status: 404,
     reason: "there is no such page; the flight is shown at /",
 };
 
-/// Returns the request in `bytes`, or none if they are only a part of one.
+/// Parses a request; `None` if it is incomplete.
 ///
 /// # Errors
-/// The refusal of what is not a request that this server answers.
+/// The refusal of a malformed or unsupported request.
 pub fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
-    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+    let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);
     let is_whole = match parsed.parse(bytes) {
         Ok(status) => status.is_complete(),
         Err(httparse::Error::TooManyHeaders) => return Err(TOO_LONG),
-        Err(_) => return Err(NOT_UNDERSTOOD),
+        Err(_) => return Err(MALFORMED),
     };
     if !is_whole {
-        let is_full = bytes.len() >= LONGEST_REQUEST;
+        let is_full = bytes.len() >= MAX_REQUEST;
         return if is_full { Err(TOO_LONG) } else { Ok(None) };
     }
     if parsed.method != Some("GET") {
@@ -113,7 +110,7 @@ pub fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
     }))
 }
 
-/// Returns the request to go on as a WebSocket, if it is one.
+/// Returns the request to switch to a WebSocket, if it is one.
 fn upgrade(headers: &[httparse::Header<'_>]) -> Result<Option<Upgrade>, Refusal> {
     let wanted = only(headers, "upgrade")?.filter(|wanted| wanted.eq_ignore_ascii_case("websocket"));
     if wanted.is_none() {
@@ -127,7 +124,7 @@ fn upgrade(headers: &[httparse::Header<'_>]) -> Result<Option<Upgrade>, Refusal>
     let key = only(headers, "sec-websocket-key")?.unwrap_or_default();
     let is_a_key = STANDARD.decode(&key).is_ok_and(|key| key.len() == 16);
     if !is_asked_for || version.as_deref() != Some("13") || !is_a_key {
-        return Err(NOT_UNDERSTOOD);
+        return Err(MALFORMED);
     }
     let protocols = list("sec-websocket-protocol")?;
     Ok(Some(Upgrade { key, protocols }))
@@ -137,7 +134,7 @@ fn list_of(text: &str) -> Vec<String> {
     text.split(',').map(|item| item.trim().to_owned()).collect()
 }
 
-/// Returns the text of a header that a request has at most once.
+/// Returns the text of a header; repeated headers are refused.
 fn only(headers: &[httparse::Header<'_>], name: &str) -> Result<Option<String>, Refusal> {
     let mut found = headers
         .iter()
@@ -145,20 +142,20 @@ fn only(headers: &[httparse::Header<'_>], name: &str) -> Result<Option<String>, 
     let Some(first) = found.next() else {
         return Ok(None);
     };
-    let text = std::str::from_utf8(first.value).map_err(|_| NOT_UNDERSTOOD)?;
+    let text = std::str::from_utf8(first.value).map_err(|_| MALFORMED)?;
     match found.next() {
         None => Ok(Some(text.trim().to_owned())),
-        Some(_) => Err(NOT_UNDERSTOOD),
+        Some(_) => Err(MALFORMED),
     }
 }
 
-/// Reads a request, which has to arrive within `limit`. None if the client has gone without one.
+/// Reads a request within `limit`; `None` if the client closes the connection without one.
 ///
 /// # Errors
-/// The refusal of what is not a request that this server answers.
+/// The refusal of a malformed, unsupported or late request.
 pub fn read(stream: &mut TcpStream, limit: Duration) -> Result<Option<Request>, Refusal> {
     let deadline = Instant::now() + limit;
-    let mut bytes = [0; LONGEST_REQUEST];
+    let mut bytes = [0; MAX_REQUEST];
     let mut length = 0;
     loop {
         match read_until(stream, &mut bytes[length..], deadline) {
@@ -173,7 +170,7 @@ pub fn read(stream: &mut TcpStream, limit: Duration) -> Result<Option<Request>, 
     }
 }
 
-/// Reads once, until a moment.
+/// Reads once, until the deadline.
 fn read_until(stream: &mut TcpStream, bytes: &mut [u8], deadline: Instant) -> std::io::Result<usize> {
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
@@ -195,7 +192,7 @@ fn read_until(stream: &mut TcpStream, bytes: &mut [u8], deadline: Instant) -> st
 /// Writes all bytes within `limit`.
 ///
 /// # Errors
-/// If the client is gone or does not take them in time.
+/// If the connection is closed or the client does not read in time.
 pub fn write(stream: &mut TcpStream, mut bytes: &[u8], limit: Duration) -> std::io::Result<()> {
     let deadline = Instant::now() + limit;
     while !bytes.is_empty() {
@@ -218,17 +215,18 @@ pub fn write(stream: &mut TcpStream, mut bytes: &[u8], limit: Duration) -> std::
     Ok(())
 }
 
-/// Ends a connection so that what was written arrives: a client that still sends would otherwise lose it.
+/// Closes a connection after the client has received everything: a close with unread input would reset the connection
+/// and discard the answer.
 pub fn close(stream: &mut TcpStream, limit: Duration) {
-    // A client that goes on sending is cut off.
-    const MOST_IGNORED: usize = 256 * 1024;
+    // The connection of a client that keeps sending is cut off.
+    const MAX_IGNORED: usize = 256 * 1024;
     if stream.shutdown(Shutdown::Write).is_err() {
         return;
     }
     let deadline = Instant::now() + limit;
     let mut ignored = 0;
     let mut bytes = [0; 4096];
-    while ignored < MOST_IGNORED {
+    while ignored < MAX_IGNORED {
         match read_until(stream, &mut bytes, deadline) {
             Ok(0) | Err(_) => return,
             Ok(count) => ignored += count,
@@ -236,7 +234,7 @@ pub fn close(stream: &mut TcpStream, limit: Duration) {
     }
 }
 
-/// Returns the head of an answer. `length` is that of its body, if it is known.
+/// Returns the head of a response. `length` is that of its body, if known.
 #[must_use]
 pub fn head(status: u16, content_type: &str, length: Option<usize>, more: &[(&str, &str)]) -> String {
     let mut head = format!(
@@ -254,10 +252,10 @@ pub fn head(status: u16, content_type: &str, length: Option<usize>, more: &[(&st
     head + "\r\n"
 }
 
-/// Returns the head by which a connection becomes a WebSocket.
+/// Returns the head of the response that switches to a WebSocket.
 #[must_use]
 pub fn switched(key: &str, protocol: &str) -> String {
-    /// Says that the server knows what it does (RFC 6455, section 1.3).
+    /// GUID of RFC 6455, section 1.3.
     const MAGIC: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
     let accepted = STANDARD.encode(Sha1::digest([key, MAGIC].concat()));
     format!(
@@ -266,7 +264,7 @@ pub fn switched(key: &str, protocol: &str) -> String {
     )
 }
 
-/// Returns the answer to a request that is refused.
+/// Returns the response to a refused request.
 #[must_use]
 pub fn refused(Refusal { status, reason }: Refusal) -> String {
     let body = format!("{reason}\n");
@@ -332,12 +330,12 @@ mod tests {
     #[test]
     fn what_has_two_hosts_or_too_much_is_refused() {
         let parsed = |headers: String| parse(format!("GET / HTTP/1.1\r\n{headers}\r\n").as_bytes());
-        assert_eq!(parsed("Host: a\r\nhost: b\r\n".to_owned()), Err(NOT_UNDERSTOOD));
-        assert_eq!(parsed("X: y\r\n".repeat(MOST_HEADERS + 1)), Err(TOO_LONG));
-        assert!(parsed("X: y\r\n".repeat(MOST_HEADERS)).is_ok());
-        let endless = format!("GET / HTTP/1.1\r\nX: {}", "y".repeat(LONGEST_REQUEST));
-        assert_eq!(parse(&endless.as_bytes()[..LONGEST_REQUEST]), Err(TOO_LONG));
-        assert_eq!(parse(b"\x16\x03\x01\x02\x00\x01\x00"), Err(NOT_UNDERSTOOD));
+        assert_eq!(parsed("Host: a\r\nhost: b\r\n".to_owned()), Err(MALFORMED));
+        assert_eq!(parsed("X: y\r\n".repeat(MAX_HEADERS + 1)), Err(TOO_LONG));
+        assert!(parsed("X: y\r\n".repeat(MAX_HEADERS)).is_ok());
+        let endless = format!("GET / HTTP/1.1\r\nX: {}", "y".repeat(MAX_REQUEST));
+        assert_eq!(parse(&endless.as_bytes()[..MAX_REQUEST]), Err(TOO_LONG));
+        assert_eq!(parse(b"\x16\x03\x01\x02\x00\x01\x00"), Err(MALFORMED));
     }
 
     #[test]
@@ -365,10 +363,10 @@ mod tests {
         for left_out in 1..4 {
             let mut headers = ALL.to_vec();
             headers.remove(left_out);
-            assert_eq!(parsed(&headers), Err(NOT_UNDERSTOOD), "{left_out}");
+            assert_eq!(parsed(&headers), Err(MALFORMED), "{left_out}");
         }
         let other = [ALL[0], ALL[1], ALL[2], "Sec-WebSocket-Key: AAAA\r\n"];
-        assert_eq!(parsed(&other), Err(NOT_UNDERSTOOD));
+        assert_eq!(parsed(&other), Err(MALFORMED));
     }
 
     proptest! {

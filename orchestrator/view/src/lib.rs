@@ -1,20 +1,20 @@
-//! `gerono view`: a flight in a browser, while it is flown or afterwards.
+//! `gerono view`: a flight in a browser, live or afterwards.
 //!
-//! One page over plain HTTP, and its news as Server-Sent Events, which cannot carry a command: there is no way from a browser
-//! to the flight. Programs that speak the Foxglove protocol get the topics themselves, and say no more than which they want. The samples come from the run's orchestrator, which has received them anyway, so no service learns of a
-//! watcher ([`run_client`]).
+//! One page over plain HTTP, with updates as Server-Sent Events, which are one-way: a browser cannot send commands to
+//! the flight. Programs with the Foxglove protocol receive the topics and can only subscribe. The samples come from the
+//! run's orchestrator, which receives them anyway, so the services are not affected by watchers ([`run_client`]).
 //!
-//! * [`feed`]: asks the run and puts up what it answers;
-//! * [`frame`], [`path`]: what the page draws of samples and scenario;
-//! * [`board`]: the newest of each kind, for any number of readers;
+//! * [`feed`]: polls the run and feeds the board;
+//! * [`frame`], [`path`]: what the page draws, from samples and scenario;
+//! * [`board`]: the newest message of each kind, for any number of readers;
 //! * [`server`], `connections`, [`http`]: connections and their limits;
-//! * [`foxglove`], [`websocket`]: all topics as they are, for other programs;
-//! * [`site`], [`host_name`], [`token`]: who may see what; [`address`]: where;
-//! * [`page`]: the page and what a browser may do with it;
-//! * [`manners`]: the lowest priority, away from the services' cores.
+//! * [`foxglove`], [`websocket`]: all topics for other programs;
+//! * [`site`], [`host_name`], [`token`]: access control; [`address`]: the printed address;
+//! * [`page`]: the page and its content security policy;
+//! * [`manners`]: lowest priority, and no use of the services' cores.
 //!
-//! Failure policy: a run that does not answer is shown as such and asked again. A client that does anything but read is
-//! refused or cut off, in silence: nothing that a client does reaches the terminal or another client.
+//! Failure policy: a run that does not answer is shown as such and polled again. A client that does anything but read
+//! is refused or cut off silently: no client can affect the terminal or another client.
 
 pub mod address;
 pub mod arguments;
@@ -59,13 +59,13 @@ use server::{Content, Server};
 use site::Site;
 use token::Token;
 
-/// Time for which browsers are waited for that have not read the last news.
-const FAREWELL: Duration = Duration::from_secs(2);
+/// Timeout for browsers to receive the last messages.
+const LAST_MESSAGES_LIMIT: Duration = Duration::from_secs(2);
 
-/// `gerono view`.
+/// Runs `gerono view`.
 ///
 /// # Errors
-/// [`Failure`] if there is no such flight, or the port is taken.
+/// [`Failure`] if the flight does not exist, or the port is taken.
 pub fn view(arguments: &View) -> Result<Exit, Failure> {
     let interrupt = interrupt::install_in_terminal().map_err(Failure::trouble)?;
     match &arguments.log {
@@ -82,13 +82,13 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
         note(format_args!("{reason}; the page shows that part"));
     }
     let (server, site) = listen(arguments, false)?;
-    invite("", &server, &site);
+    print_url("", &server, &site);
     let content = Content {
         site,
         page: Page::new(html),
         board: None,
     };
-    // Nothing is ever sent: it becomes readable never.
+    // A pipe that is never written: the server runs until a signal.
     let (never, _held) = std::io::pipe().map_err(Failure::trouble)?;
     match end(server.serve(&Arc::new(content), interrupt, &never))? {
         Exit::Success => Ok(Exit::of_logs(broken.is_none())),
@@ -96,13 +96,13 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
     }
 }
 
-/// Serves the page of a flight that goes on.
+/// Serves the page of a live flight.
 fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let found = find(arguments)?;
     let (server, site) = listen(arguments, true)?;
     let name = found.as_ref().map_or("the next flight", MachineRun::name);
-    invite(&format!("{name}: "), &server, &site);
-    manners::be_idle();
+    print_url(&format!("{name}: "), &server, &site);
+    manners::use_idle_priority();
     let content = Arc::new(Content {
         site,
         page: Page::live(),
@@ -114,7 +114,7 @@ fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
     let run = arguments.run.clone();
     let follows = arguments.follow;
     let feed = std::thread::spawn(move || {
-        // Dropped at the end, however that comes.
+        // Closes the pipe when the thread ends, also by a panic.
         let _finishes = finishes;
         if let Some(board) = &fed.board {
             let feed = Feed {
@@ -125,7 +125,7 @@ fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
             };
             feed.run(found);
             board.end();
-            board.await_no_reader(FAREWELL);
+            board.await_no_reader(LAST_MESSAGES_LIMIT);
         }
     });
     let served = server.serve(&content, interrupt, &finished);
@@ -137,7 +137,7 @@ fn watch(arguments: &View, interrupt: &Interrupt) -> Result<Exit, Failure> {
     end(served)
 }
 
-/// Finds the run to begin with; none if it is to be waited for.
+/// Returns the first run; `None` if it has to be waited for.
 fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
     match run_client::find_to_watch(arguments.run.as_deref(), "view") {
         Err(LiveError::NoneToWatch(_) | LiveError::Unseen(_)) if arguments.follow => Ok(None),
@@ -145,8 +145,8 @@ fn find(arguments: &View) -> Result<Option<MachineRun>, Failure> {
     }
 }
 
-/// Listens where the command line says, and makes the rules of the server.
-fn listen(arguments: &View, has_news: bool) -> Result<(Server, Site), Failure> {
+/// Opens the server's socket, and creates its access rules.
+fn listen(arguments: &View, is_live: bool) -> Result<(Server, Site), Failure> {
     let address = arguments.bind.unwrap_or(Ipv4Addr::LOCALHOST.into());
     let server = Server::listen((address, arguments.port).into()).map_err(|error| {
         Failure::trouble(format!(
@@ -155,19 +155,19 @@ fn listen(arguments: &View, has_news: bool) -> Result<(Server, Site), Failure> {
             SocketAddr::from((address, arguments.port))
         ))
     })?;
-    // Else only this machine reaches it. Who names a proxy lets others reach it, too.
+    // Otherwise only this machine reaches the server. A permitted host name means a proxy, through which others do.
     let is_for_others = arguments.bind.is_some() || !arguments.allow_host.is_empty();
     let token = is_for_others.then(|| Token::draw(server.address().port()));
     let site = Site {
         names: HostNames::of(address, &arguments.allow_host),
         token: token.transpose().map_err(Failure::trouble)?,
-        has_news,
+        is_live,
     };
     Ok((server, site))
 }
 
-/// Prints where the page is, on a terminal as a QR code too if others can reach it.
-fn invite(name: &str, server: &Server, site: &Site) {
+/// Prints the page's URL, on a terminal also as a QR code if other machines can reach it.
+fn print_url(name: &str, server: &Server, site: &Site) {
     let query = site.token.as_ref().map(Token::query).unwrap_or_default();
     let url = address::url(server.address(), &query);
     print(format!("{name}{url}\n"));

@@ -1,23 +1,23 @@
-//! A watcher's process takes nothing that a flight needs: it has the lowest priority, and is never on a service's core.
+//! Low impact on a flight: the view has the lowest priority, and stays off the services' cores.
 
 use runtime::deployment;
 
-/// Gives this thread, and those that it will start, what others leave over. The flight loses little if that is refused.
-pub fn be_idle() {
+/// Gives this thread, and those that it will start, idle priority. A refusal is ignored: it costs the flight little.
+pub fn use_idle_priority() {
     let _ = deployment::use_idle();
 }
 
-/// Keeps this process off the cores of a flight's services.
+/// Affinity of this process: keeps it off the cores of a flight's services.
 #[derive(Debug)]
 pub struct Distance {
-    /// The cores that this process was given.
+    /// Cores that this process may use.
     given: Vec<usize>,
-    /// Those that it uses.
+    /// Cores that it uses.
     used: Vec<usize>,
 }
 
 impl Distance {
-    /// Uses all cores that this process was given.
+    /// Starts with all permitted cores.
     #[must_use]
     pub fn none() -> Self {
         let given = deployment::allowed_cores();
@@ -27,20 +27,20 @@ impl Distance {
         }
     }
 
-    /// Leaves the cores that these processes are bound to, if there are others.
-    pub fn keep_from(&mut self, processes: impl Iterator<Item = u32>) {
+    /// Leaves the cores that these processes are pinned to, if others are permitted.
+    pub fn avoid_cores_of(&mut self, processes: impl Iterator<Item = u32>) {
         let taken: Vec<_> = processes.filter_map(deployment::cores_of).collect();
         let free = free_of(&self.given, &taken);
-        // Only slower for the flight if it is refused.
+        // A refusal is ignored: it only costs the flight time.
         if free != self.used && deployment::pin_all_threads_to(&free).is_ok() {
             self.used = free;
         }
     }
 }
 
-/// Returns the cores that nobody is bound to; all of them if there are none.
+/// Returns the permitted cores without pinned services; all of them if none is free.
 fn free_of(given: &[usize], taken: &[Vec<usize>]) -> Vec<usize> {
-    // A process that may run anywhere has no core of its own.
+    // A process that may run on all permitted cores is not pinned.
     let is_bound = |cores: &&Vec<usize>| given.iter().any(|core| !cores.contains(core));
     let bound: Vec<_> = taken.iter().filter(is_bound).flatten().collect();
     let free: Vec<_> = given

@@ -1,14 +1,14 @@
-//! The pages, and what a browser may do with them.
+//! The pages, with their content security policies.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use report::assets::{self, filled_in};
 use sha2::{Digest, Sha256};
 
-/// The page of a flight that goes on, with marks `{{name}}` where the parts belong.
+/// Template of the live page; `{{name}}` marks the place of a part.
 const LIVE: &str = include_str!("assets/live.html");
 
-/// The parts that replace the marks.
+/// Parts of the live page by mark.
 const PARTS: [(&str, &str); 7] = [
     ("uplot.css", assets::UPLOT_STYLE),
     ("report.css", assets::STYLE),
@@ -19,24 +19,23 @@ const PARTS: [(&str, &str); 7] = [
     ("live.js", include_str!("assets/live.js")),
 ];
 
-/// A page as it is served.
+/// Page as it is served.
 #[derive(Clone, Debug)]
 pub struct Page {
-    /// The HTML.
     pub html: String,
-    /// The header `Content-Security-Policy`.
+    /// Header `Content-Security-Policy`.
     pub policy: String,
 }
 
 impl Page {
-    /// Returns a page with this content.
+    /// Creates a page.
     #[must_use]
     pub fn new(html: String) -> Self {
         let policy = policy_of(&html);
         Self { html, policy }
     }
 
-    /// Returns the page of a flight that goes on.
+    /// Returns the live page.
     ///
     /// # Panics
     /// Never: a test fills every mark.
@@ -50,8 +49,7 @@ impl Page {
     }
 }
 
-/// Returns a policy by which only the scripts and styles of this page are applied, and nothing is loaded from or sent to
-/// anywhere but this server's events.
+/// Returns a policy that permits only the inline scripts and styles of this page, and connections only to this server.
 fn policy_of(html: &str) -> String {
     format!(
         "default-src 'none'; script-src{}; style-src{}; img-src data:; connect-src 'self'; base-uri 'none'; \
@@ -61,7 +59,7 @@ fn policy_of(html: &str) -> String {
     )
 }
 
-/// Returns the hashes of all elements of a name without attributes: data blocks have some, and are not executed.
+/// Returns the hashes of all elements of a name without attributes: data blocks have attributes and are not executed.
 fn hashes(html: &str, element: &str) -> String {
     let (begin, end) = (format!("<{element}>"), format!("</{element}>"));
     let contents = html.split(&begin).skip(1);

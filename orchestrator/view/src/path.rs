@@ -1,17 +1,17 @@
-//! The path of a scenario in points, to draw it before it has been flown.
+//! The path of a scenario as points, drawn before it is flown.
 
 use std::f64::consts::TAU;
 
 use path_generator::Curve;
 use scenario::Scenario;
 
-/// Points of the path.
+/// Number of segments of the path.
 const POINTS: u32 = 400;
 
-/// Turns of its slowest axis after which a Lissajous figure is taken for whole.
+/// Turns of the slowest axis after which a Lissajous figure is drawn completely.
 const TURNS: f64 = 8.0;
 
-/// Returns points of the path in {I}, m: one turn of what is closed, else as far as the flight can come.
+/// Returns points of the path in {I}, m: one turn of a closed curve, otherwise as far as the flight can reach.
 #[must_use]
 pub fn points(scenario: &Scenario) -> Vec<[f32; 3]> {
     let Ok(curve) = Curve::new(&scenario.path.curve) else {
@@ -27,7 +27,7 @@ pub fn points(scenario: &Scenario) -> Vec<[f32; 3]> {
     (0..=count).map(point).collect()
 }
 
-/// Returns the length of what is drawn, in γ.
+/// Returns the drawn length in γ.
 fn length(scenario: &Scenario) -> f64 {
     let path = &scenario.path;
     let flown = path.speed.abs() * scenario.duration;

@@ -1,11 +1,12 @@
-//! The server: one thread that takes connections, and one a connection.
+//! The server: one thread accepts connections, and one thread a connection serves it.
 //!
-//! It answers GET and nothing else, one request a connection, and limits everything that a client could use up: length and
-//! time of a request, connections, browsers that watch, and the time that a client may take for what it is sent. A client that
-//! is stopped or slow is cut off, and costs nobody else anything.
+//! It answers GET only, one request a connection, and limits every resource of a client: length and time of its
+//! request, connections, watchers, and the time to receive a response. A stopped or slow client is cut off without an
+//! effect on others.
 //!
-//! A client has no place of its own until its request has come and is permitted. Before, it shares places with all strangers,
-//! and the one that has been there for longest makes room: strangers cannot keep out a client that has the token.
+//! A connection counts as permitted only after its request has passed the checks. Until then it shares a few slots with
+//! all other unchecked connections, and the oldest of them is closed for a new one: strangers cannot keep out a client
+//! with the token.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -25,32 +26,32 @@ use crate::page::Page;
 use crate::site::{Reply, Site};
 use crate::websocket::Socket;
 
-/// Browsers that watch at once.
-pub const MOST_WATCHERS: usize = 8;
+/// Maximum number of watchers.
+pub const MAX_WATCHERS: usize = 8;
 
-/// Time in which a request has to arrive.
+/// Timeout of a request.
 const REQUEST_LIMIT: Duration = Duration::from_secs(5);
 
-/// Time in which a client has to take the page, some megabytes.
+/// Timeout for a client to receive the page, some megabytes.
 const PAGE_LIMIT: Duration = Duration::from_secs(60);
 
-/// Time in which a watcher has to take its news.
-const NEWS_LIMIT: Duration = Duration::from_secs(1);
+/// Timeout for a watcher to receive a message.
+const MESSAGE_LIMIT: Duration = Duration::from_secs(1);
 
-/// Time after which a watcher is told something even if there are no news: else nobody learns that it has gone.
+/// Period of keep-alive messages, without which a closed connection would not be detected.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
 
-/// Time after which a program that wants topics is listened to, even if there are no samples.
-const LISTEN_PERIOD: Duration = Duration::from_millis(100);
+/// Period at which a WebSocket is read if there are no samples.
+const READ_PERIOD: Duration = Duration::from_millis(100);
 
-/// Time for which a closed connection may still send.
+/// Time for which a closed connection is still drained.
 const CLOSE_LIMIT: Duration = Duration::from_secs(1);
 
-/// Bytes that the system keeps for a watcher: what is in there grows old.
+/// Size of a watcher's send buffer, bytes: a small one, because queued samples grow old.
 const WATCHER_BUFFER: usize = 32 * 1024;
 
-/// Longest wait for a connection: how late a signal may be noticed that came just before the wait.
-const LOOK_PERIOD: Duration = Duration::from_millis(250);
+/// Maximum delay of a signal that arrives just before the wait for a connection.
+const POLL_PERIOD: Duration = Duration::from_millis(250);
 
 const TOO_MANY_CONNECTIONS: Refusal = Refusal {
     status: 503,
@@ -62,18 +63,17 @@ const TOO_MANY_WATCHERS: Refusal = Refusal {
     reason: "eight browsers are watching already; close one of them",
 };
 
-/// What is served, and to whom.
+/// Content of a server, with its access rules.
 #[derive(Debug)]
 pub struct Content {
-    /// Who may see it.
+    /// Access rules.
     pub site: Site,
-    /// The page.
     pub page: Page,
-    /// The news of the flight; none of one that is finished.
+    /// Messages of the flight; `None` for a finished one.
     pub board: Option<Board>,
 }
 
-/// A server that listens.
+/// Listening server.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
@@ -81,7 +81,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens at an address; at a free port if it is 0.
+    /// Listens at an address; port 0 means a free one.
     ///
     /// # Errors
     /// If the port is taken, or the address is not this machine's.
@@ -92,16 +92,16 @@ impl Server {
         Ok(Self { listener, address })
     }
 
-    /// Returns the address at which it listens.
+    /// Returns the bound address.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Serves until a signal asks for the end, or until `finished` becomes readable: returns the signal.
+    /// Serves until a signal arrives or `finished` becomes readable; returns the signal.
     ///
     /// # Errors
-    /// If the system takes the socket away.
+    /// If the socket cannot be polled.
     pub fn serve(
         &self,
         content: &Arc<Content>,
@@ -113,7 +113,7 @@ impl Server {
             if let Some(signal) = interrupt.signal() {
                 return Ok(Some(signal));
             }
-            let period = Timespec::try_from(LOOK_PERIOD).map_err(io::Error::other)?;
+            let period = Timespec::try_from(POLL_PERIOD).map_err(io::Error::other)?;
             let mut files = [
                 PollFd::new(&self.listener, PollFlags::IN),
                 PollFd::new(finished, PollFlags::IN),
@@ -127,23 +127,23 @@ impl Server {
                 return Ok(None);
             }
             if let Ok((stream, _)) = self.listener.accept() {
-                take(stream, &connections, content);
+                spawn_connection(stream, &connections, content);
             }
         }
     }
 }
 
-/// Gives a connection a thread.
-fn take(mut stream: TcpStream, connections: &Arc<Mutex<Connections>>, content: &Arc<Content>) {
-    // Without a descriptor for it the connection ends, and the browser tries again.
+/// Starts a thread for a connection.
+fn spawn_connection(mut stream: TcpStream, connections: &Arc<Mutex<Connections>>, content: &Arc<Content>) {
+    // Without a descriptor for it the connection is closed, and the browser tries again.
     let Ok(mut place) = Connection::arrive(connections, &stream) else {
         return;
     };
     let content = Arc::clone(content);
     let thread = std::thread::Builder::new().name("browser".to_owned());
-    // Without a thread the connection ends, and the browser tries again.
+    // Without a thread the connection is closed, and the browser tries again.
     let _ = thread.spawn(move || {
-        // A client that is gone needs no answer.
+        // Errors mean that the client has closed the connection.
         let _ = answer(&mut stream, &mut place, &content);
         http::close(&mut stream, CLOSE_LIMIT);
         drop(place);
@@ -162,11 +162,11 @@ fn answer(stream: &mut TcpStream, place: &mut Connection, content: &Content) -> 
     }
     match (reply, &content.board) {
         (Ok(Reply::Page(cookie)), _) => send_page(stream, &content.page, cookie.as_deref()),
-        (Ok(Reply::News), Some(board)) => watch(stream, board),
+        (Ok(Reply::Events), Some(board)) => watch(stream, board),
         (Ok(Reply::Topics { key, protocol }), Some(board)) => {
             relay(stream, board, &http::switched(&key, protocol))
         }
-        (Ok(Reply::News | Reply::Topics { .. }), None) => refuse(stream, NOT_FOUND),
+        (Ok(Reply::Events | Reply::Topics { .. }), None) => refuse(stream, NOT_FOUND),
         (Err(refusal), _) => refuse(stream, refusal),
     }
 }
@@ -184,15 +184,16 @@ fn send_page(stream: &mut TcpStream, page: &Page, cookie: Option<&str>) -> io::R
     http::write(stream, html.as_bytes(), PAGE_LIMIT)
 }
 
-/// Sends the news of a flight, the newest of each kind, until there are no more or the client does not take them.
+/// Sends the messages of a flight, the newest of each kind, until the board ends or the client does not receive them in
+/// time.
 fn watch(stream: &mut TcpStream, board: &Board) -> io::Result<()> {
-    let Some(mut reader) = board.read(MOST_WATCHERS) else {
+    let Some(mut reader) = board.read(MAX_WATCHERS) else {
         return refuse(stream, TOO_MANY_WATCHERS);
     };
     set_socket_send_buffer_size(&*stream, WATCHER_BUFFER)?;
     stream.set_nodelay(true)?;
     let head = http::head(200, "text/event-stream", None, &[]);
-    http::write(stream, head.as_bytes(), NEWS_LIMIT)?;
+    http::write(stream, head.as_bytes(), MESSAGE_LIMIT)?;
     let mut events = String::new();
     while let Some(unread) = reader.wait(KEEP_ALIVE) {
         events.clear();
@@ -202,33 +203,33 @@ fn watch(stream: &mut TcpStream, board: &Board) -> io::Result<()> {
         if unread.is_empty() {
             events.push_str(":\n\n");
         }
-        http::write(stream, events.as_bytes(), NEWS_LIMIT)?;
+        http::write(stream, events.as_bytes(), MESSAGE_LIMIT)?;
     }
     Ok(())
 }
 
-/// Sends the samples that a program wants, the newest of each topic, until there are no more, another flight begins, or the
-/// program does not take them.
+/// Sends the samples that a client subscribes to, the newest of each topic, until the board ends, another flight
+/// begins, or the client does not receive them in time.
 fn relay(stream: &mut TcpStream, board: &Board, head: &str) -> io::Result<()> {
-    let Some(mut reader) = board.read(MOST_WATCHERS) else {
+    let Some(mut reader) = board.read(MAX_WATCHERS) else {
         return refuse(stream, TOO_MANY_WATCHERS);
     };
     set_socket_send_buffer_size(&*stream, WATCHER_BUFFER)?;
     stream.set_nodelay(true)?;
-    http::write(stream, head.as_bytes(), NEWS_LIMIT)?;
-    let mut socket = Socket::new(stream, NEWS_LIMIT);
+    http::write(stream, head.as_bytes(), MESSAGE_LIMIT)?;
+    let mut socket = Socket::new(stream, MESSAGE_LIMIT);
     let mut session = Session::default();
     socket.send([Session::greeting()])?;
     let mut next_ping = Instant::now() + KEEP_ALIVE;
-    while let Some(moment) = reader.wait_for_moment(LISTEN_PERIOD) {
+    while let Some(moment) = reader.wait_for_moment(READ_PERIOD) {
         for text in socket.received()? {
-            session.take(&text);
+            session.handle(&text);
         }
         if let Some(moment) = moment {
-            let Some(news) = session.news(&moment) else {
+            let Some(messages) = session.messages_for(&moment) else {
                 break;
             };
-            socket.send(news)?;
+            socket.send(messages)?;
         }
         if Instant::now() >= next_ping {
             next_ping += KEEP_ALIVE;
@@ -252,7 +253,7 @@ mod tests {
 
     use super::*;
     use crate::board::Kind;
-    use crate::connections::MOST_ARRIVALS;
+    use crate::connections::MAX_ARRIVALS;
     use crate::foxglove::Moment;
     use crate::host_name::HostNames;
 
@@ -263,7 +264,7 @@ mod tests {
             site: Site {
                 names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
                 token: None,
-                has_news: true,
+                is_live: true,
             },
             page: Page::new("<p>here</p>".to_owned()),
             board: Some(Board::default()),
@@ -301,7 +302,7 @@ mod tests {
         let news = "7".repeat(100_000);
         let mut had_both = false;
         loop {
-            board.put(Kind::Frame, news.clone());
+            board.post(Kind::Frame, news.clone());
             // The one that reads gets it, whatever the other does.
             while tells.recv().unwrap() != format!("data: {news}") {}
             had_both |= board.readers() == 2;
@@ -322,14 +323,14 @@ mod tests {
     #[test]
     fn strangers_that_hold_connections_keep_nobody_out_and_the_oldest_makes_room() {
         let (_content, address, _finishes) = serve();
-        let mut held: VecDeque<_> = (0..MOST_ARRIVALS)
+        let mut held: VecDeque<_> = (0..MAX_ARRIVALS)
             .map(|_| {
                 let mut stream = TcpStream::connect(address).unwrap();
                 stream.write_all(b"GET / HTTP/1.1\r\n").unwrap();
                 stream
             })
             .collect();
-        for _ in 0..2 * MOST_ARRIVALS {
+        for _ in 0..2 * MAX_ARRIVALS {
             // A permitted request beside as many strangers as there are places, one of whom goes for it.
             let page = answer_to(ask(address, "/"));
             assert!(page.ends_with("<p>here</p>"), "{page}");
@@ -379,7 +380,7 @@ mod tests {
         let mut socket = connect(address);
         let text = |message: Message| message.into_text().unwrap().to_string();
         assert!(text(socket.read().unwrap()).contains(r#""capabilities":[]"#));
-        board.put_moment(moment(&scenario, 1));
+        board.post_moment(moment(&scenario, 1));
         assert!(text(socket.read().unwrap()).contains("vehicle/truth"));
         let channel = Topic::VehicleTruth.index();
         let wish = format!(r#"{{"op":"subscribe","subscriptions":[{{"id":7,"channelId":{channel}}}]}}"#);
@@ -398,13 +399,13 @@ mod tests {
         let mut seq = 1;
         let sample = loop {
             seq += 1;
-            board.put_moment(moment(&scenario, seq));
-            if let Ok(sample) = tells.recv_timeout(LISTEN_PERIOD) {
+            board.post_moment(moment(&scenario, seq));
+            if let Ok(sample) = tells.recv_timeout(READ_PERIOD) {
                 break sample;
             }
         };
         assert_eq!(sample[..5], [1, 7, 0, 0, 0]);
-        board.put_moment(moment(&Arc::new(scenario.as_ref().clone()), 1));
+        board.post_moment(moment(&Arc::new(scenario.as_ref().clone()), 1));
         reads.join().unwrap();
     }
 
@@ -421,7 +422,7 @@ mod tests {
         let mut seq = 0;
         while board.readers() > 0 {
             seq += 1;
-            board.put_moment(moment(&scenario, seq));
+            board.post_moment(moment(&scenario, seq));
         }
         drop(socket);
     }
@@ -443,8 +444,8 @@ mod tests {
     fn a_ninth_watcher_is_refused() {
         let (content, address, _finishes) = serve();
         let board = content.board.as_ref().unwrap();
-        let _readers: Vec<_> = (0..MOST_WATCHERS)
-            .map(|_| board.read(MOST_WATCHERS).unwrap())
+        let _readers: Vec<_> = (0..MAX_WATCHERS)
+            .map(|_| board.read(MAX_WATCHERS).unwrap())
             .collect();
         let refused = answer_to(ask(address, "/live"));
         assert!(

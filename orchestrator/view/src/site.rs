@@ -1,4 +1,4 @@
-//! Who may see what: every request passes here before it is answered.
+//! Access control: every request is checked here before it is answered.
 
 use crate::foxglove::PROTOCOLS;
 use crate::host_name::HostNames;
@@ -7,46 +7,46 @@ use crate::token::Token;
 
 const OTHER_SITE: Refusal = Refusal {
     status: 403,
-    reason: "the page of another site may not watch",
+    reason: "pages of other sites may not connect",
 };
 
 const OTHER_PROTOCOL: Refusal = Refusal {
     status: 400,
-    reason: "this WebSocket speaks `foxglove.sdk.v1` and `foxglove.websocket.v1`",
+    reason: "this WebSocket supports `foxglove.sdk.v1` and `foxglove.websocket.v1`",
 };
 
-/// The rules of a server.
+/// Access rules of a server.
 #[derive(Clone, Debug)]
 pub struct Site {
-    /// The names by which it may be called.
+    /// Host names of the server.
     pub names: HostNames,
-    /// The token that its address needs; none where only this machine can reach it.
+    /// Required token; `None` if only this machine reaches the server.
     pub token: Option<Token>,
-    /// `true` if there are news besides the page.
-    pub has_news: bool,
+    /// `true` for a live flight: events and topics are served besides the page.
+    pub is_live: bool,
 }
 
-/// What is answered.
+/// Kind of response.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// The page, and the header `Set-Cookie` with it.
+    /// The page, with a header `Set-Cookie`.
     Page(Option<String>),
-    /// News, for as long as there are some.
-    News,
-    /// All topics, by this protocol of WebSocket.
+    /// The stream of events.
+    Events,
+    /// All topics over a WebSocket.
     Topics {
         /// Key of the request.
         key: String,
-        /// The protocol of those that the client speaks.
+        /// The chosen protocol.
         protocol: &'static str,
     },
 }
 
 impl Site {
-    /// Returns the reply to a request.
+    /// Returns the response to a request.
     ///
     /// # Errors
-    /// The refusal if there is none for it.
+    /// The refusal of a request that is not permitted or has no response.
     pub fn reply(&self, request: &Request) -> Result<Reply, Refusal> {
         self.names.check(request)?;
         let cookie = match &self.token {
@@ -54,7 +54,7 @@ impl Site {
             None => None,
         };
         if let Some(upgrade) = &request.upgrade {
-            // A page that knows the token has it from a person; the cookie comes by itself.
+            // A page that sends the token in its URL got it from the user; a browser sends the cookie for any page.
             let is_permitted = cookie.is_some() || self.names.is_origin_permitted(request.origin.as_deref());
             return if is_permitted {
                 self.topics(request, upgrade)
@@ -64,11 +64,12 @@ impl Site {
         }
         match request.path.as_str() {
             "/" => Ok(Reply::Page(cookie)),
-            "/live" if self.has_news => {
-                // Else any page of the internet that this machine's user looks at could take all places.
+            "/live" if self.is_live => {
+                // Otherwise any page of the internet that a user of this machine opens could take all slots of
+                // watchers.
                 let site = request.fetch_site.as_deref();
                 match site {
-                    None | Some("same-origin" | "none") => Ok(Reply::News),
+                    None | Some("same-origin" | "none") => Ok(Reply::Events),
                     Some(_) => Err(OTHER_SITE),
                 }
             }
@@ -77,7 +78,7 @@ impl Site {
     }
 
     fn topics(&self, request: &Request, upgrade: &Upgrade) -> Result<Reply, Refusal> {
-        if request.path != "/" || !self.has_news {
+        if request.path != "/" || !self.is_live {
             return Err(NOT_FOUND);
         }
         let speaks = |protocol: &&str| upgrade.protocols.iter().any(|spoken| spoken == protocol);
@@ -108,7 +109,7 @@ mod tests {
         let site = Site {
             names: HostNames::of(Ipv4Addr::new(10, 0, 0, 1).into(), &[]),
             token: Some(token),
-            has_news: true,
+            is_live: true,
         };
         let status = |host, query, path| {
             site.reply(&request(path, host, query))
@@ -122,7 +123,7 @@ mod tests {
             status("10.0.0.1", &query, "/"),
             Ok(Reply::Page(Some(_)))
         ));
-        assert_eq!(status("10.0.0.1", &query, "/live"), Ok(Reply::News));
+        assert_eq!(status("10.0.0.1", &query, "/live"), Ok(Reply::Events));
         assert_eq!(status("10.0.0.1", &query, "/x"), Err(404));
     }
 
@@ -131,7 +132,7 @@ mod tests {
         let site = Site {
             names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
             token: None,
-            has_news: true,
+            is_live: true,
         };
         let from = |path, fetch_site: &str| {
             let request = Request {
@@ -144,9 +145,9 @@ mod tests {
             assert_eq!(from("/live", other), Err(OTHER_SITE));
             assert_eq!(from("/", other), Ok(Reply::Page(None)));
         }
-        assert_eq!(from("/live", "same-origin"), Ok(Reply::News));
+        assert_eq!(from("/live", "same-origin"), Ok(Reply::Events));
         let finished = Site {
-            has_news: false,
+            is_live: false,
             ..site.clone()
         };
         assert_eq!(finished.reply(&request("/live", "localhost", "")), Err(NOT_FOUND));
@@ -165,7 +166,7 @@ mod tests {
         let mut site = Site {
             names: HostNames::of(Ipv4Addr::LOCALHOST.into(), &[]),
             token: None,
-            has_news: true,
+            is_live: true,
         };
         let elsewhere = Some("https://app.example");
         for protocol in PROTOCOLS {
@@ -182,7 +183,7 @@ mod tests {
         site.token = Some(token);
         let by_token = site.reply(&asked(elsewhere, &query, PROTOCOLS[1]));
         assert!(matches!(by_token, Ok(Reply::Topics { .. })), "{by_token:?}");
-        site.has_news = false;
+        site.is_live = false;
         assert_eq!(
             site.reply(&asked(elsewhere, &query, PROTOCOLS[1])),
             Err(NOT_FOUND)

@@ -1,7 +1,7 @@
-//! The secret that a browser elsewhere needs.
+//! The secret that browsers on other machines need.
 //!
-//! It comes once in the address that `gerono view` prints, and from then on in a cookie that no script and no other site can
-//! use. It is new at every start.
+//! It is part of the URL that `gerono view` prints, and from then on a cookie that scripts and other sites cannot use.
+//! It is new at every start.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -10,27 +10,27 @@ use shared_types::sample::hex;
 
 use crate::http::{Refusal, Request};
 
-/// Bytes of a token.
+/// Length of a token, bytes.
 const BYTES: usize = 16;
 
-/// Name of the token in the address.
+/// Name of the token in the query.
 const IN_QUERY: &str = "t";
 
-/// A browser has no token, or a wrong one.
+/// The request has no token, or a wrong one.
 const NO_TOKEN: Refusal = Refusal {
     status: 401,
     reason: "this needs the whole address that `gerono view` printed, with what follows `?t=`",
 };
 
-/// The token of a server.
+/// Token of a server.
 #[derive(Clone)]
 pub struct Token {
     text: String,
-    /// Name of the cookie. Cookies are the same for all ports of a machine, so it names the port.
+    /// Name of the cookie. Browsers share cookies between the ports of a host, so it contains the port.
     cookie: String,
 }
 
-/// No token is printed by chance.
+/// Keeps the token out of debug output.
 impl std::fmt::Debug for Token {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.write_str("Token")
@@ -41,7 +41,7 @@ impl Token {
     /// Draws the token of a server at a port.
     ///
     /// # Errors
-    /// If the system has no random numbers.
+    /// If /dev/urandom cannot be read.
     pub fn draw(port: u16) -> io::Result<Self> {
         let mut bytes = [0; BYTES];
         File::open("/dev/urandom")?.read_exact(&mut bytes)?;
@@ -57,13 +57,13 @@ impl Token {
         }
     }
 
-    /// Returns what follows the path in the address.
+    /// Returns the query of the URL.
     #[must_use]
     pub fn query(&self) -> String {
         format!("?{IN_QUERY}={}", self.text)
     }
 
-    /// Checks that a request has the token. Returns the header that gives the browser its cookie, if it came by the address.
+    /// Checks that a request has the token. If it came in the query, returns the header that sets the cookie.
     ///
     /// # Errors
     /// A refusal if it has not.
@@ -85,7 +85,7 @@ impl Token {
         Err(NO_TOKEN)
     }
 
-    /// Returns whether a text is the token, after a time that does not depend on how much of it is.
+    /// Compares a text with the token in constant time.
     fn is(&self, text: &str) -> bool {
         let differing =
             |difference, (ours, theirs): (u8, u8)| std::hint::black_box(difference | (ours ^ theirs));

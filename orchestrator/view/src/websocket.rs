@@ -1,5 +1,4 @@
-//! A WebSocket whose client costs no more than any other: what it sends is limited, and so is the time in which it has to take
-//! what it is sent.
+//! A WebSocket with limits: on the messages of its client, and on the time for sending to it.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -12,16 +11,16 @@ use tungstenite::{Error, Message, WebSocket};
 use crate::foxglove::Outgoing;
 use crate::http;
 
-/// Longest message of a client, bytes: it wants all topics, in words.
-const LONGEST_MESSAGE: usize = 64 * 1024;
+/// Maximum length of a client's message, bytes: a subscription to all topics fits.
+const MAX_MESSAGE: usize = 64 * 1024;
 
-/// Messages of a client that are read before it is sent something again.
-const MOST_MESSAGES: usize = 16;
+/// Maximum number of messages read from a client between two sends.
+const MAX_MESSAGES: usize = 16;
 
-/// The server's end of a WebSocket.
+/// Server end of a WebSocket.
 pub struct Socket<'a>(WebSocket<Limited<'a>>);
 
-/// A connection that is read without waiting and written within a limit.
+/// Connection that is read without blocking and written within a timeout.
 struct Limited<'a> {
     stream: &'a mut TcpStream,
     limit: Duration,
@@ -46,28 +45,28 @@ impl Write for Limited<'_> {
 }
 
 impl<'a> Socket<'a> {
-    /// Takes a connection that has been switched; its client has `limit` to take each message.
+    /// Wraps a connection that has been switched; each write times out after `limit`.
     pub fn new(stream: &'a mut TcpStream, limit: Duration) -> Self {
         let config = WebSocketConfig::default()
             .read_buffer_size(4 * 1024)
             .write_buffer_size(16 * 1024)
             .max_write_buffer_size(1024 * 1024)
-            .max_message_size(Some(LONGEST_MESSAGE))
-            .max_frame_size(Some(LONGEST_MESSAGE));
+            .max_message_size(Some(MAX_MESSAGE))
+            .max_frame_size(Some(MAX_MESSAGE));
         let limited = Limited { stream, limit };
         Self(WebSocket::from_raw_socket(limited, Role::Server, Some(config)))
     }
 
-    /// Returns the texts that the client has sent, as far as they have arrived.
+    /// Returns the text messages that have arrived.
     ///
     /// # Errors
-    /// If the client is gone, or sends what is no WebSocket or too long.
+    /// If the client has closed the connection, or a message is malformed or too long.
     pub fn received(&mut self) -> io::Result<Vec<String>> {
         let mut texts = Vec::new();
-        for _ in 0..MOST_MESSAGES {
+        for _ in 0..MAX_MESSAGES {
             match self.0.read() {
                 Ok(Message::Text(text)) => texts.push(text.as_str().to_owned()),
-                // A ping is answered by the library; nothing else means anything here.
+                // The library answers pings; other messages have no meaning here.
                 Ok(_) => {}
                 Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) => return Err(io::Error::other(error)),
@@ -79,7 +78,7 @@ impl<'a> Socket<'a> {
     /// Sends messages.
     ///
     /// # Errors
-    /// If the client is gone or does not take them in time.
+    /// If the client has closed the connection or does not receive them in time.
     pub fn send(&mut self, messages: impl IntoIterator<Item = Outgoing>) -> io::Result<()> {
         for message in messages {
             let message = match message {
@@ -91,19 +90,19 @@ impl<'a> Socket<'a> {
         self.0.flush().map_err(io::Error::other)
     }
 
-    /// Asks the client whether it is there.
+    /// Sends a ping, to detect a closed connection.
     ///
     /// # Errors
-    /// If it is gone.
+    /// If the connection is closed.
     pub fn ping(&mut self) -> io::Result<()> {
         let ping = Message::Ping(Vec::new().into());
         self.0.send(ping).map_err(io::Error::other)
     }
 
-    /// Says that there will be no more.
+    /// Sends the closing message.
     ///
     /// # Errors
-    /// If the client is gone.
+    /// If the connection is closed.
     pub fn end(&mut self) -> io::Result<()> {
         self.0.close(None).map_err(io::Error::other)?;
         self.0.flush().map_err(io::Error::other)

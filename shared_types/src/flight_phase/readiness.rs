@@ -3,7 +3,8 @@
 use crate::rotation::tilt;
 use crate::samples::{PathReference, RcFrame, VehicleState};
 
-/// Speed above which a vehicle does not stand, m/s: one that falls has it after 50 ms, and one that stands seems to have less.
+/// Speed above which a vehicle does not stand, m/s: a falling one exceeds it after 50 ms, and the estimate of a
+/// standing one stays below.
 const MOVES: f64 = 0.5;
 
 /// Limits within which a vehicle is ready to take off.
@@ -26,7 +27,7 @@ pub enum NotReady {
     State,
     /// The vehicle is not tracked, or its state is predicted without captures.
     Sight,
-    /// The position is not known well enough.
+    /// The estimated position is not accurate enough.
     Estimate,
     /// The vehicle does not stand level.
     Level,
@@ -50,7 +51,7 @@ impl NotReady {
         Self::Demand,
     ];
 
-    /// Returns the first condition that newest state and frame, each with its age in ns, do not meet; `None` if the
+    /// Returns the first condition that the newest state and frame, each with its age in ns, do not meet; `None` if the
     /// vehicle is ready.
     #[must_use]
     pub fn find(
@@ -101,7 +102,7 @@ impl NotReady {
         Self::ALL.into_iter().find(|not_ready| not_ready.cause() == cause)
     }
 
-    /// Returns what was not ready, in words that follow "was not ready:".
+    /// Returns the reason as a clause that follows "was not ready:".
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {

@@ -9,8 +9,8 @@
 //!
 //! A state that jumped is tested again with the one after it. Once the last good state is too old
 //! ([`max_age_ns`](Policy::max_age_ns)), a state is accepted that continues the motion of the *refused* one before it:
-//! the vehicle really is elsewhere, or was carried there. So a true state is refused for `max_age` and two samples at
-//! most, and noise, which does not agree with itself, for as long as it lasts.
+//! the vehicle is really elsewhere, or was carried there. So a true state is refused for at most `max_age` and two
+//! samples, while noise, whose samples do not agree with each other, is refused for as long as it lasts.
 
 use nalgebra::Vector3;
 
@@ -26,8 +26,8 @@ const ATTITUDE_DEFECT: f64 = 1e-3;
 const FARTHEST: f64 = 1e4;
 /// Largest speed (m/s) and body rate (rad/s), each component.
 const FASTEST: f64 = 1e3;
-/// Turn of a state from the continuation of the last good one, by errors of both, rad: more than a filter corrects at
-/// once while it sees the vehicle.
+/// Largest turn between a state and the extrapolation of the last good one that the errors of both explain, rad: more
+/// than a filter corrects at once while it tracks the vehicle.
 const TURN_NOISE: f64 = 0.4;
 /// Largest rate at which a vehicle departs from that turn, rad/s, and the largest such departure, rad.
 const DEPARTURE_RATE: f64 = 10.0;
@@ -123,7 +123,7 @@ impl StateValidator {
         self.gate.refused()
     }
 
-    /// Counts a state as refused whose use has shown that it is impossible.
+    /// Counts a state as refused that turned out to be impossible when it was used.
     pub fn refuse(&mut self) {
         self.gate.refuse();
     }

@@ -8,13 +8,13 @@ use crate::wiring::Topic;
 /// Input of a service as the schedule sees it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
-    /// The topic that it consumes.
+    /// Topic of the input.
     pub topic: Topic,
     /// Transport latency, ticks.
     pub latency: u64,
     pub(super) published: OutageSchedule,
     pub(super) consumed: OutageSchedule,
-    /// In the order of time, apart from each other.
+    /// In order of time, without overlap.
     pub(super) faults: Arc<[EdgeFault]>,
 }
 
@@ -48,14 +48,14 @@ impl Edge {
         previous.is_none_or(|previous| self.due_sample(previous) != Some(due))
     }
 
-    /// Returns whether a fault of it is planned.
+    /// Returns whether a fault of the edge is planned.
     #[must_use]
     #[inline]
     pub fn has_faults(&self) -> bool {
         !self.faults.is_empty()
     }
 
-    /// Returns its planned faults.
+    /// Returns the planned faults.
     #[must_use]
     pub fn faults(&self) -> &[EdgeFault] {
         &self.faults
@@ -81,8 +81,8 @@ impl Edge {
         self.due_sample(self.step_before(fault.from)?)
     }
 
-    /// Returns the ticks of the samples before `due` that are repeated when this one is due or after it. Some may
-    /// precede the first sample that repeats them, if a last one arrived in time for no step before the fault.
+    /// Returns the ticks of samples before `due` whose contents are repeated when `due` is due or later. Some may
+    /// precede the first sample that repeats them, if the last one before the fault arrived too late for a step.
     pub fn needed_again(&self, due: u64) -> impl Iterator<Item = u64> {
         let repeating = self.faults.iter().filter(move |fault| {
             matches!(fault.kind, EdgeFaultKind::Altered(Corruption::Repeated))
@@ -93,7 +93,7 @@ impl Edge {
             .filter(move |&repeated| repeated < due)
     }
 
-    /// Returns the tick of the oldest sample that is needed when the one of tick `due` is due, and after it.
+    /// Returns the tick of the oldest sample that is needed when the one of tick `due` is due, and later.
     #[must_use]
     pub fn oldest_needed(&self, due: u64) -> u64 {
         self.needed_again(due).fold(due, u64::min)
@@ -103,12 +103,12 @@ impl Edge {
     #[must_use]
     pub fn is_lost(&self, tick: u64) -> bool {
         match self.fault_at(tick + self.latency).map(|fault| &fault.kind) {
-            Some(EdgeFaultKind::Lost(loss)) => loss.befalls(tick),
+            Some(EdgeFaultKind::Lost(loss)) => loss.loses(tick),
             _ => false,
         }
     }
 
-    /// Returns the ticks of samples that may be needed long after later ones have been published.
+    /// Returns the ticks of samples that may be needed long after later ones were published.
     #[must_use]
     pub fn remembered(&self) -> Vec<u64> {
         let faults = self.faults.iter();
@@ -120,8 +120,8 @@ impl Edge {
         ticks.collect()
     }
 
-    /// Returns the largest number of samples in a row that are lost in a flight that ends with `last_tick`, except in
-    /// faults that lose all.
+    /// Returns the maximum number of consecutive lost samples in a flight that ends with `last_tick`, except in faults
+    /// that lose all.
     #[must_use]
     pub fn longest_loss(&self, last_tick: u64) -> u64 {
         let lossy = self.faults.iter().filter_map(|fault| match &fault.kind {
@@ -133,7 +133,7 @@ impl Edge {
             let published = arrivals.filter_map(|tick| tick.checked_sub(self.latency));
             let (mut run, mut longest) = (0, 0);
             for tick in published.filter(|&tick| self.published.occurs_at(tick)) {
-                run = if loss.befalls(tick) { run + 1 } else { 0 };
+                run = if loss.loses(tick) { run + 1 } else { 0 };
                 longest = run.max(longest);
             }
             longest
@@ -159,7 +159,7 @@ impl Edge {
             let Some(fault) = self.fault_at(arrival) else {
                 return Some(sample);
             };
-            // The next one that may have arrived.
+            // The next candidate.
             arrived_by = match &fault.kind {
                 EdgeFaultKind::Altered(_) => return Some(sample),
                 EdgeFaultKind::Late(by) if arrival + by <= tick => return Some(sample),
@@ -168,7 +168,7 @@ impl Edge {
                     _ => fault.from.checked_sub(1)?,
                 },
                 EdgeFaultKind::Lost(loss) if loss.is_total() => fault.from.checked_sub(1)?,
-                EdgeFaultKind::Lost(loss) if loss.befalls(sample) => arrival.checked_sub(1)?,
+                EdgeFaultKind::Lost(loss) if loss.loses(sample) => arrival.checked_sub(1)?,
                 EdgeFaultKind::Lost(_) => return Some(sample),
             };
         }
@@ -226,7 +226,7 @@ mod tests {
             None => Some(undisturbed),
             Some(fault) => match &fault.kind {
                 EdgeFaultKind::Late(by) => Some(undisturbed + by),
-                EdgeFaultKind::Lost(loss) => (!loss.befalls(sample)).then_some(undisturbed),
+                EdgeFaultKind::Lost(loss) => (!loss.loses(sample)).then_some(undisturbed),
                 EdgeFaultKind::Altered(_) => Some(undisturbed),
             },
         }

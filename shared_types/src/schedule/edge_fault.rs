@@ -15,9 +15,9 @@ use crate::sample::Header;
 /// Planned fault of an edge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeFault {
-    /// First tick at which arriving samples suffer it.
+    /// First tick at which arriving samples are affected.
     pub from: u64,
-    /// First tick after it; [`u64::MAX`] if it never ends.
+    /// First tick after the fault; [`u64::MAX`] if it never ends.
     pub until: u64,
     /// Kind of the fault.
     pub kind: EdgeFaultKind,
@@ -26,18 +26,18 @@ pub struct EdgeFault {
 /// Effect on the samples that arrive.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EdgeFaultKind {
-    /// They arrive so many ticks later.
+    /// Samples arrive this many ticks later.
     Late(u64),
-    /// Some never arrive.
+    /// Some samples never arrive.
     Lost(Loss),
-    /// Their contents are altered.
+    /// Contents of samples are altered.
     Altered(Corruption),
 }
 
-/// Loss of samples: for each a function of seed, edge and tick.
+/// Loss of samples, decided for each as a function of seed, edge and tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loss {
-    /// The share of the samples that is lost.
+    /// Fraction of lost samples.
     pub fraction: f64,
     /// Random numbers of the decision.
     pub draws: Draws,
@@ -48,22 +48,22 @@ pub struct Loss {
 pub enum Corruption {
     /// The content of the last sample before the fault.
     Repeated,
-    /// Of these numbers (their bytes), x becomes `scale`·x + `bias`.
+    /// These numbers (byte range) are scaled: x becomes `scale`·x + `bias`.
     Scaled {
-        /// The bytes of the numbers.
+        /// Byte range of the numbers.
         numbers: Range<usize>,
         /// Factor.
         scale: f64,
-        /// Value added then.
+        /// Value added after scaling.
         bias: f64,
     },
-    /// Random numbers of at most this magnitude in place of these numbers (their bytes).
+    /// Random numbers of at most this magnitude replace these numbers (byte ranges).
     Random {
-        /// The bytes of the numbers.
+        /// Byte ranges of the numbers.
         numbers: Arc<[Range<usize>]>,
         /// Largest magnitude.
         range: f64,
-        /// Their random numbers.
+        /// Source of the random numbers.
         draws: Draws,
     },
     /// Random bits.
@@ -103,7 +103,7 @@ impl EdgeFault {
 impl Loss {
     /// Returns whether the sample that was published at `tick` is lost.
     #[must_use]
-    pub fn befalls(&self, tick: u64) -> bool {
+    pub fn loses(&self, tick: u64) -> bool {
         self.is_total() || self.draws.of(Stream::EdgeLoss).at(tick).uniform() < self.fraction
     }
 
@@ -226,8 +226,8 @@ mod tests {
             fraction,
             draws: DRAWS,
         };
-        let lost = (0..10_000).filter(|&tick| loss(0.3).befalls(tick)).count();
+        let lost = (0..10_000).filter(|&tick| loss(0.3).loses(tick)).count();
         assert!((2850..3150).contains(&lost), "{lost}");
-        assert!((0..100).all(|tick| loss(1.0).befalls(tick)));
+        assert!((0..100).all(|tick| loss(1.0).loses(tick)));
     }
 }

@@ -9,12 +9,12 @@ pub struct OperatorPlan {
     pub armed_from: u64,
     /// First tick at which the vehicle must land.
     pub land_from: u64,
-    /// First tick at which the motors stop for ever.
+    /// First tick at which the motors are stopped permanently.
     pub killed_from: u64,
 }
 
 impl OperatorPlan {
-    /// The vehicle is flown from the first tick to the last.
+    /// Armed from the first tick to the last.
     pub const FLYING: Self = Self {
         armed_from: 0,
         land_from: u64::MAX,

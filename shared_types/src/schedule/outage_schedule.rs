@@ -9,7 +9,7 @@ use super::Rate;
 pub struct Outage {
     /// First tick of the outage.
     pub from: u64,
-    /// First tick after it; [`u64::MAX`] if it never ends.
+    /// First tick after the outage; [`u64::MAX`] if it never ends.
     pub until: u64,
     /// Kind of the outage.
     pub fate: OutageKind,
@@ -18,11 +18,11 @@ pub struct Outage {
 /// Kind of a planned outage of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutageKind {
-    /// It does not step, and its state continues as if no time had passed.
+    /// The service does not step, and continues afterwards as if no time had passed.
     Frozen,
-    /// Its process dies; another goes on from the state before.
+    /// Its process dies; another one continues from the last state.
     Dies,
-    /// Its process dies; another makes a cold start.
+    /// Its process dies; another one makes a cold start.
     DiesAndForgets,
 }
 
@@ -31,14 +31,14 @@ pub enum OutageKind {
 pub struct OutageSchedule {
     /// The rate without outages.
     pub rate: Rate,
-    /// In the order of time, apart from each other.
+    /// In order of time, without overlap.
     outages: Arc<[Outage]>,
-    /// `true` if these are all ticks: most are, and are queried at every one.
+    /// `true` if every tick is included, as in most schedules: a fast path for queries at every tick.
     is_always: bool,
 }
 
 impl OutageSchedule {
-    /// Makes the schedule of `rate` without `outages`, which are in the order of time and apart from each other.
+    /// Creates the schedule of `rate` without `outages`, which are in order of time and do not overlap.
     #[must_use]
     pub fn new(rate: Rate, outages: Arc<[Outage]>) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl OutageSchedule {
         self.outages.is_empty()
     }
 
-    /// Returns whether these are all ticks.
+    /// Returns whether every tick is included.
     #[must_use]
     #[inline]
     pub fn is_always(&self) -> bool {
@@ -104,7 +104,7 @@ impl OutageSchedule {
         Some(last)
     }
 
-    /// Returns the first of the ticks that is not before `tick`; none if an outage never ends.
+    /// Returns the first of the ticks that is not before `tick`; `None` if an outage never ends.
     #[must_use]
     #[inline]
     pub fn first_at_or_after(&self, tick: u64) -> Option<u64> {

@@ -1,58 +1,47 @@
-//! Why a replay into service processes may end early.
+//! Failures of a replay in service processes.
 
 use std::error::Error;
 
 use super::BATCH_LIMIT;
 
-/// Reason why a replay into service processes ended early.
+/// Reason why a replay in service processes ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessFailure {
-    /// The recorded_steps refused something that every run needs.
+    /// The system refused resources that every run needs.
     #[error("cannot set the replay's processes up: {0}")]
     Setup(#[source] Box<dyn Error + Send + Sync>),
-    /// A process died.
     #[error(
         "the process {pid} that replayed `{service}` died {when}: {how}; nothing can be said of the rest of the log"
     )]
     Died {
-        /// Name of the service.
         service: &'static str,
-        /// Its process.
         pid: u32,
-        /// The progress that it had made, in words.
+        /// Progress of the process.
         when: String,
-        /// The outcome of the run.
+        /// Signal or exit code.
         how: String,
     },
-    /// A process could not do its work and said so.
+    /// A process reported a failure.
     #[error("the process {pid} that replayed `{service}` gave up {when}: {reason}")]
     GaveUp {
-        /// Name of the service.
         service: &'static str,
-        /// Its process.
         pid: u32,
-        /// The progress that it had made, in words.
+        /// Progress of the process.
         when: String,
-        /// The reason that it gave.
         reason: String,
     },
-    /// A process neither died nor answered.
+    /// A process did not answer.
     #[error(
-        "the process {pid} that replayed `{service}` did not answer within {} s {when}; is it stopped, or the recorded_steps overloaded?",
+        "the process {pid} that replayed `{service}` did not answer within {} s {when}; is it stopped, or the machine overloaded?",
         BATCH_LIMIT.as_secs()
     )]
     Silent {
-        /// Name of the service.
         service: &'static str,
-        /// Its process.
         pid: u32,
-        /// The progress that it had made, in words.
+        /// Progress of the process.
         when: String,
     },
-    /// The user asked for the end.
+    /// The user interrupted the replay.
     #[error("the replay was ended by signal {signal}")]
-    Interrupted {
-        /// Number of the signal.
-        signal: i32,
-    },
+    Interrupted { signal: i32 },
 }

@@ -1,15 +1,15 @@
-//! The orchestrator's ports in the replay of a service.
+//! Ports of the replay's topics.
 
 use runtime::ports::{PortError, Receiver, Sender, TopicPorts};
 use shared_types::schedule::Publication;
 use shared_types::service::header_of;
 
-/// Place where the recorded samples of an input are published.
+/// Publisher of the recorded samples of an input.
 pub(crate) struct InputPort {
     sender: Box<dyn Sender>,
-    /// The sequence number of the recorded sample that was published last, if that was one and as it was recorded.
+    /// Sequence number of the last published sample; `None` if that was altered by a fault.
     newest: Option<u64>,
-    /// Holds the topic.
+    /// Keeps the topic alive.
     _ports: Box<dyn TopicPorts>,
 }
 
@@ -22,12 +22,11 @@ impl InputPort {
         }
     }
 
-    /// Connects to the service.
     pub(super) fn connect(&mut self) -> Result<(), PortError> {
         self.sender.connect()
     }
 
-    /// Publishes what the next step sees, unless it is what was published last; whether it did.
+    /// Publishes the sample for the next step, unless it is the last published one. Returns whether it was published.
     pub(super) fn publish(&mut self, bytes: &[u8], as_recorded: Option<u64>) -> Result<bool, PortError> {
         if as_recorded.is_some() && as_recorded == self.newest {
             return Ok(false);
@@ -39,11 +38,11 @@ impl InputPort {
     }
 }
 
-/// Place where an output of the service comes.
+/// Receiver of an output of the service.
 pub(crate) struct OutputPort {
     publication: Publication,
     receiver: Box<dyn Receiver>,
-    /// Holds the topic.
+    /// Keeps the topic alive.
     _ports: Box<dyn TopicPorts>,
 }
 
@@ -60,7 +59,6 @@ impl OutputPort {
         }
     }
 
-    /// Connects to the service.
     pub(super) fn connect(&mut self) -> Result<(), PortError> {
         self.receiver.connect()
     }
@@ -70,7 +68,7 @@ impl OutputPort {
         self.publication.is_due(tick)
     }
 
-    /// The sample of `tick`, which has been published; none if something else came.
+    /// Receives the sample of `tick`, which was published before; `None` if another one arrived.
     pub(super) fn receive(&mut self, tick: u64) -> Result<Option<&[u8]>, PortError> {
         let has_come = self.receiver.receive()?;
         let held = self.receiver.held();

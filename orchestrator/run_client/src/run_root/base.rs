@@ -1,8 +1,8 @@
-//! The folder that holds the places of all of this user's runs, and why it can be trusted.
+//! The base folder of all run folders of this user, and why it can be trusted.
 //!
-//! Its name can be guessed and the folder above it may be one in which everybody can write. So another user can make it
-//! first, fill it with symbolic links, or answer in a run's place. It is therefore opened without following links, used only
-//! if it belongs to this user and nobody else may enter it, and everything in it is opened relative to its descriptor.
+//! Its name is predictable, and its parent may be writable by all users. Another user could create it first, fill it
+//! with symbolic links, or answer in a run's name. It is therefore opened without following links and used only if it
+//! belongs to this user and no other user may enter it, and everything in it is opened relative to its descriptor.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -21,20 +21,20 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 
-/// Names a user's folder for what lives no longer than the machine runs, by the XDG Base Directory Specification.
+/// Environment variable of the user's runtime folder (XDG Base Directory Specification).
 const RUNTIME_FOLDER: &str = "XDG_RUNTIME_DIR";
 
-/// Name of the lock that is held while places come and go.
+/// Lock that is held while run folders are created or removed.
 const DOOR: &str = "door";
-/// Name of the lock of a place.
+/// Lock of a run folder.
 const LOCK: &str = "lock";
-/// Name of that lock before it is held.
+/// Name of that lock until it is held.
 const LOCK_IN_THE_MAKING: &str = "lock.new";
 
-/// Permissions of users other than the owner, and those among them that let others change a folder's content.
+/// Permission bits of other users, and those by which they could change a folder's content.
 const OTHERS: u32 = 0o077;
 const OTHERS_WRITE: u32 = 0o022;
-/// In a folder with this bit only the owner of an entry may remove or rename it.
+/// Sticky bit: only the owner of an entry may remove or rename it.
 const STICKY: u32 = 0o1000;
 
 const FOLDER_FLAGS: OFlags = OFlags::RDONLY
@@ -42,29 +42,29 @@ const FOLDER_FLAGS: OFlags = OFlags::RDONLY
     .union(OFlags::NOFOLLOW)
     .union(OFlags::CLOEXEC);
 
-/// The folder, open and verified.
+/// The base folder, open and verified.
 #[derive(Debug)]
 pub(super) struct Base {
     path: PathBuf,
     folder: OwnedFd,
 }
 
-/// The state of the run that a place was made for.
+/// State of a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum State {
-    /// One of its processes holds the lock.
+    /// A process of the run holds the lock.
     Live,
-    /// Nobody holds the lock.
+    /// The lock is free.
     Dead,
-    /// There is no lock: it is being made, unless its maker has died.
+    /// There is no lock: the folder is being created, or its creator has died.
     Unfinished,
 }
 
 impl Base {
-    /// Opens the folder of this user, and makes it if it is not there.
+    /// Opens the base folder of this user and creates it if needed.
     ///
     /// # Errors
-    /// If it is not this user's own, or is open to others: with the fix.
+    /// If it belongs to another user or is open to others; the message names the fix.
     pub(super) fn open() -> io::Result<Self> {
         let path = path()?;
         match rustix::fs::mkdir(&path, Mode::RWXU) {
@@ -73,7 +73,7 @@ impl Base {
         }
     }
 
-    /// Opens the folder of this user if it is there.
+    /// Opens the base folder of this user if it exists.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -113,22 +113,21 @@ impl Base {
             )));
         }
         if found.st_mode & OTHERS != 0 {
-            // Nobody else can have changed anything in it, but could hold its locks.
+            // Read access only: its content is unchanged, but others could have opened its locks.
             fchmod(&folder, Mode::RWXU)?;
         }
         Ok(Self { path, folder })
     }
 
-    /// Returns where it is.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Waits up to `limit` for the lock that is held while places come and go, so that no place is swept that is just
-    /// being made.
+    /// Acquires the lock of the base folder, waiting up to `limit`. It is held while run folders are created and
+    /// removed, so that no folder is removed while it is being created.
     ///
     /// # Errors
-    /// If another process keeps it for longer.
+    /// If another process holds it for longer.
     pub(super) fn close_door(&self, limit: Duration) -> io::Result<File> {
         const RETRY: Duration = Duration::from_millis(5);
         let door = self.door()?;
@@ -152,24 +151,25 @@ impl Base {
         Ok(door.map_err(|error| named(&self.path.join(DOOR), error))?.into())
     }
 
-    /// Returns whether there is an entry of this name.
+    /// Returns whether an entry of this name exists.
     pub(super) fn has(&self, id: &str) -> bool {
         statat(&self.folder, id, AtFlags::SYMLINK_NOFOLLOW).is_ok()
     }
 
-    /// Makes a place, behind the closed door; its lock, held.
+    /// Creates a run folder and returns its lock, held. The caller holds the lock of the base folder.
     pub(super) fn make_place(&self, id: &str) -> io::Result<File> {
         mkdirat(&self.folder, id, Mode::RWXU)?;
         let place = openat(&self.folder, id, FOLDER_FLAGS, Mode::empty())?;
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let lock = openat(&place, LOCK_IN_THE_MAKING, flags, Mode::RUSR | Mode::WUSR)?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
-        // !MUST! be last: under this name it is held, so a look without the door never takes a new place for a dead one.
+        // The rename must come last: the lock appears under its final name only once it is held, so that an observer
+        // without the base lock never classifies a new folder as a dead run's.
         renameat(&place, LOCK_IN_THE_MAKING, &place, LOCK)?;
         Ok(lock.into())
     }
 
-    /// All places, sorted, each with the state of its run.
+    /// Returns all run folders with their states, sorted.
     pub(super) fn places(&self) -> io::Result<Vec<(PathBuf, State)>> {
         let mut places = Vec::new();
         for entry in Dir::read_from(&self.folder)? {
@@ -179,7 +179,7 @@ impl Base {
                 continue;
             }
             let name = OsStr::from_bytes(name);
-            // What is no folder is no place.
+            // Other entries are not run folders.
             if let Ok(place) = openat(&self.folder, name, FOLDER_FLAGS, Mode::empty()) {
                 places.push((self.path.join(name), state_of(&place)));
             }
@@ -188,7 +188,7 @@ impl Base {
         Ok(places)
     }
 
-    /// Returns whether places are being made or swept at this moment.
+    /// Returns whether run folders are being created or removed now.
     pub(super) fn is_in_use(&self) -> bool {
         let shared = |door: File| flock(&door, FlockOperation::NonBlockingLockShared);
         self.door()
@@ -196,12 +196,12 @@ impl Base {
     }
 }
 
-/// Returns whether a process of its run holds the lock of a place.
+/// Returns whether a process holds the lock of a run folder.
 pub(super) fn is_live(place: &impl AsFd) -> bool {
     state_of(place) == State::Live
 }
 
-/// Returns what the system says of the lock of a place.
+/// Returns the metadata of a run folder's lock.
 pub(super) fn lock_of(place: &Path) -> io::Result<Stat> {
     Ok(lstat(place.join(LOCK))?)
 }
@@ -210,16 +210,16 @@ fn state_of(place: &impl AsFd) -> State {
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC | OFlags::NONBLOCK;
     match openat(place, LOCK, flags, Mode::empty()) {
         Err(_) => State::Unfinished,
-        // A shared lock, so that two looks at once do not take each other for the run.
+        // A shared lock: concurrent observers would otherwise mistake each other for the run.
         Ok(lock) if flock(&lock, FlockOperation::NonBlockingLockShared).is_err() => State::Live,
         Ok(_) => State::Dead,
     }
 }
 
-/// Returns whether a run could make its place, without making one.
+/// Returns whether a run could create its folder, without creating it.
 ///
 /// # Errors
-/// Why it could not: a file system that is read-only, or missing permissions.
+/// Reason why not: a read-only file system or missing permissions.
 pub(super) fn check_writable() -> io::Result<()> {
     check_writable_at(&path()?)
 }
@@ -233,8 +233,8 @@ fn check_writable_at(path: &Path) -> io::Result<()> {
     access(existing, Access::WRITE_OK | Access::EXEC_OK).map_err(|error| named(existing, error))
 }
 
-/// Returns where the places of all of this user's runs are: in memory, because iceoryx2 writes its bookkeeping to disk before
-/// it goes on, which would make every start of a process wait for the disk.
+/// Returns the path of the base folder. It is in memory: iceoryx2 synchronises its bookkeeping to the disk, so on a
+/// disk every start of a process would wait for it.
 fn path() -> io::Result<PathBuf> {
     let of_this_user = std::env::var_os(RUNTIME_FOLDER).filter(|folder| !folder.is_empty());
     let candidates = [
@@ -254,8 +254,8 @@ fn path() -> io::Result<PathBuf> {
     Ok(above.join(format!("gerono-{}", rustix::process::geteuid().as_raw())))
 }
 
-/// Returns whether nobody but this user and root can replace an entry of this user's in a folder. `sudo -E` keeps the caller's
-/// runtime folder, which is not root's.
+/// Returns whether only this user and root can replace an entry of this user in a folder. With `sudo -E`, the runtime
+/// folder is that of the caller, not root's.
 fn keeps_entries(folder: &Path) -> bool {
     let me = rustix::process::geteuid().as_raw();
     folder.is_absolute()

@@ -1,5 +1,4 @@
-//! When what the services know is copied to the record of the machine: about once a second of the flight, whether that
-//! is a second by the clock or much less.
+//! Copies checkpoints to the record of the machine, about one a second of flight time, whatever that is in wall time.
 
 use runtime::checkpoints::Checkpoints;
 use scenario::Scenario;
@@ -7,10 +6,10 @@ use shared_types::{Schedule, ServiceId};
 
 use run_log::LoggedCheckpoint;
 
-/// From one checkpoint of a service in the record to the next, ns of the flight.
+/// Period of a service's checkpoints in the record, ns of flight time.
 const PERIOD_NS: u64 = 1_000_000_000;
 
-/// Which checkpoints have been taken.
+/// Checkpoints taken so far.
 #[derive(Debug)]
 pub(super) struct Snapshots {
     services: [Taken; ServiceId::ALL.len()],
@@ -20,14 +19,14 @@ pub(super) struct Snapshots {
 struct Taken {
     service: ServiceId,
     layout: u64,
-    /// Tick from which on the next one is due.
+    /// Tick from which the next checkpoint is due.
     next_at: u64,
-    /// 1 + the tick before which the last one was.
+    /// 1 + `next_tick` of the last checkpoint; 0 before the first.
     last: u64,
 }
 
 impl Snapshots {
-    /// None so far.
+    /// Creates the state without any checkpoint taken.
     pub(super) fn new(scenario: &Scenario) -> Self {
         Self {
             services: ServiceId::ALL.map(|service| Taken {
@@ -39,8 +38,8 @@ impl Snapshots {
         }
     }
 
-    /// The checkpoints that are due now that the flight has come to `tick`. One that cannot be taken, because its service
-    /// has none or is faster, stays due.
+    /// Returns the checkpoints that are due at `tick`. If one cannot be read, because there is none or the service
+    /// writes faster, it stays due.
     pub(super) fn take(
         &mut self,
         checkpoints: &Checkpoints,
@@ -51,7 +50,7 @@ impl Snapshots {
         let new = due.filter_map(|taken| {
             let checkpoint = checkpoints.snapshot(taken.service)?;
             taken.next_at = tick + PERIOD_NS.div_ceil(schedule.tick_ns());
-            // Who is away or rests knows nothing new.
+            // A service that is away or idle has an unchanged checkpoint.
             let last = std::mem::replace(&mut taken.last, checkpoint.next_tick + 1);
             (taken.last != last).then_some(LoggedCheckpoint {
                 service: taken.service,

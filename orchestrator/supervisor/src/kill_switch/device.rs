@@ -1,4 +1,4 @@
-//! Devices: an input device (or a pipe that sends its events), or a serial line.
+//! Devices of a kill switch: an input device (or a pipe with its events), or a serial line.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -13,68 +13,57 @@ use super::signal::{EVENT_SIZE, InputEvent, Signal};
 /// Major number of input devices: INPUT_MAJOR of the kernel's major.h.
 const INPUT: u32 = 13;
 
-/// Bytes that are read at once.
+/// Size of one read, bytes.
 const PIECE: usize = 64 * EVENT_SIZE;
 
-/// Error of a device that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError {
-    /// No such device.
     #[error("there is no device {}; is it plugged in? `ls /dev/input/by-id /dev/serial/by-id` shows what is there", .0.display())]
     Missing(PathBuf),
-    /// It may not be read.
     #[error(
         "you may not read the device {}; join its group (`sudo usermod -aG $(stat -Lc %G {}) $USER`, often `input`, then log in \
          again), or give it to you by a udev rule, as docs/kill_switch.md shows", .0.display(), .0.display()
     )]
     Permission(PathBuf),
-    /// It sends neither events nor bytes.
+    /// The path is neither an input device nor a serial device.
     #[error(
         "{} is neither an input device nor a serial device; `ls /dev/input/by-id /dev/serial/by-id` shows what is there", .0.display()
     )]
     NoDevice(PathBuf),
-    /// A serial device that cannot be used.
+    /// A serial device cannot be opened or configured.
     #[error(transparent)]
     Serial(#[from] OpenError),
-    /// It was there, and is gone.
+    /// The device was open and disappeared.
     #[error("the device {} is gone ({reason}); plug it in again", .path.display())]
     Gone {
-        /// Its path.
         path: PathBuf,
-        /// The system's words.
+        /// The system's error message.
         reason: String,
     },
-    /// Anything else.
     #[error("cannot use {}: {source}", .path.display())]
-    Device {
-        /// Its path.
-        path: PathBuf,
-        /// The system's error.
-        source: Errno,
-    },
+    Device { path: PathBuf, source: Errno },
 }
 
-/// Kind of an open device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Input,
     Serial,
 }
 
-/// An open device. It is shared with other programs: a keyboard still types.
+/// Open device, shared with other programs: a keyboard still types.
 #[derive(Debug)]
 pub struct Device {
     path: PathBuf,
     file: OwnedFd,
     kind: Kind,
-    /// Bytes that were read and not handed on yet.
+    /// Bytes that were read and do not form a whole event yet.
     bytes: Vec<u8>,
-    /// `true` if keys may be down of whose press no event tells.
-    is_state_unknown: bool,
+    /// Keys may be down whose press is not among the events: before the first read, or after dropped events.
+    is_key_state_unknown: bool,
 }
 
 impl Device {
-    /// Opens a device. The speed is that of a serial line, baud.
+    /// Opens a device. `baud` applies to serial lines.
     ///
     /// # Errors
     /// [`DeviceError`], with the fix.
@@ -97,17 +86,17 @@ impl Device {
             file,
             kind,
             bytes: Vec::new(),
-            is_state_unknown: kind == Kind::Input,
+            is_key_state_unknown: kind == Kind::Input,
         };
-        // The end of a pipe without a writer is noticed here.
+        // Detects a pipe without a writer.
         device.fill()?;
         Ok(device)
     }
 
-    /// Hands on all signals that have come, without waiting. Keys that were down already count as pressed.
+    /// Passes on all signals that have arrived, without waiting. Keys that are down at the first read count as pressed.
     ///
     /// # Errors
-    /// [`DeviceError`] if the device is gone, after what it had sent.
+    /// [`DeviceError`] if the device is gone, after the signals that it sent before.
     pub fn read(&mut self, mut each: impl FnMut(Signal)) -> Result<(), DeviceError> {
         let filled = self.fill();
         if self.kind == Kind::Serial {
@@ -115,12 +104,12 @@ impl Device {
             return filled;
         }
         let (events, rest) = self.bytes.as_chunks::<EVENT_SIZE>();
-        for event in events.iter().map(InputEvent::of_bytes) {
-            self.is_state_unknown |= event.tells_of_dropped();
+        for event in events.iter().map(InputEvent::parse) {
+            self.is_key_state_unknown |= event.has_dropped_events();
             each(Signal::Event(event));
         }
         self.bytes = rest.to_vec();
-        if std::mem::take(&mut self.is_state_unknown) {
+        if std::mem::take(&mut self.is_key_state_unknown) {
             for code in keys::down(self.file.as_fd()) {
                 each(Signal::Event(InputEvent::press(code)));
             }
@@ -128,21 +117,21 @@ impl Device {
         filled
     }
 
-    /// Waits until there is something to read, until `stop` can be read, for a signal of the system, or for the longest time.
+    /// Waits until the device or `stop` is readable, a signal arrives, or the timeout expires.
     ///
     /// # Errors
-    /// [`DeviceError`] if the system cannot wait for the device.
-    pub fn wait(&self, stop: Option<BorrowedFd<'_>>, longest: Option<Timespec>) -> Result<(), DeviceError> {
+    /// [`DeviceError`] if the device cannot be polled.
+    pub fn wait(&self, stop: Option<BorrowedFd<'_>>, timeout: Option<Timespec>) -> Result<(), DeviceError> {
         let own = PollFd::new(&self.file, PollFlags::IN);
         let stop = stop.map(|stop| PollFd::from_borrowed_fd(stop, PollFlags::IN));
         let mut both: Vec<_> = std::iter::once(own).chain(stop).collect();
-        match poll(&mut both, longest.as_ref()) {
+        match poll(&mut both, timeout.as_ref()) {
             Ok(_) | Err(Errno::INTR) => Ok(()),
             Err(reason) => Err(refusal(&self.path, reason)),
         }
     }
 
-    /// Takes all that has come.
+    /// Reads all bytes that have arrived.
     fn fill(&mut self) -> Result<(), DeviceError> {
         let mut piece = [0; PIECE];
         loop {
@@ -157,7 +146,7 @@ impl Device {
         }
     }
 
-    /// Returns whether the other end is gone although reading does not say so.
+    /// Returns whether the other end has hung up, which a read without data does not report.
     fn has_hung_up(&self) -> bool {
         let mut own = [PollFd::new(&self.file, PollFlags::empty())];
         let now = Timespec::default();
@@ -172,7 +161,7 @@ impl Device {
     }
 }
 
-/// Returns the error of a device for the system's error.
+/// Maps a system error to the error of a device.
 fn refusal(path: &Path, reason: Errno) -> DeviceError {
     let path = path.to_owned();
     match reason {
@@ -183,22 +172,23 @@ fn refusal(path: &Path, reason: Errno) -> DeviceError {
 }
 
 mod keys {
-    //! Keys of an input device that are down.
-    #![expect(unsafe_code, reason = "a request to the system that rustix does not know")]
+    //! The keys of an input device that are down.
+    #![expect(unsafe_code, reason = "an ioctl that rustix lacks")]
 
     use std::os::fd::BorrowedFd;
 
     use rustix::ioctl::{Getter, Opcode, ioctl, opcode};
 
-    /// One bit a key.
+    /// One bit for each key.
     type Bits = [u8; 0x300 / 8];
 
     /// EVIOCGKEY of the kernel's input.h.
     const STATE: Opcode = opcode::read::<Bits>(b'E', 0x18);
 
-    /// Returns the codes of the keys that are down; none if the device does not tell.
+    /// Returns the codes of the keys that are down; none if the device does not support the request.
     pub(super) fn down(device: BorrowedFd<'_>) -> Vec<u16> {
-        // SAFETY: the request writes as many bytes as its number says, those of `Bits`, to the place that `Getter` gives it.
+        // SAFETY: the request writes the number of bytes encoded in it, which is the size of `Bits`, to the buffer of
+        // `Getter`.
         let bits = unsafe { ioctl(device, Getter::<STATE, Bits>::new()) };
         let Ok(bits) = bits else { return Vec::new() };
         let is_down = |code: &u16| bits[usize::from(code / 8)] >> (code % 8) & 1 == 1;

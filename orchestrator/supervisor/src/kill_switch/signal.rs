@@ -1,27 +1,27 @@
-//! Signals of a device: events of the kernel's input system, and bytes of a serial line.
+//! Signals of a device: events of the kernel's input system, or bytes of a serial line.
 
 use std::ffi::c_long;
 use std::fmt::{Display, Formatter};
 
-/// Size of the time at the start of an event, bytes.
+/// Size of the timestamp at the start of an event, bytes.
 const TIME_SIZE: usize = 2 * size_of::<c_long>();
 
 /// Size of `struct input_event`, bytes: the time, type (u16), code (u16) and value (i32).
 pub const EVENT_SIZE: usize = TIME_SIZE + 8;
 
-/// Types of events, as in the kernel's input-event-codes.h.
+/// Event types of the kernel's input-event-codes.h.
 const EV_SYN: u16 = 0;
 const EV_KEY: u16 = 1;
 const TYPES: [&str; 6] = ["EV_SYN", "EV_KEY", "EV_REL", "EV_ABS", "EV_MSC", "EV_SW"];
 const SYN_DROPPED: u16 = 3;
 
-/// Names of the keys of a keyboard by their code, from 1 on.
+/// Names of a keyboard's keys by code, from 1.
 const KEYS: &str = "ESC 1 2 3 4 5 6 7 8 9 0 MINUS EQUAL BACKSPACE TAB Q W E R T Y U I O P LEFTBRACE RIGHTBRACE ENTER \
     LEFTCTRL A S D F G H J K L SEMICOLON APOSTROPHE GRAVE LEFTSHIFT BACKSLASH Z X C V B N M COMMA DOT SLASH RIGHTSHIFT \
     KPASTERISK LEFTALT SPACE CAPSLOCK F1 F2 F3 F4 F5 F6 F7 F8 F9 F10 NUMLOCK SCROLLLOCK KP7 KP8 KP9 KPMINUS KP4 KP5 KP6 \
     KPPLUS KP1 KP2 KP3 KP0 KPDOT";
 
-/// First codes of numbered buttons, with their names: of switch boxes, mice and gamepads.
+/// First codes of groups of numbered buttons, with their names: of switch boxes, mice and gamepads.
 const BUTTONS: [(u16, &str); 4] = [
     (0x100, "button"),
     (0x110, "mouse button"),
@@ -32,11 +32,11 @@ const BUTTONS: [(u16, &str); 4] = [
 /// Event of an input device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputEvent {
-    /// Its type, such as that of keys.
+    /// Event type, such as EV_KEY.
     pub kind: u16,
-    /// Its code, such as that of a key.
+    /// Code within the type, such as that of a key.
     pub code: u16,
-    /// Its value: of a key 0 for a release, 1 for a press, 2 for a repetition.
+    /// For keys: 0 for a release, 1 for a press, 2 for a repetition.
     pub value: i32,
 }
 
@@ -60,9 +60,9 @@ impl InputEvent {
         }
     }
 
-    /// Reads an event in the byte order of the machine.
+    /// Parses an event, in the byte order of the machine.
     #[must_use]
-    pub fn of_bytes(bytes: &[u8; EVENT_SIZE]) -> Self {
+    pub fn parse(bytes: &[u8; EVENT_SIZE]) -> Self {
         let half = |at: usize| [bytes[TIME_SIZE + at], bytes[TIME_SIZE + at + 1]];
         let [low, high] = [half(4), half(6)];
         Self {
@@ -72,7 +72,7 @@ impl InputEvent {
         }
     }
 
-    /// Returns the bytes of the event, at time 0.
+    /// Returns the bytes of the event, with timestamp 0.
     #[must_use]
     pub fn to_bytes(self) -> [u8; EVENT_SIZE] {
         let mut bytes = [0; EVENT_SIZE];
@@ -82,15 +82,15 @@ impl InputEvent {
         bytes
     }
 
-    /// Returns whether the kernel has dropped events before this one, because they were not read in time.
+    /// Returns whether the kernel dropped events before this one because they were not read in time.
     #[must_use]
-    pub fn tells_of_dropped(&self) -> bool {
+    pub fn has_dropped_events(&self) -> bool {
         (self.kind, self.code) == (EV_SYN, SYN_DROPPED)
     }
 }
 
 impl Signal {
-    /// Returns the code of the key or byte if it is a press. A key that repeats stays pressed.
+    /// Returns the code of the key or byte if the signal is a press. Repetitions count as presses.
     #[must_use]
     pub fn press(&self) -> Option<u32> {
         match self {
@@ -99,16 +99,16 @@ impl Signal {
         }
     }
 
-    /// Returns whether it is a press of the key, or of any key.
+    /// Returns whether the signal is a press of this key, or of any if `None`.
     #[must_use]
     pub fn is_press(&self, key: Option<u32>) -> bool {
         self.press().is_some_and(|code| key.is_none_or(|key| key == code))
     }
 
-    /// Returns whether it only separates other events.
+    /// Returns whether the event only separates others.
     #[must_use]
     pub fn is_separator(&self) -> bool {
-        matches!(self, Self::Event(event) if event.kind == EV_SYN && !event.tells_of_dropped())
+        matches!(self, Self::Event(event) if event.kind == EV_SYN && !event.has_dropped_events())
     }
 }
 
@@ -138,7 +138,7 @@ impl Display for Signal {
     }
 }
 
-/// Returns the name of a key, for people.
+/// Returns the name of a key.
 fn key_name(code: u16) -> String {
     let keyboard = usize::from(code).checked_sub(1);
     if let Some(name) = keyboard.and_then(|at| KEYS.split_whitespace().nth(at)) {
@@ -169,7 +169,7 @@ mod tests {
             code: 0x2ff,
             value: -70_000,
         };
-        assert_eq!(InputEvent::of_bytes(&event.to_bytes()), event);
+        assert_eq!(InputEvent::parse(&event.to_bytes()), event);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A thread that waits for a press of the kill switch.
 //!
-//! It carries out a press by itself, so that the press does not wait for the thread that records and supervises. What else
-//! follows of a press or a loss is that thread's work, which asks for the [`News`].
+//! The thread carries out the kill itself, so that the kill does not wait for the thread that records and supervises.
+//! The latter polls [`Watch::events`] and does everything else that follows from a press or a loss.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -21,32 +21,32 @@ const RETRY: Timespec = Timespec {
     tv_nsec: 250_000_000,
 };
 
-/// What has happened to the kill switch.
+/// State change of the kill switch.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum News {
-    /// It was pressed: the signal in words, and a time just before it was carried out. Told once.
+pub enum SwitchEvent {
+    /// The switch was pressed: the signal as text, and a time just before the kill. Reported once.
     Pressed(String, Instant),
-    /// It is lost: the reason.
+    /// The device was lost: the reason.
     Lost(String),
-    /// It is there again.
-    Found,
+    /// The device was opened again.
+    Reopened,
 }
 
-/// The thread. It ends with this.
+/// Handle of the thread; dropping it ends the thread.
 #[derive(Debug)]
 pub struct Watch {
-    news: Receiver<News>,
+    events: Receiver<SwitchEvent>,
     stop: Arc<OwnedFd>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the thread knows.
+/// State of the thread.
 struct Watcher<F> {
     path: PathBuf,
     baud: u32,
     key: Option<u32>,
     stop: Arc<OwnedFd>,
-    news: Sender<News>,
+    events: Sender<SwitchEvent>,
     is_pressed: bool,
     press: F,
 }
@@ -60,23 +60,23 @@ pub fn open(stated: &OperatorDevices) -> Result<Device, DeviceError> {
 }
 
 impl Watch {
-    /// Waits from now on for the first press, which calls `press` on the thread; without a device, for the device first.
+    /// Starts the thread. The first press calls `press` on it; without a device, the thread opens it first.
     ///
     /// # Errors
-    /// If the system has no thread or no file descriptor left.
+    /// If no thread or file descriptor is available.
     pub fn start(
         stated: &OperatorDevices,
         device: Option<Device>,
         press: impl Fn() + Send + 'static,
     ) -> std::io::Result<Self> {
         let stop = Arc::new(eventfd(0, EventfdFlags::CLOEXEC)?);
-        let (sender, news) = channel();
+        let (sender, events) = channel();
         let watcher = Watcher {
             path: PathBuf::from(&stated.kill_device),
             baud: stated.kill_baud,
             key: stated.kill_key,
             stop: Arc::clone(&stop),
-            news: sender,
+            events: sender,
             is_pressed: false,
             press,
         };
@@ -84,21 +84,21 @@ impl Watch {
             .name("kill switch".to_owned())
             .spawn(move || watcher.watch(device))?;
         Ok(Self {
-            news,
+            events,
             stop,
             thread: Some(thread),
         })
     }
 
-    /// Returns what has happened since the last call.
-    pub fn news(&self) -> impl Iterator<Item = News> + '_ {
-        self.news.try_iter()
+    /// Returns the changes since the last call.
+    pub fn events(&self) -> impl Iterator<Item = SwitchEvent> + '_ {
+        self.events.try_iter()
     }
 }
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        // Eight bytes always fit into an eventfd that was never written to.
+        // Eight bytes always fit into an eventfd that was not written before.
         let _ = rustix::io::write(&*self.stop, &1_u64.to_ne_bytes());
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -110,19 +110,19 @@ impl<F: Fn()> Watcher<F> {
     fn watch(mut self, mut device: Option<Device>) {
         while !self.is_stopped(&Timespec::default()) {
             let Some(open) = &mut device else {
-                device = self.open_again();
+                device = self.reopen();
                 continue;
             };
             let stop = Arc::clone(&self.stop);
             let taken = self.take(open).and_then(|()| open.wait(Some(stop.as_fd()), None));
             if let Err(error) = taken {
                 device = None;
-                self.tell(News::Lost(error.to_string()));
+                self.send(SwitchEvent::Lost(error.to_string()));
             }
         }
     }
 
-    /// Takes what has come; the first press kills.
+    /// Reads the device; the first press kills.
     fn take(&mut self, device: &mut Device) -> Result<(), DeviceError> {
         let mut pressed = None;
         let read = device.read(|signal| {
@@ -134,30 +134,30 @@ impl<F: Fn()> Watcher<F> {
             let before = Instant::now();
             (self.press)();
             self.is_pressed = true;
-            self.tell(News::Pressed(signal.to_string(), before));
+            self.send(SwitchEvent::Pressed(signal.to_string(), before));
         }
         read
     }
 
-    /// Opens the device again, after a pause.
-    fn open_again(&mut self) -> Option<Device> {
+    /// Tries to reopen the device, after a pause.
+    fn reopen(&mut self) -> Option<Device> {
         if self.is_stopped(&RETRY) {
             return None;
         }
         let device = Device::open(&self.path, self.baud).ok()?;
-        self.tell(News::Found);
+        self.send(SwitchEvent::Reopened);
         Some(device)
     }
 
-    /// Waits for the end, so long at most. Returns whether it has come.
-    fn is_stopped(&self, longest: &Timespec) -> bool {
+    /// Waits up to `timeout` for the end of the watch. Returns whether it was requested.
+    fn is_stopped(&self, timeout: &Timespec) -> bool {
         let mut stop = [PollFd::new(&*self.stop, PollFlags::IN)];
-        poll(&mut stop, Some(longest)).is_ok_and(|count| count > 0)
+        poll(&mut stop, Some(timeout)).is_ok_and(|count| count > 0)
     }
 
-    fn tell(&self, news: News) {
-        // Nobody listens any more only while the thread is being ended.
-        let _ = self.news.send(news);
+    fn send(&self, event: SwitchEvent) {
+        // The receiver is gone only while the thread is being ended.
+        let _ = self.events.send(event);
     }
 }
 
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::kill_switch::signal::InputEvent;
 
-    /// Longest wait for news: a hang becomes a failure.
+    /// Longest wait for events: a hang becomes a failure.
     const WATCHDOG: Duration = Duration::from_secs(30);
 
     #[test]
@@ -195,20 +195,20 @@ mod tests {
             count.fetch_add(1, Ordering::Relaxed);
         });
         let watch = watch.unwrap();
-        let next = || watch.news.recv_timeout(WATCHDOG).unwrap();
+        let next = || watch.events.recv_timeout(WATCHDOG).unwrap();
 
         send(&held, 28);
         drop(held);
-        assert!(matches!(next(), News::Lost(reason) if reason.contains("is gone")));
+        assert!(matches!(next(), SwitchEvent::Lost(reason) if reason.contains("is gone")));
         assert_eq!(presses.load(Ordering::Relaxed), 0);
         let held = writer();
-        assert_eq!(next(), News::Found);
+        assert_eq!(next(), SwitchEvent::Reopened);
         for code in [57, 57, 57] {
             send(&held, code);
         }
-        assert!(matches!(next(), News::Pressed(signal, _) if signal == "key 57 (SPACE) pressed"));
+        assert!(matches!(next(), SwitchEvent::Pressed(signal, _) if signal == "key 57 (SPACE) pressed"));
         drop(held);
-        assert!(matches!(next(), News::Lost(_)));
+        assert!(matches!(next(), SwitchEvent::Lost(_)));
         assert_eq!(presses.load(Ordering::Relaxed), 1);
         drop(watch);
     }

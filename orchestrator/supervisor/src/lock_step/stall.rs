@@ -1,4 +1,4 @@
-//! Report of a flight in simulated time that does not advance, and of the service for which it waits.
+//! Report of a flight in simulated time that does not advance, with the services that it waits for.
 //!
 //! A stopped service is waited for without a limit: a debugger needs any time, and the other services lose nothing.
 //! A service that runs and does not end its step ends itself ([`host::watchdog`]).
@@ -23,7 +23,7 @@ pub(super) struct StallWatch {
     next: Instant,
     ticks: u64,
     checks: u32,
-    /// The last report of this stall.
+    /// Last report of this stall.
     said: Option<String>,
 }
 
@@ -37,7 +37,7 @@ impl StallWatch {
         }
     }
 
-    /// Checks a flight of which `ticks` have been recorded. Returns what it waits for, once for each stall and cause.
+    /// Checks a flight with `ticks` recorded ticks. Returns the report, once for each stall and cause.
     pub(super) fn check(
         &mut self,
         now: Instant,
@@ -62,7 +62,7 @@ impl StallWatch {
     }
 }
 
-/// Returns the services for which a flight waits at its tick `ticks`, and why; `None` if each waits for another.
+/// Describes the services that a flight waits for at tick `ticks`; `None` if each waits for another.
 pub(super) fn awaited(supervisor: &Supervisor<'_>, ticks: u64) -> Option<String> {
     let processes = || supervisor.processes();
     let name = |service| supervisor.name_of(service);
@@ -77,7 +77,7 @@ pub(super) fn awaited(supervisor: &Supervisor<'_>, ticks: u64) -> Option<String>
         .collect();
     if causes.is_empty() {
         let cells = &supervisor.page().control_block().cells;
-        // Relaxed: only for a message.
+        // Relaxed: the value is only used in a message.
         let steps = |service: shared_types::ServiceId| {
             cells[service.index()].waiting_for.load(Ordering::Relaxed) == 0
         };

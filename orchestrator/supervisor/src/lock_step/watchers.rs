@@ -1,4 +1,4 @@
-//! Answers to those who watch a flight in simulated time. They only look: nobody operates such a flight.
+//! Observers of a flight in simulated time. They are read-only: such a flight cannot be operated.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -17,25 +17,25 @@ use run_client::run_root::RunRoot;
 use run_client::snapshot::ServiceSnapshot;
 use run_client::{Answer, Description, Question, Snapshot};
 
-/// Period at which questions are answered.
+/// Period of the control server.
 const PERIOD: Duration = Duration::from_millis(10);
 
-/// Period over which the rate of steps is counted.
+/// Averaging time of step rates.
 const WINDOW: Duration = Duration::from_secs(1);
 
-/// Those who watch a flight.
+/// Control server for observers.
 pub(super) struct Watchers<'a> {
     scenario: &'a Scenario,
     schedule: &'a Schedule,
-    /// None if the system refuses a socket: then nobody watches, and the flight goes on.
+    /// `None` if the socket could not be created: the flight continues without observers.
     server: Option<ControlServer>,
     next: Instant,
     window: Window,
-    /// What has happened to the services.
+    /// Events of the services.
     pub(super) events: LiveEvents,
 }
 
-/// Steps of the services since a moment, and in the second before it.
+/// Step rates: counters at the start of the window, and the rates of the window before.
 struct Window {
     began: Instant,
     steps: [u64; ServiceId::ALL.len()],
@@ -43,7 +43,7 @@ struct Window {
 }
 
 impl<'a> Watchers<'a> {
-    /// Opens the control server of a flight of `scenario`.
+    /// Opens the control server of a flight.
     pub(super) fn open(root: &RunRoot, scenario: &'a Scenario, schedule: &'a Schedule) -> Self {
         let now = Instant::now();
         Self {
@@ -65,7 +65,7 @@ impl<'a> Watchers<'a> {
         seconds(self.schedule.time_ns(recorder.ticks().saturating_sub(1)))
     }
 
-    /// Answers what has been asked, if it is time to look.
+    /// Answers pending questions, once a period.
     pub(super) fn serve(&mut self, supervisor: &Supervisor<'_>, recorder: &Recorder) {
         let now = Instant::now();
         if now < self.next {
@@ -97,7 +97,7 @@ impl<'a> Watchers<'a> {
             ),
             Question::Operate(_) | Question::Stop | Question::KillService(_) | Question::FreezeService(_) => {
                 Answer::Refused(
-                    "a flight in simulated time is only watched; Ctrl-C in its terminal ends it".to_owned(),
+                    "a flight in simulated time is read-only; Ctrl-C in its terminal ends it".to_owned(),
                 )
             }
         }
@@ -142,7 +142,7 @@ impl Window {
         let cells = &supervisor.page().control_block().cells;
         for service in ServiceId::ALL {
             let place = service.index();
-            // Relaxed: a count that is a little old is shown a little late.
+            // Relaxed: an old count only delays the display.
             let until = cells[place].steps_until.load(Ordering::Relaxed);
             let steps = schedule.service_rate(service).count_before(until);
             let new = steps.saturating_sub(self.steps[place]);

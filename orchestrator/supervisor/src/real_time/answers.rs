@@ -1,4 +1,4 @@
-//! Questions of people at other terminals about a flight, and the answers.
+//! Answers to the questions of clients.
 
 use std::borrow::Cow;
 
@@ -17,11 +17,11 @@ use run_client::snapshot::ServiceSnapshot;
 use run_client::{Answer, Description, Question, Snapshot};
 use runtime::control::Host;
 
-/// Age of the vehicle's state with which nobody arms, s.
+/// Maximum age of the vehicle's state for arming, s.
 const STALE: f64 = 0.1;
 
-/// Ratio of the position's deviation on the ground to the stated one with which arming warns. The filter uses a quarter of
-/// the variance that it sees: the cameras then scatter three times as much as stated.
+/// Ratio of the measured position deviation on the ground to the configured one above which arming warns. The filter
+/// uses a quarter of the measured variance, so the cameras then scatter three times as much as configured.
 const NOISIER: f64 = 1.5;
 
 impl Flight<'_> {
@@ -37,7 +37,7 @@ impl Flight<'_> {
             Question::Watch => Answer::Newest(self.recorder.newest_samples()),
             Question::Operate(request) => self.operate(request),
             Question::Stop => {
-                self.tell("`gerono stop` asked for the end of the flight");
+                self.record_event("`gerono stop` requested the end of the flight");
                 let answer = self.request_end("gerono stop");
                 Answer::Done(format!("{}\n{answer}", self.identity()))
             }
@@ -70,25 +70,27 @@ impl Flight<'_> {
         };
         let warning = warning.map_or_else(String::new, |warning| format!("; warning: {warning}"));
         self.ask(request, kind, event);
-        self.tell(&format!("{text}{warning}"));
-        // What was done, then to which run, then what else there is to say: "armed run 7-0, …", "killed run 7-0, …: the motors …".
+        self.record_event(&format!("{text}{warning}"));
+        // The run's identity goes between the action and its detail: "armed run 7-0, …", "killed run 7-0, …: the motors
+        // …".
         let (done, detail) = text.split_at(text.find(':').unwrap_or(text.len()));
         Answer::Done(format!("{done} {}{detail}{warning}", self.identity()))
     }
 
-    /// Which run this is, what it flies and by which link, in words.
+    /// Returns run, scenario and radio link in a line.
     pub(super) fn identity(&self) -> String {
         run_client::identity(&self.run, self.scenario)
     }
 
-    /// Returns what the estimator may believe wrongly of the laboratory, if anything: it forbids no flight, and may end one.
+    /// Returns a likely error of the laboratory's configuration, if there is one: it does not prevent arming, but may
+    /// lose the vehicle.
     fn warning_at_arming(&self) -> Option<String> {
         let kalman = &self.scenario.estimator.as_ref()?.kalman;
         let model = self.scenario.model.clone().unwrap_or_default();
         let state = self.recorder.newest::<VehicleState>()?;
         let stated = kalman.position_deviation;
         let stands = self.phase() == Some(FlightPhase::Disarmed);
-        // On the ground the filter starts from each capture, with the noise that it has seen.
+        // On the ground the filter starts from each capture, with the measured noise.
         if stands && state.position_sigma > NOISIER * stated {
             return Some(format!(
                 "the cameras scatter by some {:.1} mm, and `estimator.kalman.position_deviation` says {:.1} mm",
@@ -99,18 +101,18 @@ impl Flight<'_> {
         let is_offset_known = model.marker_offset != [0.0; 3] || kalman.marker_offset_deviation > 0.0;
         let is_real = !self.schedule.simulates_the_world();
         (is_real && !is_offset_known).then(|| {
-            "nobody knows where the markers sit: a vehicle with markers 15 mm off its centre of mass may be lost; fly \
-             with `estimator.kalman.marker_offset_deviation = 0.02`, and `gerono identify` tells the offset"
+            "the position of the markers is unknown: a vehicle with markers 15 mm off its centre of mass may be lost; fly \
+             with `estimator.kalman.marker_offset_deviation = 0.02`, and `gerono identify` measures the offset"
                 .to_owned()
         })
     }
 
-    /// Asks all services for something, and keeps it as an event of the log.
+    /// Sends a request to all services, and records it as an event of the log.
     pub(super) fn ask(&mut self, request: Request, kind: u32, event: impl Into<Cow<'static, str>>) {
         self.ask_at(self.clock.tick(), request, kind, event);
     }
 
-    /// The same, for a request of this tick.
+    /// As [`Self::ask`], for a request at this tick.
     pub(super) fn ask_at(
         &mut self,
         tick: u64,
@@ -118,13 +120,13 @@ impl Flight<'_> {
         kind: u32,
         event: impl Into<Cow<'static, str>>,
     ) {
-        // What comes of the request has no earlier tick.
+        // The tick is determined before the request is sent: its effects have no earlier tick.
         let tick = tick.min(self.schedule.last_tick());
         self.supervisor.page().control_block().ask(request);
-        self.happened.push((tick, kind, event.into()));
+        self.pending_events.push((tick, kind, event.into()));
     }
 
-    /// Returns why the vehicle may not be armed now, if it may not.
+    /// Returns why the vehicle may not be armed now, if so.
     fn refusal_to_arm(&self) -> Option<String> {
         let Some(settings) = &self.scenario.flight else {
             return Some(
@@ -149,7 +151,7 @@ impl Flight<'_> {
             return Some(reason);
         }
         let Some(state) = self.recorder.newest::<VehicleState>() else {
-            return Some("nothing is known of the vehicle yet".to_owned());
+            return Some("no state of the vehicle was received yet".to_owned());
         };
         let fence = self
             .scenario
@@ -168,7 +170,7 @@ impl Flight<'_> {
         let frame = frame.as_ref().map(|frame| (frame, age_ns(frame.header.stamp_ns)));
         let limits = ReadyLimits {
             state_age_ns: nanoseconds(STALE),
-            // The path generator, which is nearer, waits for a newer one.
+            // The path generator, which is closer to the radio link, checks the frame's age itself.
             frame_age_ns: u64::MAX,
             ..self.scenario.ready_limits()?
         };
@@ -207,11 +209,11 @@ impl Flight<'_> {
                 format!("`{name}` was stopped by hand")
             }
         };
-        self.tell(&text);
+        self.record_event(&text);
         Answer::Done(text)
     }
 
-    /// The phase of the flight, if it has phases.
+    /// Returns the phase of the flight, if it has phases.
     pub(super) fn phase(&self) -> Option<FlightPhase> {
         self.recorder.phase(self.scenario)
     }
@@ -254,7 +256,7 @@ impl Flight<'_> {
     }
 }
 
-/// Way to break a service by hand.
+/// Way to break a service by request.
 #[derive(Clone, Copy)]
 enum Break {
     Kill,

@@ -1,4 +1,5 @@
-//! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and what people read.
+//! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and the messages
+//! to the user.
 
 use metrics::summary::{cause_in_words, limit_in_words, not_ready_in_words};
 use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady};
@@ -11,7 +12,7 @@ use super::shutdown::Shutdown;
 use run_client::newest::Newest;
 
 impl Flight<'_> {
-    /// Returns why a request to arm can have no effect now, if it cannot: it would be spent at once.
+    /// Returns why arming can have no effect now, if so: the request would be used up at once.
     pub(super) fn end_of_arming(&self) -> Option<String> {
         let Operator { land, killed, .. } = self.operator();
         if killed {
@@ -44,7 +45,8 @@ impl Flight<'_> {
         }
     }
 
-    /// Ends a flight that is taken over once it has landed, if its predecessor was asked to: the request holds in the page.
+    /// After a take-over, continues a landing that was requested from the previous orchestrator: the request is still
+    /// in the control block.
     pub(super) fn inherit_landing(&mut self) {
         let asked = self
             .supervisor
@@ -53,26 +55,27 @@ impl Flight<'_> {
             .operator(Operator::default());
         if asked.land {
             self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
-            // The log of this flight has not the event of that request.
+            // The log of this flight lacks the event of that request.
             let by = "requested before another orchestrator took over".into();
-            self.happened
+            self.pending_events
                 .push((self.recorder.ticks(), RunEvent::KIND_OPERATOR_LANDS, by));
         }
     }
 
-    /// The operator's requests, planned and asked for.
+    /// Returns the operator's requests, both planned and sent.
     pub(super) fn operator(&self) -> Operator {
         let planned = self.schedule.operator().at(self.clock.tick());
         self.supervisor.page().control_block().operator(planned)
     }
 
-    /// Returns whether the motors may turn: the operator armed, and the vehicle is not disarmed since.
+    /// Returns whether the motors may turn: the operator has armed, and the vehicle was not disarmed since.
     pub(super) fn is_armed(&self) -> bool {
         self.operator().armed && self.phase() != Some(FlightPhase::Disarmed)
     }
 
-    /// States each decision of the transmitter and of the path generator that ends a flight or an arming, with its cause.
-    pub(super) fn tell_of_decisions(&mut self) {
+    /// Announces each decision of the transmitter and of the path generator that ends a flight or an arming, with its
+    /// cause.
+    pub(super) fn announce_decisions(&mut self) {
         if let Some(frame) = self.recorder.newest::<RcFrame>()
             && std::mem::replace(&mut self.last_action, frame.action) != frame.action
             && frame.limit != RcFrame::LIMIT_NONE
@@ -91,10 +94,10 @@ impl Flight<'_> {
         if std::mem::replace(&mut self.was_lost, is_lost) != is_lost {
             if is_lost {
                 let text =
-                    "nobody knows where the vehicle is: it goes level, then down, as `[safety]` states";
+                    "the position of the vehicle is unknown: it levels, then descends, as `[safety]` states";
                 self.announce(text.to_owned());
             } else if reference.vehicle_known.is_set() {
-                self.announce("it is known again where the vehicle is".to_owned());
+                self.announce("the position of the vehicle is known again".to_owned());
             }
         }
         let decision = (reference.phase, reference.cause);
@@ -110,12 +113,12 @@ impl Flight<'_> {
                 }
                 None => found.words().to_owned(),
             };
-            self.tell(&format!("disarmed: the vehicle was not ready, {why}"));
+            self.record_event(&format!("disarmed: the vehicle was not ready, {why}"));
             let run = &self.run;
             let text = format!(
                 "The vehicle was not ready and is disarmed: {why}. Arm again: gerono arm --run {run}"
             );
-            self.people.messages.say(text);
+            self.clients.messages.show(text);
         }
         match reference.cause {
             PathReference::CAUSE_OVERDUE | PathReference::CAUSE_TOUCHED_DOWN => {
@@ -124,7 +127,7 @@ impl Flight<'_> {
                     self.announce(format!("{phase}: {cause}"));
                 }
             }
-            // Requests and the envelope's demands have been stated.
+            // Requests and the envelope's demands were announced before.
             _ => {}
         }
     }

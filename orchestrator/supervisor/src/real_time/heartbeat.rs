@@ -1,12 +1,11 @@
-//! Notices services that hang: those that fly, should have stepped, and have not for too long.
+//! Detection of hung services: those that fly and have not stepped for too long although a step was due.
 //!
-//! What the machine owes a service does not count against it:
+//! Delays caused by the machine do not count:
 //!
-//! * time in which the orchestrator itself was not looking, because it was late or stopped too;
-//! * time in which the service could have run and was given no processor;
-//! * time in which all services were late at once. They do not wait for each other for long, so a service that hangs does
-//!   not make the others late: the machine does. This is granted up to [`GRANT`] times the limit, because all of them may
-//!   hang after all.
+//! * time in which the orchestrator itself did not check, because it was late or stopped;
+//! * time in which the service was runnable but got no processor;
+//! * time in which all services were late at once. They do not wait for each other for long, so a hung service does not
+//!   delay the others: the machine does. This is limited to [`GRANT`] times the limit, because all of them may have hung.
 //!
 //! On an overloaded machine all services are late together, and a restart would only add to the load.
 
@@ -18,64 +17,64 @@ use shared_types::{Schedule, ServiceId};
 
 use runtime::activity::Activity;
 
-/// Limits after which services that are all late at once count as hanging nevertheless.
+/// Multiple of the limit after which services that are all late at once count as hung nevertheless.
 const GRANT: u64 = 3;
 
-/// Share of the limit that counts as seen between two looks: some periods of the orchestrator's loop.
-const SEEN_AT_ONCE: u64 = 8;
+/// At most 1 / `OBSERVED_SHARE` of the limit counts between two checks: some periods of the orchestrator's loop.
+const OBSERVED_SHARE: u64 = 8;
 
-/// Time at which each service was last seen to step.
+/// Last step of each service.
 pub struct Heartbeats {
     pulses: [Pulse; ServiceId::ALL.len()],
     tick_ns: u64,
-    /// The tick of the last look.
-    looked_at: u64,
+    /// Tick of the last check.
+    checked_at: u64,
 }
 
 struct Pulse {
-    /// Ticks without a due step after which it hangs.
+    /// Number of ticks without a due step after which the service counts as hung.
     limit_ticks: u64,
     steps: OutageSchedule,
-    /// The last tick of the flight: nothing is due after it.
+    /// Last tick of the flight; no step is due after it.
     last_tick: u64,
-    /// 1 + the last tick that it had stepped when it was looked at last.
+    /// 1 + the last stepped tick, at the last check.
     steps_until: u64,
-    /// The tick at which that was new, or since which the service flies.
+    /// Tick at which that changed, or since which the service flies.
     since: u64,
     /// `true` if it has stepped since it flies.
     has_stepped: bool,
-    /// The number of ticks since then that the machine owes to the service.
-    owed: Owed,
-    /// Its activity at the last look, while it is late.
+    /// Ticks since then that do not count, because the machine caused the delay.
+    excluded: Excluded,
+    /// Activity of the process at the last check, while it is late.
     activity: Option<Activity>,
 }
 
-/// Ticks that the machine owes a late service.
+/// Ticks of a late service that do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Owed {
-    /// Those in which the orchestrator did not look.
-    unseen: u64,
-    /// Those in which it was seen to be runnable and did not run.
+struct Excluded {
+    /// Ticks in which the orchestrator did not check.
+    unobserved: u64,
+    /// Ticks in which the process was runnable and did not run.
     runnable: u64,
-    /// Time for which the system says that it waited for a processor, ns.
+    /// Time for which the process waited for a processor, by the kernel's figures, ns.
     delayed_ns: u64,
-    /// Those in which all services were late.
+    /// Ticks in which all services were late.
     granted: u64,
 }
 
-/// Punctuality of a service at a look.
+/// Punctuality of a service at a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Punctuality {
-    /// It stepped lately.
+    /// It has stepped recently.
     Stepped,
-    /// It should have stepped some time ago.
+    /// A step was due some time ago.
     Late,
-    /// It says nothing of the machine: it does not fly, or nothing is due.
+    /// It gives no evidence: it does not fly, or no step is due.
     Neither,
 }
 
 impl Heartbeats {
-    /// A service hangs that has not stepped for as many ticks as `limit_ticks` says although it should have.
+    /// Creates the detector; a service counts as hung after `limit_ticks` without a due step.
     #[must_use]
     pub fn new(schedule: &Schedule, limit_ticks: impl Fn(ServiceId) -> u64) -> Self {
         let pulse = |service| {
@@ -88,14 +87,14 @@ impl Heartbeats {
         Self {
             pulses: ServiceId::ALL.map(pulse),
             tick_ns: schedule.tick_ns(),
-            looked_at: 0,
+            checked_at: 0,
         }
     }
 
-    /// Looks at the services at the beginning of tick `now`. `flies` says which are in flight, `activity` what the
-    /// process of one does, `first_step` how many ticks its first step may take, if that is more than others may. Which
-    /// ones hang.
-    pub fn hanging(
+    /// Checks the services at the start of tick `now` and returns the hung ones. `flies` returns whether a service is
+    /// in flight, `activity` the activity of its process, `first_step` the number of ticks for its first step, if more
+    /// than for others.
+    pub fn hung_services(
         &mut self,
         now: u64,
         block: &ControlBlock,
@@ -103,13 +102,13 @@ impl Heartbeats {
         activity: impl Fn(ServiceId) -> Option<Activity>,
         first_step: impl Fn(ServiceId) -> u64,
     ) -> Vec<ServiceId> {
-        // Relaxed: only progress counts here, and a value that is a little old makes the service no later than it was.
+        // Relaxed: only progress counts, and an old value makes the service no later than it was at the last check.
         let steps_until =
             |service: ServiceId| block.cells[service.index()].steps_until.load(Ordering::Relaxed);
-        self.hanging_of(now, steps_until, flies, activity, first_step)
+        self.hung_services_of(now, steps_until, flies, activity, first_step)
     }
 
-    fn hanging_of(
+    fn hung_services_of(
         &mut self,
         now: u64,
         steps_until: impl Fn(ServiceId) -> u64,
@@ -117,8 +116,8 @@ impl Heartbeats {
         activity: impl Fn(ServiceId) -> Option<Activity>,
         first_step: impl Fn(ServiceId) -> u64,
     ) -> Vec<ServiceId> {
-        let passed = now.saturating_sub(self.looked_at);
-        self.looked_at = now;
+        let passed = now.saturating_sub(self.checked_at);
+        self.checked_at = now;
         let tick_ns = self.tick_ns;
         let limit_of = |pulse: &Pulse, service| match pulse.has_stepped {
             true => pulse.limit_ticks,
@@ -128,7 +127,7 @@ impl Heartbeats {
             let pulse = &mut self.pulses[service.index()];
             pulse.observe(now, steps_until(service), flies(service));
             let limit = limit_of(pulse, service);
-            pulse.overlook(now, passed, limit);
+            pulse.exclude_unobserved(now, passed, limit);
             pulse.punctuality(now, limit / 2, flies(service))
         });
         let is_machine_late = all_are_late(&punctuality);
@@ -138,7 +137,7 @@ impl Heartbeats {
             }
             let pulse = &mut self.pulses[service.index()];
             let limit = limit_of(pulse, service);
-            pulse.excuse(passed, limit, tick_ns, activity(service));
+            pulse.exclude_waiting(passed, limit, tick_ns, activity(service));
             if is_machine_late {
                 pulse.grant(passed, limit);
             }
@@ -148,21 +147,21 @@ impl Heartbeats {
     }
 }
 
-/// Returns whether several services are late and none has stepped lately.
+/// Returns whether several services are late and none has stepped recently.
 fn all_are_late(punctuality: &[Punctuality]) -> bool {
     let count = |of| punctuality.iter().filter(|&&one| one == of).count();
     count(Punctuality::Late) > 1 && count(Punctuality::Stepped) == 0
 }
 
-/// Of the ticks between two looks, those that count as seen.
-fn seen_of(passed: u64, limit: u64) -> u64 {
-    passed.min(limit.div_ceil(SEEN_AT_ONCE))
+/// Returns how many of the ticks between two checks count as observed.
+fn observed_of(passed: u64, limit: u64) -> u64 {
+    passed.min(limit.div_ceil(OBSERVED_SHARE))
 }
 
-impl Owed {
-    /// What it owes in all. What the system says and what was seen are of the same time: the longer one counts.
+impl Excluded {
+    /// Returns the total. The kernel's figures and the samples cover the same time: the larger one counts.
     fn ticks(&self, tick_ns: u64) -> u64 {
-        self.unseen + self.granted + self.runnable.max(self.delayed_ns / tick_ns)
+        self.unobserved + self.granted + self.runnable.max(self.delayed_ns / tick_ns)
     }
 }
 
@@ -175,7 +174,7 @@ impl Pulse {
             steps_until: 0,
             since: 0,
             has_stepped: false,
-            owed: Owed::default(),
+            excluded: Excluded::default(),
             activity: None,
         }
     }
@@ -183,15 +182,15 @@ impl Pulse {
     fn observe(&mut self, now: u64, steps_until: u64, flies: bool) {
         if steps_until != self.steps_until || !flies {
             (self.steps_until, self.has_stepped) = (steps_until, flies);
-            self.begin_anew(now);
+            self.reset(now);
         }
     }
 
-    fn begin_anew(&mut self, now: u64) {
-        (self.since, self.owed, self.activity) = (now, Owed::default(), None);
+    fn reset(&mut self, now: u64) {
+        (self.since, self.excluded, self.activity) = (now, Excluded::default(), None);
     }
 
-    /// Returns whether it has not stepped for so many ticks although it should have.
+    /// Returns whether a step is overdue by more than `ticks`.
     fn is_late(&self, now: u64, ticks: u64) -> bool {
         let due = self.steps.first_at_or_after(self.since.max(self.steps_until));
         due.is_some_and(|due| due <= self.last_tick && now > due + ticks)
@@ -209,38 +208,38 @@ impl Pulse {
         }
     }
 
-    /// Counts the ticks that the orchestrator has overlooked since the last look: it cannot tell what a service did then.
-    fn overlook(&mut self, now: u64, passed: u64, limit: u64) {
+    /// Adds the ticks in which the orchestrator did not check: the service's activity in them is unknown.
+    fn exclude_unobserved(&mut self, now: u64, passed: u64, limit: u64) {
         if self.since < now {
-            self.owed.unseen += passed - seen_of(passed, limit);
+            self.excluded.unobserved += passed - observed_of(passed, limit);
         }
     }
 
-    /// Counts what the machine owes the service of the ticks that were seen since the last look.
-    fn excuse(&mut self, passed: u64, limit: u64, tick_ns: u64, activity: Option<Activity>) {
-        let seen = seen_of(passed, limit);
+    /// Adds the observed ticks since the last check in which the process waited for a processor.
+    fn exclude_waiting(&mut self, passed: u64, limit: u64, tick_ns: u64, activity: Option<Activity>) {
+        let seen = observed_of(passed, limit);
         if let (Some(activity), Some(before)) = (activity, self.activity) {
             if activity.is_runnable {
                 let ran_ns = activity.cpu_time_ns.saturating_sub(before.cpu_time_ns);
-                self.owed.runnable += seen.saturating_sub(ran_ns / tick_ns);
+                self.excluded.runnable += seen.saturating_sub(ran_ns / tick_ns);
             }
             let delayed_ns = activity.run_delay_ns.saturating_sub(before.run_delay_ns);
-            self.owed.delayed_ns += delayed_ns.min(seen * tick_ns);
+            self.excluded.delayed_ns += delayed_ns.min(seen * tick_ns);
         }
         self.activity = activity;
     }
 
-    /// Grants it the ticks that have passed since the last look, in which all services were late.
+    /// Adds the ticks since the last check, in which all services were late.
     fn grant(&mut self, passed: u64, limit: u64) {
-        let granted = self.owed.granted + seen_of(passed, limit);
-        self.owed.granted = granted.min(GRANT * limit);
+        let granted = self.excluded.granted + observed_of(passed, limit);
+        self.excluded.granted = granted.min(GRANT * limit);
     }
 
     fn hangs(&mut self, now: u64, limit: u64, tick_ns: u64) -> bool {
-        let hangs = self.is_late(now, limit + self.owed.ticks(tick_ns));
+        let hangs = self.is_late(now, limit + self.excluded.ticks(tick_ns));
         if hangs {
-            // It is told once, and again only if nothing has come of it.
-            self.begin_anew(now);
+            // Reported once, and again only if the service stays hung.
+            self.reset(now);
         }
         hangs
     }
@@ -269,7 +268,7 @@ mod tests {
         fn hangs_asleep(&mut self, now: u64, steps_until: u64, flies: bool) -> bool {
             self.observe(now, steps_until, flies);
             self.is_late(now, LIMIT / 2) && {
-                self.excuse(1, LIMIT, TICK_NS, Some(asleep()));
+                self.exclude_waiting(1, LIMIT, TICK_NS, Some(asleep()));
                 self.hangs(now, LIMIT, TICK_NS)
             }
         }
@@ -307,8 +306,9 @@ mod tests {
             let is_plant = |service| service == ServiceId::Plant;
             (0..last_tick + 2 * LIMIT).find(|&now| {
                 let until = now.min(steps_until);
-                let hanging = heartbeats.hanging_of(now, |_| until, is_plant, |_| Some(asleep()), |_| 0);
-                hanging == [ServiceId::Plant]
+                let hung_services =
+                    heartbeats.hung_services_of(now, |_| until, is_plant, |_| Some(asleep()), |_| 0);
+                hung_services == [ServiceId::Plant]
             })
         };
         assert_eq!(first_hang(tick), Some(tick + LIMIT + 1));
@@ -327,7 +327,7 @@ mod tests {
                 let until = now.min(steps_until);
                 let activity = |_| Some(asleep());
                 !heartbeats
-                    .hanging_of(now, |_| until, flies, activity, |_| first_step)
+                    .hung_services_of(now, |_| until, flies, activity, |_| first_step)
                     .is_empty()
             })
         };
@@ -363,7 +363,7 @@ mod tests {
         let mut pulse = pulse(Vec::new());
         (0..20 * LIMIT).step_by(period).find(|&now| {
             pulse.observe(now, 1, true);
-            pulse.overlook(now, period as u64, LIMIT);
+            pulse.exclude_unobserved(now, period as u64, LIMIT);
             let activity = Activity {
                 is_runnable,
                 is_ready: is_runnable,
@@ -371,7 +371,7 @@ mod tests {
                 run_delay_ns: 0,
             };
             pulse.is_late(now, LIMIT / 2) && {
-                pulse.excuse(period as u64, LIMIT, TICK_NS, Some(activity));
+                pulse.exclude_waiting(period as u64, LIMIT, TICK_NS, Some(activity));
                 pulse.hangs(now, LIMIT, TICK_NS)
             }
         })
@@ -399,9 +399,9 @@ mod tests {
         // The orchestrator was stopped for a second.
         let now = 1000;
         pulse.observe(now, 1, true);
-        pulse.overlook(now, 1000, LIMIT);
+        pulse.exclude_unobserved(now, 1000, LIMIT);
         assert!(pulse.is_late(now, LIMIT / 2));
-        pulse.excuse(1000, LIMIT, TICK_NS, Some(self::asleep()));
+        pulse.exclude_waiting(1000, LIMIT, TICK_NS, Some(self::asleep()));
         assert!(!pulse.hangs(now, LIMIT, TICK_NS));
     }
 
@@ -420,8 +420,9 @@ mod tests {
                 }
             };
             let flies = |service| flying.contains(&service);
-            let hanging = heartbeats.hanging_of(now, steps_until, flies, |_| Some(asleep()), |_| 0);
-            for service in hanging {
+            let hung_services =
+                heartbeats.hung_services_of(now, steps_until, flies, |_| Some(asleep()), |_| 0);
+            for service in hung_services {
                 if !found.iter().any(|(other, _)| *other == service) {
                     found.push((service, now));
                 }
@@ -475,7 +476,7 @@ mod tests {
                 ..asleep()
             };
             pulse.is_late(now, LIMIT / 2) && {
-                pulse.excuse(10, LIMIT, TICK_NS, Some(activity));
+                pulse.exclude_waiting(10, LIMIT, TICK_NS, Some(activity));
                 pulse.hangs(now, LIMIT, TICK_NS)
             }
         });
@@ -493,11 +494,11 @@ mod tests {
             let (mut now, mut seen) = (0, 0);
             for gap in gaps {
                 now += gap;
-                seen += gap.min(LIMIT.div_ceil(SEEN_AT_ONCE));
+                seen += gap.min(LIMIT.div_ceil(OBSERVED_SHARE));
                 pulse.observe(now, 1, true);
-                pulse.overlook(now, gap, LIMIT);
+                pulse.exclude_unobserved(now, gap, LIMIT);
                 if pulse.is_late(now, LIMIT / 2) {
-                    pulse.excuse(gap, LIMIT, TICK_NS, Some(asleep()));
+                    pulse.exclude_waiting(gap, LIMIT, TICK_NS, Some(asleep()));
                     if pulse.hangs(now, LIMIT, TICK_NS) {
                         prop_assert!(seen >= LIMIT, "seen for {} ticks", seen);
                         return Ok(());

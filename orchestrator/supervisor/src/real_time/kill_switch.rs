@@ -1,10 +1,10 @@
-//! The kill switch of a flight: a press, a loss, and what follows of them.
+//! The kill switch of a flight: presses, losses, and their consequences.
 
 use std::os::fd::AsFd;
 use std::time::Instant;
 
 use crate::kill_switch::device::Device;
-use crate::kill_switch::watch::{self, News, Watch};
+use crate::kill_switch::watch::{self, SwitchEvent, Watch};
 use runtime::shared_page::{Request, SharedPage, ask_in};
 use scenario::{KillSwitchLoss, OperatorDevices, Scenario};
 use shared_types::samples::RunEvent;
@@ -12,17 +12,17 @@ use shared_types::samples::RunEvent;
 use super::Flight;
 use crate::RunFailure;
 
-/// The kill switch that the scenario states.
+/// Kill switch of the scenario.
 pub(super) struct KillSwitch {
     stated: OperatorDevices,
     watch: Watch,
-    /// The reason of its loss, while it is lost.
+    /// Reason of the loss, while it is lost.
     lost: Option<String>,
     /// `true` if the flight has reacted to this loss.
     is_handled: bool,
 }
 
-/// Opens the kill switch of a scenario, if it has one: nobody takes off without it.
+/// Opens the kill switch of a scenario, if it has one: no flight starts without it.
 ///
 /// # Errors
 /// [`RunFailure::setup`], with the fix.
@@ -32,16 +32,17 @@ pub(super) fn open(scenario: &Scenario) -> Result<Option<Device>, RunFailure> {
 }
 
 impl KillSwitch {
-    /// Listens to the kill switch of a scenario from now on. A flight that is taken over does so without a device as well.
+    /// Starts to watch the kill switch. After a take-over it may be missing at first.
     pub(super) fn start(
         stated: &OperatorDevices,
         device: Option<Device>,
         page: &SharedPage,
     ) -> std::io::Result<Self> {
         let page = page.file().try_clone_to_owned()?;
-        // The services obey at their next step, also while this process waits for its disk.
+        // The thread writes to the control block itself: services obey at their next step, also while this process
+        // waits for its disk.
         let kill = move || {
-            // If it fails, the flight asks when it learns of the press.
+            // If it fails, the flight repeats the request when it handles the event.
             let _ = ask_in(page.as_fd(), Request::Kill);
         };
         Ok(Self {
@@ -52,7 +53,7 @@ impl KillSwitch {
         })
     }
 
-    /// Returns why the vehicle may not be armed, if it may not.
+    /// Returns why the vehicle may not be armed, if so.
     pub(super) fn refusal_to_arm(&self) -> Option<String> {
         let reason = self.lost.as_ref()?;
         Some(format!("the kill switch is lost: {reason}"))
@@ -60,7 +61,7 @@ impl KillSwitch {
 }
 
 impl Flight<'_> {
-    /// Listens to the kill switch of a flight that is taken over. Without it the flight is one that has lost it.
+    /// After a take-over, starts to watch the kill switch. A missing device counts as lost.
     pub(super) fn inherit_kill_switch(&mut self) {
         let Some(stated) = &self.scenario.operator else {
             return;
@@ -76,24 +77,24 @@ impl Flight<'_> {
         }
     }
 
-    /// Takes note of a press or a loss of the kill switch.
-    pub(super) fn attend_to_kill_switch(&mut self) {
+    /// Handles presses and losses of the kill switch.
+    pub(super) fn handle_kill_switch(&mut self) {
         let Some(switch) = &self.kill_switch else { return };
-        let news: Vec<_> = switch.watch.news().collect();
+        let news: Vec<_> = switch.watch.events().collect();
         for news in news {
             match news {
-                News::Pressed(signal, at) => self.kill_by(&signal, at),
-                News::Lost(reason) => self.note_kill_switch(Some(reason)),
-                News::Found => self.note_kill_switch(None),
+                SwitchEvent::Pressed(signal, at) => self.kill_by(&signal, at),
+                SwitchEvent::Lost(reason) => self.note_kill_switch(Some(reason)),
+                SwitchEvent::Reopened => self.note_kill_switch(None),
             }
         }
         self.react_to_lost_kill_switch();
     }
 
-    /// Kills, as `gerono kill` does, and says by which signal of the kill switch.
+    /// Kills like `gerono kill`, and records the signal of the kill switch.
     fn kill_by(&mut self, signal: &str, at: Instant) {
         let event = format!("kill switch: {signal}, {}", self.kill_device());
-        // The services may have obeyed already: the event comes before what they did.
+        // The services may have obeyed already: the event is dated before their reaction.
         let age_ns = u64::try_from(at.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let tick = self.clock.elapsed_ns().saturating_sub(age_ns) / self.clock.tick_ns;
         self.ask_at(tick, Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event.clone());
@@ -101,7 +102,7 @@ impl Flight<'_> {
         self.announce(text);
     }
 
-    /// Takes note of the loss of the kill switch, with its reason, or of its return.
+    /// Handles the loss of the kill switch, with its reason, or its return.
     fn note_kill_switch(&mut self, lost: Option<String>) {
         let device = self.kill_device();
         let (text, event) = match &lost {
@@ -110,12 +111,12 @@ impl Flight<'_> {
                 format!("kill switch lost: {device}"),
             ),
             None => (
-                format!("the kill switch {device} is there again"),
+                format!("the kill switch {device} is connected again"),
                 format!("kill switch found: {device}"),
             ),
         };
         let tick = self.clock.tick().min(self.schedule.last_tick());
-        self.happened
+        self.pending_events
             .push((tick, RunEvent::KIND_KILL_SWITCH, event.into()));
         self.announce(text);
         if let Some(switch) = &mut self.kill_switch {
@@ -124,7 +125,7 @@ impl Flight<'_> {
         }
     }
 
-    /// Does what the scenario states for a flight without its kill switch, once a loss, while the vehicle is armed.
+    /// Executes `operator.on_loss` once for each loss, while the vehicle is armed.
     fn react_to_lost_kill_switch(&mut self) {
         let may_fly = self.is_armed() && !self.operator().killed;
         let is_open = |switch: &&mut KillSwitch| switch.lost.is_some() && !switch.is_handled;
@@ -138,7 +139,7 @@ impl Flight<'_> {
         let event = format!("kill switch lost: {}", switch.stated.kill_device);
         let text = match switch.stated.on_loss {
             KillSwitchLoss::Ignore => {
-                "The flight goes on without its kill switch, as `operator.on_loss` says.".to_owned()
+                "The flight continues without its kill switch, as `operator.on_loss` states.".to_owned()
             }
             KillSwitchLoss::Land => self.request_end(event),
             KillSwitchLoss::Kill => {

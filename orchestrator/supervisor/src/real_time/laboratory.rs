@@ -1,4 +1,4 @@
-//! News of the laboratory around a flight: the obstacles to arming, and the state of cameras and radio link.
+//! State of the laboratory's devices: obstacles to arming, and changes of cameras and radio link.
 
 use runtime::shared_page::ControlBlock;
 use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
@@ -9,28 +9,28 @@ use metrics::summary::laboratory::LaboratoryReport;
 use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
 use run_log::{CaptureFigures, LinkFigures};
 
-/// Age of the last pose with which nobody arms, s.
+/// Maximum age of the last pose for arming, s.
 const STALE: f64 = 0.5;
 
-/// The messages about the link and the cameras once they are well.
-const WELL: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
+/// Messages when the link and the cameras become ready.
+const READY: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
 
-/// The equipment of the laboratory by the scenario.
+/// Devices of the laboratory in the scenario.
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
     link: Option<RadioProtocol>,
-    /// `true` if link and cameras were well when it was told of them last.
-    were_well: [Option<bool>; 2],
+    /// `true` if link and cameras were ready at the last report.
+    were_ready: [Option<bool>; 2],
 }
 
 impl<'a> Laboratory<'a> {
-    /// That of a scenario; nothing is in it where the world is simulated.
+    /// Returns the devices of a scenario; none if the world is simulated.
     #[must_use]
     pub fn of(scenario: &'a Scenario) -> Self {
         Self {
             cameras: scenario.capture_system(),
             link: scenario.radio_link(),
-            were_well: [None; 2],
+            were_ready: [None; 2],
         }
     }
 
@@ -48,14 +48,14 @@ impl<'a> Laboratory<'a> {
         self.link.map(|_| notice.look())
     }
 
-    /// Returns the state of link and cameras so long after the start of the flight, for people who look.
+    /// Returns the state of link and cameras for clients, at a time since the start of the flight.
     #[must_use]
     pub fn snapshot(
         &self,
         block: &ControlBlock,
         elapsed_ns: u64,
     ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
-        let [link_trouble, cameras_trouble] = self.troubles(block, elapsed_ns);
+        let [link_trouble, cameras_trouble] = self.failures(block, elapsed_ns);
         let link = self.link(block).map(|figures| LinkSnapshot {
             trouble: link_trouble,
             sent: figures.sent,
@@ -73,45 +73,46 @@ impl<'a> Laboratory<'a> {
         (link, cameras)
     }
 
-    /// For the summary; none where there is no laboratory.
+    /// Returns the figures for the summary; `None` without a laboratory.
     #[must_use]
     pub fn report(&self, block: &ControlBlock) -> Option<LaboratoryReport> {
         LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())
     }
 
-    /// Returns why the vehicle may not be armed so long after the start of the flight, if it may not.
+    /// Returns why the vehicle may not be armed at a time since the start of the flight, if so.
     #[must_use]
     pub fn refusal_to_arm(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
-        self.troubles(block, elapsed_ns).into_iter().flatten().next()
+        self.failures(block, elapsed_ns).into_iter().flatten().next()
     }
 
-    /// Returns what has become well or is not any more since it was asked last, in words.
+    /// Returns the changes since the last call, as sentences.
     pub fn news(&mut self, block: &ControlBlock, elapsed_ns: u64) -> Vec<String> {
         let is_there = [self.link.is_some(), self.cameras.is_some()];
-        let troubles = self.troubles(block, elapsed_ns).into_iter();
+        let failures = self.failures(block, elapsed_ns).into_iter();
         let mut news = Vec::new();
-        for (place, trouble) in troubles.enumerate().filter(|(place, _)| is_there[*place]) {
-            let is_well = Some(trouble.is_none());
-            if std::mem::replace(&mut self.were_well[place], is_well) != is_well {
-                news.push(trouble.unwrap_or_else(|| WELL[place].to_owned()));
+        for (place, trouble) in failures.enumerate().filter(|(place, _)| is_there[*place]) {
+            let is_ready = Some(trouble.is_none());
+            if std::mem::replace(&mut self.were_ready[place], is_ready) != is_ready {
+                news.push(trouble.unwrap_or_else(|| READY[place].to_owned()));
             }
         }
         news
     }
 
-    /// Returns the troubles of the link and of the cameras.
-    fn troubles(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 2] {
+    /// Returns the failures of the link and of the cameras.
+    fn failures(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 2] {
         let link = self.link.zip(self.link(block));
         let cameras = self.cameras.zip(self.capture(block));
         [
-            link.and_then(|(link, figures)| unsendable(link, &figures)),
-            cameras.and_then(|((system, stated), figures)| unseen(system, stated, &figures, elapsed_ns)),
+            link.and_then(|(link, figures)| link_failure(link, &figures)),
+            cameras
+                .and_then(|((system, stated), figures)| camera_failure(system, stated, &figures, elapsed_ns)),
         ]
     }
 }
 
-/// Returns why no frame can leave, if none can.
-fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
+/// Returns why no frame can be sent, if so.
+fn link_failure(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     let name = link.name();
     match figures.state {
         LinkFigures::STATE_OPEN => None,
@@ -122,8 +123,8 @@ fn unsendable(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     }
 }
 
-/// Returns why the cameras are not to be trusted, if they are not.
-fn unseen(
+/// Returns why the poses of the cameras are not trusted, if so.
+fn camera_failure(
     system: CaptureSystem,
     stated: &MotionCapture,
     figures: &CaptureFigures,
@@ -152,7 +153,7 @@ fn unseen(
             "`{name}` frames come from {server}, but none has seen a body `{object}` yet{because}"
         )),
         CaptureFigures::HEALTH_SETTLING => Some(format!(
-            "poses of `{object}` come, but are not believed yet{because}"
+            "poses of `{object}` come, but are not accepted yet{because}"
         )),
         _ if age > STALE => Some(format!(
             "the last pose of `{object}` that can be believed is {age:.1} s old{because}"
@@ -194,7 +195,7 @@ mod tests {
         Laboratory {
             cameras: Some((CaptureSystem::Vrpn, stated)),
             link: Some(RadioProtocol::Crsf),
-            were_well: [None; 2],
+            were_ready: [None; 2],
         }
     }
 
@@ -220,11 +221,11 @@ mod tests {
         let stated = stated();
         let mut laboratory = laboratory(&stated);
         let mut news = |state| laboratory.news(&told(&good(), state), NOW_NS);
-        assert_eq!(news(LinkFigures::STATE_OPEN), WELL);
+        assert_eq!(news(LinkFigures::STATE_OPEN), READY);
         assert_eq!(news(LinkFigures::STATE_OPEN), [""; 0]);
         let lost = news(LinkFigures::STATE_LOST);
         assert!(lost.len() == 1 && lost[0].contains("`crsf` is lost"), "{lost:?}");
-        assert_eq!(news(LinkFigures::STATE_OPEN), WELL[..1]);
+        assert_eq!(news(LinkFigures::STATE_OPEN), READY[..1]);
     }
 
     #[test]
@@ -238,7 +239,7 @@ mod tests {
         let nothing = Laboratory {
             cameras: None,
             link: None,
-            were_well: [None; 2],
+            were_ready: [None; 2],
         };
         assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
     }

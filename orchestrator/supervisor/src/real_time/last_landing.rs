@@ -1,4 +1,4 @@
-//! The landing at the end of `duration`: in the air only a landing ends the flight of a real vehicle.
+//! Landing at the end of `duration`: a flight of a real vehicle ends only on the ground.
 
 use shared_types::samples::{PathReference, VehicleState};
 use shared_types::service::seconds;
@@ -8,7 +8,7 @@ use super::shutdown::Shutdown;
 use run_client::newest::Newest;
 
 impl Flight<'_> {
-    /// Lands a real vehicle in time.
+    /// Requests the landing of a real vehicle in time.
     pub(super) fn land_before_the_end(&mut self) {
         let (Some(phases), Some(left)) = (&self.scenario.flight, self.time_to_the_end()) else {
             return;
@@ -17,7 +17,7 @@ impl Flight<'_> {
             return;
         };
         let state = self.recorder.newest::<VehicleState>();
-        // One that is not seen is where it was, as far as anything says.
+        // While it is not tracked, the last position counts.
         if let Some(state) = state.filter(|state| state.tracked.is_set()) {
             [.., self.vehicle_z] = state.position_world;
         }
@@ -32,7 +32,7 @@ impl Flight<'_> {
         }
     }
 
-    /// Returns why it is too late to arm, if it is.
+    /// Returns why it is too late to arm, if so.
     pub(super) fn too_late_to_arm(&self) -> Option<String> {
         let phases = self.scenario.flight.as_ref()?;
         let needed = phases.shortest_time();
@@ -44,7 +44,7 @@ impl Flight<'_> {
         ))
     }
 
-    /// Returns the time that a real vehicle has left, s; a simulated one ends with its world.
+    /// Returns the time left for a real vehicle, s; `None` for a simulated one, whose world ends with the flight.
     fn time_to_the_end(&self) -> Option<f64> {
         let last_ns = self.schedule.time_ns(self.schedule.last_tick());
         let left = seconds(last_ns) - seconds(self.clock.elapsed_ns());

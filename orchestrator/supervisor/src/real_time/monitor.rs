@@ -1,5 +1,5 @@
-//! Follows every step of a flight in real time: how late it began, how long it took, what it missed, and how long it is
-//! from a capture to the frame that comes of it.
+//! Timing of the steps of a flight in real time: lateness, duration, missed inputs, and the time from a capture to the
+//! frame based on it.
 
 use hdrhistogram::Histogram;
 use runtime::step_log::{StepLog, StepReader, StepRecord};
@@ -10,10 +10,10 @@ use shared_types::{Schedule, ServiceId, Topic};
 use metrics::summary::timing::{Distribution, Quantiles, ServiceTiming, TimingReport, histogram};
 use run_client::snapshot::{InputSnapshot, ServiceSnapshot};
 
-/// Steps of each service that are kept to be found again by their tick.
+/// Number of recent steps of each service that are stored by tick.
 const HISTORY: u64 = 4096;
 
-/// From a capture to the frame: the services on the way, last first, each with the input by which the sample came.
+/// Chain from a capture to a frame: the services, last first, each with the input on the chain.
 const CHAIN: [(ServiceId, Topic); 4] = [
     (ServiceId::RcOutput, Topic::ControlCommand),
     (ServiceId::Controller, Topic::PathReference),
@@ -21,40 +21,40 @@ const CHAIN: [(ServiceId, Topic); 4] = [
     (ServiceId::Estimator, Topic::MocapPose),
 ];
 
-/// Collects the records of steps and what follows from them.
+/// Collector of step records and their statistics.
 pub struct Monitor {
     tracks: Vec<Track>,
-    /// Steps whose publishers may not have told of theirs yet.
+    /// Steps whose publishers may not have recorded theirs yet.
     unsettled: Vec<(ServiceId, StepRecord)>,
     capture_to_frame: Histogram<u64>,
     chain_window: Histogram<u64>,
     last_chain_window: Histogram<u64>,
 }
 
-/// The facts about one service.
+/// Records and statistics of one service.
 struct Track {
     service: ServiceId,
-    /// The name of its process.
+    /// Process name.
     name: &'static str,
     edges: Vec<Edge>,
-    /// Of each input, whether any step looks at it: what is not connected has no age.
+    /// Whether any step reads each input: an unconnected one has no age.
     is_read: Vec<bool>,
     tick_ns: u64,
     reader: StepReader,
     recent: Vec<Option<StepRecord>>,
     missed: u64,
-    /// Steps that were done again by a process that took the place of one that had died after them.
+    /// Steps repeated by the successor of a process that died after them.
     repeated: u64,
     late_inputs: u64,
     stale_inputs: u64,
     timing: Timing,
-    /// That of the second that has not ended yet, and of the one before.
+    /// Statistics of the current second, and of the one before.
     window: Timing,
     last_window: Timing,
     last: Option<StepRecord>,
 }
 
-/// The punctuality and the duration of steps.
+/// Lateness and duration of steps.
 struct Timing {
     steps: u64,
     wake: Histogram<u64>,
@@ -78,7 +78,7 @@ impl Timing {
 }
 
 impl Monitor {
-    /// For a flight of `schedule`, in which the process of each service is called as `name_of` says.
+    /// Creates the monitor; `name_of` returns the process name of a service.
     #[must_use]
     pub fn new(schedule: &Schedule, name_of: impl Fn(ServiceId) -> &'static str) -> Self {
         let track = |service| Track::new(service, name_of(service), schedule);
@@ -91,14 +91,14 @@ impl Monitor {
         }
     }
 
-    /// Leaves out what was told before now.
+    /// Skips the records written before now.
     pub fn begin_now(&mut self, log: &StepLog) {
         for track in &mut self.tracks {
             track.reader = StepReader::from_now(track.service, log);
         }
     }
 
-    /// Takes the records that have come, and hands each to `sink`.
+    /// Reads the new records, and passes each to `sink`.
     pub fn collect(&mut self, log: &StepLog, mut sink: impl FnMut(ServiceId, &StepRecord, &[Edge])) {
         let mut come = Vec::new();
         for track in &mut self.tracks {
@@ -108,13 +108,13 @@ impl Monitor {
                 come.push((track.service, record));
             }
         }
-        // Those of the collection before: by now their publishers have told of what they consumed.
+        // Records of the previous call: by now their publishers have recorded the consumed samples.
         for (service, record) in std::mem::replace(&mut self.unsettled, come) {
             self.settle(service, &record);
         }
     }
 
-    /// Says that a second has passed, of which people may ask from now on.
+    /// Ends a second: its statistics are the ones that clients get from now on.
     pub fn end_window(&mut self) {
         for track in &mut self.tracks {
             std::mem::swap(&mut track.window, &mut track.last_window);
@@ -124,19 +124,18 @@ impl Monitor {
         self.chain_window.reset();
     }
 
-    /// Returns the state of the services in the last second; what only the supervisor knows is left out.
+    /// Returns the state of the services in the last second; the supervisor adds its own fields.
     #[must_use]
     pub fn services(&self) -> Vec<ServiceSnapshot> {
         self.tracks.iter().map(Track::snapshot).collect()
     }
 
-    /// From a capture to the frame that rests on it, in the last second.
+    /// Returns the time from a capture to the frame based on it, in the last second.
     #[must_use]
     pub fn capture_to_frame(&self) -> Option<Quantiles> {
         Quantiles::of(&self.last_chain_window)
     }
 
-    /// Returns the timing of the flight.
     #[must_use]
     pub fn finish(mut self) -> TimingReport {
         for (service, record) in std::mem::take(&mut self.unsettled) {
@@ -149,7 +148,7 @@ impl Monitor {
         }
     }
 
-    /// Ticks of a service of whose steps records have come, those included that were overwritten before.
+    /// Returns the number of ticks at which a service has stepped, including overwritten records.
     #[must_use]
     pub fn steps(&self, service: ServiceId) -> u64 {
         let track = &self.tracks[service.index()];
@@ -178,7 +177,7 @@ impl Monitor {
         }
     }
 
-    /// From the moment when the capture was published that a frame rests on until the frame was, ns.
+    /// Returns the time from the publication of a capture to that of the frame based on it, ns.
     fn since_capture(&self, service: ServiceId, record: &StepRecord) -> Option<u64> {
         if service != ServiceId::RcOutput || record.late_inputs != 0 {
             return None;
@@ -188,7 +187,7 @@ impl Monitor {
             let input = consumer.inputs().iter().position(|input| input.topic == topic)?;
             at = *self.tracks[topic.publisher()?.index()].at(at.consumed_tick(input)?)?;
         }
-        // Of a step in which a process died nobody knows when it was published.
+        // The publication time of a step in which a process died is unknown.
         (record.is_finished() && at.is_finished())
             .then(|| record.published_ns.saturating_sub(at.published_ns))
     }

@@ -1,33 +1,33 @@
-//! Policies of inputs where none is stated: in real time a state may be late.
+//! Default input policies in real time, where a state may be late.
 
 use scenario::{EdgeName, InputSafety, Scenario};
 use shared_types::service::seconds;
 use shared_types::{ServiceId, Topic};
 
-/// Excess of a state's age up to which the law flies on a predicted state, s.
+/// Excess of a state's age up to which the law uses a predicted state, s.
 const PREDICTED: f64 = 0.2;
 
 /// Excess of a state's age above which the controller levels the vehicle, s.
 const LEVELLED: f64 = 0.3;
 
-/// Excess of a state's age above which the controller lets the vehicle descend, s.
+/// Excess of a state's age above which the controller descends, s.
 const DESCENDED: f64 = 1.0;
 
-/// Excess of a reference's age up to which it is continued along the path, s.
+/// Excess of a reference's age up to which it is extrapolated along the path, s.
 const CONTINUED: f64 = 0.5;
 
-/// Returns the scenario for a flight in real time: the controller, and the path generator of a flight with phases, have a policy
-/// for states and references also where none is stated, because the system's clock does not wait for a service that hangs or starts
-/// again.
+/// Returns the scenario with default policies for a flight in real time: for states and references of the controller,
+/// and for states of the path generator if the flight has phases. They apply unless stated, because the system's clock
+/// does not wait for a service that hangs or restarts.
 ///
-/// The path generator takes a state that is too old for no sight of the vehicle, and brings the path to rest; seen again
-/// elsewhere, the vehicle is led back from there.
+/// For the path generator, a state that is too old means that the vehicle is not tracked: the path comes to rest. If
+/// the vehicle is tracked again elsewhere, the path leads it back from there.
 ///
-/// A state that stands still makes the law turn the vehicle on and on; a quarter of a second of it loses the vehicle. A
-/// level vehicle that is not seen drifts by the wind and by the errors of its attitude until it meets a wall, so it
-/// descends. The motors are stopped by a statement only: nothing here knows from what height.
+/// With a frozen state the law would keep turning the vehicle; a quarter of a second of it loses the vehicle. A level
+/// vehicle without a state drifts with the wind and its attitude errors until it hits a wall, so it descends. The
+/// motors are stopped only if the scenario says so: the height is unknown here.
 ///
-/// While nothing is late, a policy changes no byte of a flight.
+/// While no sample is late, a policy changes no byte of a flight.
 #[must_use]
 pub fn with_policies(mut scenario: Scenario) -> Scenario {
     let ordinary = |topic, service| {

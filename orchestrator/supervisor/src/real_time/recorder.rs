@@ -1,8 +1,8 @@
-//! Records a flight in real time: takes what comes, puts it into the order of the log, and holds nobody up.
+//! Recorder of a flight in real time: receives samples, orders them for the log, and delays no service.
 //!
-//! Samples of one tick come within about a millisecond of each other, but nothing promises it. They are put in order
-//! among those of the last [`SETTLING_NS`]; one that comes even later is still recorded, after younger ones. What was
-//! overwritten before it could be taken shows as a gap between what was published and what was recorded.
+//! Samples of one tick usually arrive within a millisecond, but this is not guaranteed. They are ordered within the
+//! last [`SETTLING_NS`]; one that arrives even later is still recorded, after newer ones. Samples overwritten before
+//! they were received show as a gap between the published and the recorded numbers.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -21,17 +21,17 @@ use crate::RunFailure;
 use crate::subscription::Subscription;
 use run_client::newest::Newest;
 
-/// Time for which samples of a tick are waited for before the tick is written, ns.
+/// Time that a tick's samples are waited for before it is written, ns.
 pub const SETTLING_NS: u64 = 50_000_000;
 
-/// Subscribes to every topic of a flight in real time.
+/// Subscriber of every topic of a flight in real time.
 pub struct Recorder {
     feeds: Vec<Feed>,
-    /// Samples that wait for their tick to be written, by tick and topic.
+    /// Samples of ticks that are not written yet.
     waiting: BTreeMap<(u64, Topic), OwnedSample>,
-    /// Of each topic, memory of samples that have been written.
+    /// Buffers of written samples of each topic, for reuse.
     spare: [Vec<OwnedSample>; Topic::ALL.len()],
-    /// Ticks before this one have been written.
+    /// First tick that is not written yet.
     written_until: u64,
 }
 
@@ -45,12 +45,10 @@ impl Newest for Recorder {
 struct Feed {
     subscription: Subscription,
     received: u64,
-    /// Tick of the newest sample.
     newest: Option<u64>,
-    /// `true` if its port has failed at the last look.
+    /// `true` if its port failed at the last receive.
     has_failed: bool,
-    /// The last samples, if a service consumes them that makes up for late steps or takes in every sample: it is to see
-    /// them when it starts again.
+    /// Last samples, if a consumer makes up for late steps or takes in every sample: it gets them after a restart.
     last: Option<VecDeque<OwnedSample>>,
 }
 
@@ -67,7 +65,7 @@ impl Feed {
 }
 
 impl Recorder {
-    /// A recorder that has received nothing yet and whose first tick is `first_tick`.
+    /// Creates a recorder without samples, whose first tick is `first_tick`.
     #[must_use]
     pub fn new(subscriptions: Vec<Subscription>, first_tick: u64) -> Self {
         let feed = |subscription| Feed {
@@ -85,7 +83,7 @@ impl Recorder {
         }
     }
 
-    /// Remembers the last samples that a service consumes which makes up for late steps or takes in every sample.
+    /// Stores the last samples of the topics whose consumers make up for late steps or take in every sample.
     #[must_use]
     pub fn remember_for_restarts(mut self, schedule: &Schedule) -> Self {
         let needs_more_than_the_newest = |&service: &ServiceId| {
@@ -103,7 +101,7 @@ impl Recorder {
         self
     }
 
-    /// Returns the remembered samples of a topic from a tick on, in their order.
+    /// Returns the stored samples of a topic from a tick on, in order.
     pub fn remembered(&self, topic: Topic, from: u64) -> impl Iterator<Item = &[u8]> {
         let of_topic = move |feed: &&Feed| feed.subscription.topic == topic;
         let last = self
@@ -115,7 +113,7 @@ impl Recorder {
         samples.filter(move |bytes| header_of(bytes).tick >= from)
     }
 
-    /// Copies what external programs publish before it is looked at, and refuses what cannot be there by the clock.
+    /// Copies samples of external programs before they are checked, and refuses those that are impossible by the clock.
     #[must_use]
     pub fn distrust(
         mut self,
@@ -133,7 +131,7 @@ impl Recorder {
         self
     }
 
-    /// Returns the refusals to external programs, in words.
+    /// Returns the refused samples of external programs, as sentences.
     pub fn refusals(&self) -> impl Iterator<Item = String> {
         self.feeds.iter().filter_map(|feed| {
             let (refusals, topic) = (&feed.subscription.refusals, feed.subscription.topic);
@@ -151,30 +149,29 @@ impl Recorder {
         })
     }
 
-    /// Connects to all publishers that exist by now.
+    /// Connects to all publishers that exist now.
     ///
     /// # Errors
-    /// [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()
             .try_for_each(|feed| watchdog::during(Work::Ports, || feed.subscription.receiver.connect()))
     }
 
-    /// Samples of all topics that have been received.
+    /// Returns the number of received samples of all topics.
     #[must_use]
     pub fn received_in_all(&self) -> u64 {
         self.feeds.iter().map(|feed| feed.received).sum()
     }
 
-    /// Samples of a topic that have been received.
+    /// Returns the number of received samples of a topic.
     #[must_use]
     pub fn received(&self, topic: Topic) -> u64 {
         let feed = self.feeds.iter().find(|feed| feed.subscription.topic == topic);
         feed.map_or(0, |feed| feed.received)
     }
 
-    /// Tick of the newest sample that a service has published, and how many of that topic have been received.
+    /// Returns the tick of the newest sample of a service, and the number of received samples of that topic.
     #[must_use]
     pub fn newest_of(&self, service: ServiceId) -> Option<(u64, u64)> {
         let of_service = |feed: &&Feed| feed.subscription.topic.publisher() == Some(service);
@@ -182,13 +179,13 @@ impl Recorder {
         feeds.filter_map(|feed| Some((feed.newest?, feed.received))).max()
     }
 
-    /// Ticks written so far.
+    /// Returns the number of ticks written so far.
     #[must_use]
     pub fn ticks(&self) -> u64 {
         self.written_until
     }
 
-    /// Takes all that has come, by ports that work also if another one fails.
+    /// Receives all pending samples; a failed port does not affect the others.
     ///
     /// # Errors
     /// [`RunFailure::setup`] if a port failed.
@@ -202,24 +199,24 @@ impl Recorder {
         received
     }
 
-    /// Returns whether samples of a topic that have not come have not been published.
+    /// Returns whether the port of a topic works, so that a missing sample means an unpublished one.
     #[must_use]
-    pub fn hears(&self, topic: Topic) -> bool {
+    pub fn is_receiving(&self, topic: Topic) -> bool {
         let mut feeds = self.feeds.iter();
         feeds.any(|feed| feed.subscription.topic == topic && !feed.has_failed)
     }
 
     fn receive_of(&mut self, at: usize) -> Result<(), RunFailure> {
         let feed = &mut self.feeds[at];
-        // A publisher without a pause does not keep this process from everything else.
+        // Bounded: a publisher without pauses must not block this process.
         for _ in 0..RECORDER_BUFFER {
             let received = watchdog::during(Work::Receive, || feed.subscription.receiver.receive());
             if !received.map_err(RunFailure::setup)? {
                 break;
             }
             let bytes = feed.subscription.receiver.held().expect("just received");
-            // A restarted service may repeat its last samples, as the HIL simulator does: the first count, for its
-            // consumers too.
+            // A restarted service may repeat its last samples, as the HIL simulator does: the first one counts, as for
+            // its consumers.
             let tick = header_of(bytes).tick;
             if feed.newest.replace(tick.max(feed.newest.unwrap_or(0))) >= Some(tick) {
                 continue;
@@ -236,10 +233,9 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes all ticks before `tick`, and with them what came too late for its own.
+    /// Writes all ticks before `tick`, and with them samples of earlier ticks that arrived too late.
     ///
     /// # Errors
-    /// That of the sink.
     pub fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
         for ending in self.written_until..tick {
             while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= ending) {

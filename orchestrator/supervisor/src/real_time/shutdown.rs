@@ -1,72 +1,72 @@
-//! The early end of a flight in real time: the vehicle lands, and the log goes on to the ground.
+//! Early end of a flight in real time: the vehicle lands, and recording continues until it is on the ground.
 //!
-//! Ctrl-C, SIGTERM, the end of the terminal, `gerono stop` and every failure outside of the control path are the same
-//! request. Asked again they change nothing: in the air only `gerono kill` and `gerono disarm` stop the motors.
+//! Ctrl-C, SIGTERM, the end of the terminal, `gerono stop` and every failure outside of the control path make the same
+//! request. Repetitions change nothing: in the air only `gerono kill` and `gerono disarm` stop the motors.
 
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::samples::RcFrame;
 use shared_types::service::nanoseconds;
 
-/// Age of a frame, ns, above which it says nothing of the motors: without frames a receiver stops them.
+/// Age of a frame, ns, above which it gives no information on the motors: without frames a receiver stops them.
 const SILENT_NS: u64 = 500_000_000;
 
-/// Longest time between two looks at the frames of which both say something, ns.
+/// Maximum time between two observations that counts as observed, ns.
 const LONGEST_GAP_NS: u64 = 100_000_000;
 
-/// The end that was asked of the flight.
+/// Requested end of the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shutdown {
-    /// Nothing: it goes on.
+    /// No request.
     #[default]
     None,
-    /// It ends once the vehicle is on the ground.
+    /// The flight ends once the vehicle is on the ground.
     Land,
-    /// It ends now: a flight without phases has no ground.
+    /// The flight ends now: a flight without phases cannot land.
     Now,
 }
 
-/// Time for which the motors have rested, as far as it was observed: while the orchestrator writes to a slow disk or is
-/// stopped, it sees no frames.
+/// Time for which the motors have been stopped, as far as it was observed: while the orchestrator waits for a slow disk
+/// or is stopped, it receives no frames.
 #[derive(Clone, Copy, Debug)]
 pub struct Motors {
-    rested_ns: u64,
+    stopped_ns: u64,
     observed_ns: u64,
 }
 
 impl Motors {
     /// Motors that have not turned yet.
     pub const AT_REST: Self = Self {
-        rested_ns: u64::MAX,
+        stopped_ns: u64::MAX,
         observed_ns: 0,
     };
 
-    /// Motors of a flight that is taken over: they may turn.
+    /// Motors after a take-over: they may turn.
     pub const UNKNOWN: Self = Self {
-        rested_ns: 0,
+        stopped_ns: 0,
         observed_ns: 0,
     };
 
-    /// Takes note of the newest frame at a time of the flight. Silence says nothing of frames that cannot be heard.
-    pub fn observe(&mut self, frame: Option<&RcFrame>, elapsed_ns: u64, is_heard: bool) {
+    /// Evaluates the newest frame at a time of the flight. A missing frame counts only if frames can be received.
+    pub fn observe(&mut self, frame: Option<&RcFrame>, elapsed_ns: u64, can_receive: bool) {
         let recent = frame.filter(|frame| elapsed_ns.saturating_sub(frame.header.stamp_ns) <= SILENT_NS);
         let gap_ns = elapsed_ns.saturating_sub(self.observed_ns).min(LONGEST_GAP_NS);
         self.observed_ns = elapsed_ns;
         match recent {
-            Some(frame) if !frame.failsafe.is_set() => self.rested_ns = 0,
-            None if !is_heard => {}
-            _ => self.rested_ns = self.rested_ns.saturating_add(gap_ns),
+            Some(frame) if !frame.failsafe.is_set() => self.stopped_ns = 0,
+            None if !can_receive => {}
+            _ => self.stopped_ns = self.stopped_ns.saturating_add(gap_ns),
         }
     }
 
-    /// Returns whether they have rested for so long that the vehicle is on the ground, wherever it was.
+    /// Returns whether they have been stopped long enough for the vehicle to be on the ground, from any height.
     #[must_use]
     pub fn are_grounded(&self) -> bool {
-        self.rested_ns >= nanoseconds(GROUNDED_AFTER)
+        self.stopped_ns >= nanoseconds(GROUNDED_AFTER)
     }
 }
 
 impl Shutdown {
-    /// The flight shall end; `has_phases` says whether the vehicle can land.
+    /// Returns the shutdown for a request; `has_phases` states whether the vehicle can land.
     #[must_use]
     pub fn requested(has_phases: bool) -> Self {
         if has_phases { Self::Land } else { Self::Now }
@@ -104,10 +104,10 @@ mod tests {
     }
 
     /// Looks at a frame every 10 ms, up to a time.
-    fn look(motors: &mut Motors, until_ns: u64, is_heard: bool, newest: impl Fn(u64) -> Option<RcFrame>) {
+    fn look(motors: &mut Motors, until_ns: u64, can_receive: bool, newest: impl Fn(u64) -> Option<RcFrame>) {
         while motors.observed_ns < until_ns {
             let now_ns = motors.observed_ns + 10_000_000;
-            motors.observe(newest(now_ns).as_ref(), now_ns, is_heard);
+            motors.observe(newest(now_ns).as_ref(), now_ns, can_receive);
         }
     }
 

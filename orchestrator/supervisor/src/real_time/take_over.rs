@@ -1,4 +1,4 @@
-//! Taking over a flight whose orchestrator is gone: everything of it is learned from its services.
+//! Take-over of a flight without an orchestrator: its whole state comes from its services.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -16,34 +16,34 @@ use crate::RunFailure;
 use crate::run_context::RunContext;
 use crate::supervision::{OrphanedService, Shared};
 
-/// Longest wait for services: an orphaned one looks for an orchestrator once in [`SILENCE_NS`].
-const PATIENCE: Duration = Duration::from_nanos(3 * SILENCE_NS);
+/// Timeout for services: an orphaned one looks for an orchestrator once in [`SILENCE_NS`].
+const SERVICE_TIMEOUT: Duration = Duration::from_nanos(3 * SILENCE_NS);
 
-/// A flight that is ready to be taken over.
+/// Flight that is ready to be taken over.
 pub struct TakeOver {
-    /// Held until the run ends.
-    pub(super) only_one: File,
+    /// Lock that excludes other orchestrators until the run ends.
+    pub(super) take_over_lock: File,
     pub(super) context: RunContext,
     pub(super) shared: Shared,
     pub(super) survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
-    /// Place of the run.
-    pub(super) place: PathBuf,
+    /// Folder of the run.
+    pub(super) folder: PathBuf,
     pub(super) clock: FlightClock,
-    /// The first tick that will be recorded.
+    /// First tick that will be recorded.
     pub(super) first_tick: u64,
 }
 
 impl TakeOver {
-    /// Waits at the place of a run for its services, alone: a second one is refused.
+    /// Waits for the services of the run, under an exclusive lock.
     ///
     /// # Errors
-    /// [`RunFailure::setup`] if none comes, or if one is of another build.
-    pub fn prepare(place: &Path) -> Result<Self, RunFailure> {
-        let only_one = only_one(place)?;
-        let listener = TakeOverListener::listen(place).map_err(RunFailure::setup)?;
+    /// [`RunFailure::setup`] if no service connects, one is of another build, or another take-over is under way.
+    pub fn prepare(folder: &Path) -> Result<Self, RunFailure> {
+        let take_over_lock = take_over_lock(folder)?;
+        let listener = TakeOverListener::listen(folder).map_err(RunFailure::setup)?;
         let mut survivors = [const { None }; ServiceId::ALL.len()];
         let mut first: Option<InheritedDescriptors> = None;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + SERVICE_TIMEOUT;
         while survivors.iter().any(Option::is_none) {
             let left = deadline.saturating_duration_since(Instant::now());
             let Some(inheritance) = listener.accept(left).map_err(RunFailure::setup)? else {
@@ -65,9 +65,9 @@ impl TakeOver {
             });
         }
         let first = first.ok_or_else(|| {
-            let limit = PATIENCE.as_secs_f64();
+            let limit = SERVICE_TIMEOUT.as_secs_f64();
             RunFailure::setup(format!(
-                "none of the run's services has come within {limit} s: they have ended, their orchestrator lives, or \
+                "none of the run's services has connected within {limit} s: they have ended, their orchestrator lives, or \
                  signals have stopped them, which `gerono clean` ends"
             ))
         })?;
@@ -84,49 +84,48 @@ impl TakeOver {
             tick_ns: context.schedule.tick_ns(),
         };
         Ok(Self {
-            only_one,
+            take_over_lock,
             first_tick: clock.tick().min(context.schedule.last_tick()),
             context,
             shared,
             survivors,
-            place: place.to_owned(),
+            folder: folder.to_owned(),
             clock,
         })
     }
 
-    /// The curve that is flown.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.context.scenario
     }
 
-    /// Returns when everybody steps.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         &self.context.schedule
     }
 
-    /// The first tick that will be recorded.
     #[must_use]
     pub fn first_tick(&self) -> u64 {
         self.first_tick
     }
 }
 
-/// Kills the services of the run at a place that have not come: they are stopped or hang, and whatever takes their place needs
-/// their ports. Returns the numbers of their processes.
-pub(super) fn end_the_others(
-    place: &Path,
+/// Kills the services of the run that have not connected: they are stopped or hung, and their successors need their
+/// ports. Returns their PIDs.
+pub(super) fn kill_unconnected(
+    folder: &Path,
     survivors: &[Option<OrphanedService>],
 ) -> Result<Vec<u32>, RunFailure> {
-    let came = survivors.iter().flatten();
-    let came: Vec<u32> = came.map(|(pid, _)| pid.as_raw_pid().cast_unsigned()).collect();
-    run_client::runs::end_services_except(place, &came).map_err(RunFailure::setup)
+    let connected = survivors.iter().flatten();
+    let connected: Vec<u32> = connected
+        .map(|(pid, _)| pid.as_raw_pid().cast_unsigned())
+        .collect();
+    run_client::runs::end_services_except(folder, &connected).map_err(RunFailure::setup)
 }
 
-/// Takes the lock of those that take a run over, which is one on its folder.
-fn only_one(place: &Path) -> Result<File, RunFailure> {
-    let folder = File::open(place).map_err(RunFailure::setup)?;
+/// Acquires the lock against other take-overs, which is on the run's folder.
+fn take_over_lock(folder: &Path) -> Result<File, RunFailure> {
+    let folder = File::open(folder).map_err(RunFailure::setup)?;
     flock(&folder, FlockOperation::NonBlockingLockExclusive)
         .map_err(|_| RunFailure::setup("another `gerono attach` takes this run over"))?;
     Ok(folder)

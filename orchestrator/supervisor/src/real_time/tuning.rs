@@ -1,4 +1,4 @@
-//! Gains that an operator changes in flight: checked like a scenario, told to all services, recorded as events.
+//! Gains that an operator changes in flight: validated like a scenario, sent to all services, recorded as events.
 
 use scenario::{Problem, Scenario};
 use scenario_file::gain_rules::{self, Finding};
@@ -11,25 +11,26 @@ use zerocopy::FromZeros;
 use super::Flight;
 use run_client::Answer;
 
-/// Time from a request until the change holds, s: by then every service sees it, unless the machine is late.
+/// Delay from a request until the change takes effect, s: long enough for every service to read it, unless the machine
+/// is late.
 const NOTICE: f64 = 0.02;
 
-/// Keys that change at once at most.
-const MOST_KEYS: usize = 16;
+/// Maximum number of keys in a change.
+const MAX_KEYS: usize = 16;
 
 impl Flight<'_> {
-    /// Changes keys from one tick on, and records it; all of them or none.
+    /// Changes keys from one tick on, and records the change; all of them or none.
     pub(super) fn tune(&mut self, settings: &[String]) -> Answer {
         match self.try_to_tune(settings) {
             Ok(text) => {
-                self.tell(&text);
+                self.record_event(&text);
                 Answer::Done(format!("{text} in {}", self.identity()))
             }
             Err(reason) => Answer::Refused(format!("not set: {reason} ({})", self.identity())),
         }
     }
 
-    /// Tells the present values of keys, or of all tunable ones.
+    /// Returns the present values of keys, or of all tunable ones.
     pub(super) fn tuned(&self, names: &[String]) -> Answer {
         let flown = self.as_flown();
         let all = names.is_empty().then(tunable_keys).unwrap_or_default();
@@ -45,12 +46,12 @@ impl Flight<'_> {
     }
 
     fn try_to_tune(&mut self, settings: &[String]) -> Result<String, String> {
-        if settings.is_empty() || settings.len() > MOST_KEYS {
+        if settings.is_empty() || settings.len() > MAX_KEYS {
             return Err(format!(
-                "give 1 to {MOST_KEYS} settings, such as `controller.k1=3`"
+                "send_sample 1 to {MAX_KEYS} settings, such as `controller.k1=3`"
             ));
         }
-        self.demand_a_law_with_gains()?;
+        self.check_tunable()?;
         let before = self.as_flown();
         let mut scenario = before.clone();
         let mut stated = Vec::new();
@@ -70,7 +71,7 @@ impl Flight<'_> {
         }
         let from_tick = self.clock.tick() + nanoseconds(NOTICE).div_ceil(self.schedule.tick_ns());
         if from_tick > self.schedule.last_tick() {
-            return Err("the flight has ended by the time when it would hold".to_owned());
+            return Err("the flight ends before the change takes effect".to_owned());
         }
         let number = self.next_change();
         let events: Vec<_> = changed
@@ -96,7 +97,7 @@ impl Flight<'_> {
         Ok(format!("{} from {time:.3} s on", changed.join(", ")))
     }
 
-    fn demand_a_law_with_gains(&self) -> Result<(), String> {
+    fn check_tunable(&self) -> Result<(), String> {
         if self.scenario.is_foreign(ServiceId::Controller) {
             return Err(
                 "a plug-in or a program flies in place of the controller, and has its own gains".to_owned(),
@@ -116,14 +117,14 @@ impl Flight<'_> {
             Some((from_tick, _)) => {
                 let time = seconds(self.schedule.time_ns(*from_tick));
                 Err(format!(
-                    "the scenario plans changes of gains up to {time} s; ask after the last one"
+                    "the scenario plans changes of gains up to {time} s; try again after the last one"
                 ))
             }
             None => Ok(()),
         }
     }
 
-    /// Returns the scenario with the gains that hold now.
+    /// Returns the scenario with the gains in effect.
     fn as_flown(&self) -> Scenario {
         if let Some(tuned) = &self.tuned {
             return tuned.clone();
@@ -148,11 +149,11 @@ impl Flight<'_> {
         let events = texts
             .into_iter()
             .map(|text| (from_tick, RunEvent::KIND_OPERATOR_TUNES, text.into()));
-        self.happened.extend(events);
+        self.pending_events.extend(events);
     }
 
-    /// Learns from the services' memory what an orchestrator before this one has changed, and records it at the first
-    /// tick of this log: without it nobody could replay the rest of the flight.
+    /// After a take-over, reads the last change of gains from the control block, and records it at the first tick of
+    /// this log: without it, the rest of the flight could not be replayed.
     pub(super) fn inherit_tuning(&mut self) {
         let Some((number, gains)) = self.supervisor.page().control_block().tuning.last() else {
             return;
@@ -167,7 +168,7 @@ impl Flight<'_> {
     }
 }
 
-/// The first rule between gains and vehicle that a change breaks and that was kept before.
+/// Returns the first rule between gains and vehicle that a change violates and that was met before.
 fn newly_unsafe(before: &Scenario, after: &Scenario) -> Option<Problem> {
     let before = gain_rules::findings(before);
     let was_kept = |finding: &Finding| {

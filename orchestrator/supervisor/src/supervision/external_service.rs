@@ -1,8 +1,8 @@
 //! Supervision of external services.
 //!
-//! An external service does not see the words that services share, so that the orchestrator writes there what it says of itself. What
-//! it knows is kept nowhere: in simulated time its death ends the flight, because nobody could go on as if nothing had
-//! happened, and in real time the next one makes a cold start.
+//! An external service has no access to the control block, so the orchestrator writes its state there. It has no
+//! checkpoints: in simulated time its death ends the flight, because no process could continue exactly, and in real
+//! time its successor makes a cold start.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -23,23 +23,24 @@ impl Supervisor<'_> {
         self.start.scenario.program_of(service).is_some()
     }
 
-    /// The services in whose place external services fly.
+    /// Returns the services that are replaced by external programs.
     pub(crate) fn external_services(&self) -> impl Iterator<Item = ServiceId> {
         let at = 0..self.members.len();
         at.filter(|&at| self.is_external_service(at))
             .map(|at| self.members[at].service)
     }
 
-    /// Writes for an external service what services write themselves; what it did wrong, in words.
-    pub(super) fn hear_external_service(&self, at: usize, message: &ToOrchestrator) -> Result<(), String> {
+    /// Validates a message of an external service and updates its cell of the control block. Returns the violation of
+    /// the contract, if any.
+    pub(super) fn handle_external_message(&self, at: usize, message: &ToOrchestrator) -> Result<(), String> {
         let service = self.members[at].service;
         let cell = &self.page.control_block().cells[service.index()];
         match (message, self.members[at].phase) {
             (ToOrchestrator::Ready { receivers, .. }, Phase::Starting) => {
-                self.know_receivers(service, cell, receivers)
+                self.store_receivers(service, cell, receivers)
             }
             (ToOrchestrator::Connected { birth }, Phase::Flying) => {
-                // On behalf of a process that has no access to the page; the same order as in a service of our own.
+                // Release, as in a service's own process: the supervisor's Acquire in `resume` pairs with it.
                 cell.restarts_seen.store(*birth, Ordering::Release);
                 Ok(())
             }
@@ -48,13 +49,13 @@ impl Supervisor<'_> {
             | (ToOrchestrator::Failed { .. }, _) => Ok(()),
             (message, _) => {
                 let message = presentable(&serde_json::to_string(message).unwrap_or_default());
-                Err(format!("says {message}, which it is not its turn to say"))
+                Err(format!("says {message}, which it is not its turn to send"))
             }
         }
     }
 
     /// In simulated time publishers wait for these receivers when their buffers are full.
-    fn know_receivers(&self, service: ServiceId, cell: &Cell, receivers: &[String]) -> Result<(), String> {
+    fn store_receivers(&self, service: ServiceId, cell: &Cell, receivers: &[String]) -> Result<(), String> {
         let inputs = service.inputs().len();
         if receivers.len() != inputs {
             let named = receivers.len();
@@ -74,8 +75,8 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    /// Ends an external service that has said or done what it must not. Before the flight and in simulated time that ends the flight;
-    /// in real time another one takes its place, as after any death.
+    /// Kills an external service that has violated the contract. Before the flight and in simulated time this ends the
+    /// run; in real time another process replaces it, as after any death.
     pub(super) fn blame_external_service(&mut self, at: usize, what: String) -> Option<ServiceEvent> {
         self.members[at].process.kill_group();
         if self.can_be_followed() {
@@ -86,8 +87,9 @@ impl Supervisor<'_> {
         Some(ServiceEvent::Lost(self.external_service_failure(at, what)))
     }
 
-    /// Why the flight cannot go on after the end of a process, if it was that of an external service that none can follow.
-    pub(super) fn external_services_last_end(&self, at: usize, exit: &Exit) -> Option<RunFailure> {
+    /// Returns the failure of the flight after the end of a process, if it was an external service that cannot be
+    /// replaced.
+    pub(super) fn external_end_failure(&self, at: usize, exit: &Exit) -> Option<RunFailure> {
         if !self.is_external_service(at) || self.can_be_followed() {
             return None;
         }
@@ -102,46 +104,39 @@ impl Supervisor<'_> {
         Some(self.external_service_failure(at, what))
     }
 
-    /// Returns whether another process may take the place of an external service.
+    /// Returns whether another process may replace an external service.
     fn can_be_followed(&self) -> bool {
         let is_in_flight = self.page.control_block().start_ns.load(Ordering::Acquire) != 0;
         self.start.host == Host::RealTime && is_in_flight
     }
 
     /// # Errors
-    /// [`RunFailure::ExternalService`] if an external service in flight has not connected to the birth of this number for too long.
-    pub(super) fn limit_external_services_silence(
-        &self,
-        birth: u32,
-        announced_at: Instant,
-    ) -> Result<(), RunFailure> {
-        let is_deaf = |&at: &usize| {
+    /// [`RunFailure::ExternalService`] if an external service in flight has not connected to restart number `birth` in
+    /// time.
+    pub(super) fn limit_connect_time(&self, birth: u32, announced_at: Instant) -> Result<(), RunFailure> {
+        let is_unconnected = |&at: &usize| {
             let member = &self.members[at];
             let seen = &self.page.control_block().cells[member.service.index()].restarts_seen;
             self.is_external_service(at)
                 && member.phase == Phase::Flying
                 && seen.load(Ordering::Acquire) < birth
         };
-        let deaf = (0..self.members.len()).find(is_deaf);
-        let Some(at) = deaf.filter(|_| announced_at.elapsed() > EXTERNAL_LIMIT) else {
+        let unconnected = (0..self.members.len()).find(is_unconnected);
+        let Some(at) = unconnected.filter(|_| announced_at.elapsed() > EXTERNAL_LIMIT) else {
             return Ok(());
         };
         let what = format!(
-            "has not answered `Connect` within {} s, and nobody can fly on before",
+            "has not answered `Connect` within {} s, and no service can fly on before",
             EXTERNAL_LIMIT.as_secs()
         );
         Err(self.external_service_failure(at, what))
     }
 
-    /// Ends an external service that has taken too long to make its ports.
+    /// Kills an external service that has not created its ports in time.
     ///
     /// # Errors
-    /// [`RunFailure::ExternalService`] if no other one may take its place.
-    pub(super) fn limit_external_services_patience(
-        &mut self,
-        at: usize,
-        now: Instant,
-    ) -> Result<(), RunFailure> {
+    /// [`RunFailure::ExternalService`] if it cannot be replaced.
+    pub(super) fn limit_external_start(&mut self, at: usize, now: Instant) -> Result<(), RunFailure> {
         let starting = self.starting_process(at, now);
         match starting.verdict_on_external_service() {
             Verdict::Wait | Verdict::Hedge => Ok(()),
@@ -159,7 +154,7 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Returns the time that the first step of a service may take, if it is an external service; 0 of others.
+    /// Returns the time limit of an external service's first step; 0 for other services.
     #[must_use]
     pub fn first_step_limit(&self, service: ServiceId) -> Duration {
         let member = &self.members[service.index()];
@@ -169,35 +164,34 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Lets external services in flight connect to a restarted service.
+    /// Tells external services in flight to connect to a restarted service.
     ///
     /// # Errors
-    /// [`RunFailure`] if the system refuses.
+    /// [`RunFailure`] if a message cannot be sent.
     pub(super) fn connect_external_services(&self, birth: u32) -> Result<(), RunFailure> {
         let mut external_services = self.external_services();
         external_services
-            .try_for_each(|external_service| self.say(external_service, &ToService::Connect { birth }))
+            .try_for_each(|external_service| self.send(external_service, &ToService::Connect { birth }))
     }
 
-    /// Returns the fault of an external service that says to have flown its last step, and of which samples are
-    /// missing.
+    /// Returns the failure of an external service that reports the end of its steps although samples are missing.
     pub(crate) fn blame_for_missing(&self, external_service: ServiceId) -> RunFailure {
         let what = "says that it has finished, and has not published all its samples";
         self.external_service_failure(external_service.index(), what.to_owned())
     }
 
-    /// Returns whether a service has flown its last step, as it says.
+    /// Returns whether a service has reported the end of its steps.
     pub(crate) fn is_finished(&self, service: ServiceId) -> bool {
         self.members[service.index()].phase == Phase::Finished
     }
 
-    /// Takes note of how far external services have come, as far as their samples tell: `newest` says the tick of the newest of a
-    /// external service's, and how many have come.
+    /// Updates the progress of external services from their samples: `newest` returns the tick of a service's newest
+    /// sample and the number of samples.
     pub(crate) fn note_external_services_steps(&self, newest: impl Fn(ServiceId) -> Option<(u64, u64)>) {
         for external_service in self.external_services() {
             if let Some((tick, samples)) = newest(external_service) {
                 let cell = &self.page.control_block().cells[external_service.index()];
-                // Relaxed: counters for people and for the heartbeat; no data hangs on them.
+                // Relaxed: counters for the display and the heartbeat; no data depends on them.
                 cell.steps_until.store(tick + 1, Ordering::Relaxed);
                 cell.steps.store(samples, Ordering::Relaxed);
             }
@@ -213,7 +207,7 @@ impl Supervisor<'_> {
     }
 }
 
-/// Returns why a message is none, without what is said of services of another build.
+/// Returns the reason why a message is invalid, without the advice for services of another build.
 pub(super) fn reason(error: &ControlError) -> String {
     match error {
         ControlError::Message(problem) => problem.to_string(),

@@ -1,4 +1,4 @@
-//! The supervisor's facts about one service: its process, and where it is in its life.
+//! State of one service in the supervisor: its process, and the phase of its life cycle.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -16,79 +16,78 @@ use flight::failure::FlightFailure;
 
 use crate::RunFailure;
 
-/// A service of the supervisor.
+/// Service with its process and its history.
 pub(super) struct ManagedService {
     pub(super) service: ServiceId,
-    /// The name of its process.
+    /// Process name.
     pub(super) name: &'static str,
     pub(super) process: Process,
     pub(super) phase: Phase,
-    /// Number of processes that have been started.
+    /// Number of processes started so far.
     pub(super) lives: u32,
-    /// Number of times that in a row one has died without flying a tick more.
+    /// Number of consecutive deaths without progress.
     pub(super) fruitless: u32,
-    /// 1 + the last tick that was flown before the last death.
+    /// 1 + the last stepped tick before the last death.
     pub(super) flown_until: u64,
-    /// Time at which the last death was noticed, or at which a process that hung had stepped last.
+    /// Time at which the last death was detected, or of the last step of a hung process.
     pub(super) died_at: Option<Instant>,
-    /// That time of a process that hangs, until its end.
+    /// Time of the last step of a hung process, until its end.
     pub(super) silent_since: Option<Instant>,
-    /// Number of this birth, and when it was announced to the others.
+    /// Number of this restart, and when it was announced to the other services.
     pub(super) birth: Option<(u32, Instant)>,
-    /// `true` if its process was a standby process that was prepared for its role.
+    /// `true` if its process was a prepared standby process.
     pub(super) was_prepared: bool,
-    /// What is seen of its process since it takes longer to become ready than usual.
+    /// Observations of its process, once that takes longer than usual to become ready.
     pub(super) slow_start: Option<SlowStart>,
-    /// The longest that one of its processes has taken so far to become ready.
+    /// Longest start-up time of its processes so far.
     pub(super) longest_start: Duration,
-    /// The number that is not finite at which its process has stopped, to be replaced.
+    /// The number that is not finite for which its process has stopped and is to be replaced.
     pub(super) not_finite: Option<NonFinite>,
-    /// The fault of its process, for which it is killed, to be replaced.
+    /// Reason for which its process is killed and replaced.
     pub(super) blamed: Option<String>,
-    /// The fault of its code by which its process ends, as it reported.
-    pub(super) last_words: LastWords,
-    /// The parts of its deployment that it could not have, told before it was ready: as external_services do.
+    /// The last report of its process on a fatal fault.
+    pub(super) fatal_report: FatalReport,
+    /// Refused settings of its deployment, if reported before it was ready, as external services do.
     pub(super) warnings: Vec<String>,
-    /// Samples that it needs from long before those that it may have missed, as planned: input and tick.
+    /// Samples that planned faults repeat from long before those that it may have missed: input and tick.
     pub(super) remembered: Vec<(usize, u64)>,
-    /// Samples that it has missed in real time and was not given yet, and when it was given the first.
+    /// Missed samples that were not sent yet, in real time, and the time of the first attempt.
     pub(super) missed: Option<(Instant, VecDeque<ToService>)>,
 }
 
-/// Report of a process on the fault by which it is about to end, and 1 + the last tick that it had stepped by then.
+/// Report of a process on a fatal fault, and 1 + its last stepped tick at the report.
 #[derive(Debug, Default)]
-pub(super) struct LastWords(Option<(String, u64)>);
+pub(super) struct FatalReport(Option<(String, u64)>);
 
-impl LastWords {
-    /// Takes the report, if the process ended that has stepped up to `steps_until`. One that stepped on after its report
-    /// has survived that fault, as a library that catches its own panic does, and ended by another.
+impl FatalReport {
+    /// Takes the report, if the process has not stepped since, up to `steps_until`. A process that stepped on has
+    /// survived that fault, as a library does that catches its own panic, and died of another.
     pub(super) fn take(&mut self, steps_until: u64) -> Option<String> {
         let (words, reported_at) = self.0.take()?;
         (reported_at == steps_until).then_some(words)
     }
 }
 
-/// Stage of a service in its life.
+/// Phase in the life cycle of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// It makes its ports.
+    /// The process creates its ports.
     Starting,
-    /// It has made them and waits for the others.
+    /// The ports exist; the process waits for the others.
     Ready,
-    /// It flies.
     Flying,
-    /// It flies again and may have missed samples: the next of each input to be handed over, by place.
+    /// Restarted and flying, but still getting missed samples: the next sequence number to send for each input.
     CatchingUp([u64; MAX_PORTS]),
-    /// It has flown its last tick.
+    /// The last step is done.
     Finished,
-    /// It is dead and is to be started again at this time.
+    /// Dead; to be restarted at this time.
     Dead(Instant),
-    /// It is dead and stays so.
+    /// Dead; not to be restarted.
     GivenUp,
 }
 
 impl ManagedService {
-    /// A service whose first process has just been started.
+    /// Creates the state of a service whose first process has just started.
     pub(super) fn new(service: ServiceId, name: &'static str, process: Process) -> Self {
         Self {
             service,
@@ -106,7 +105,7 @@ impl ManagedService {
             longest_start: Duration::ZERO,
             not_finite: None,
             blamed: None,
-            last_words: LastWords::default(),
+            fatal_report: FatalReport::default(),
             warnings: Vec::new(),
             remembered: Vec::new(),
             missed: None,
@@ -114,14 +113,14 @@ impl ManagedService {
     }
 
     /// Returns whether its process replaces another one and has not flown yet.
-    pub(super) fn is_newborn(&self) -> bool {
+    pub(super) fn is_replacement(&self) -> bool {
         self.lives > 1 && matches!(self.phase, Phase::Starting | Phase::Ready)
     }
 
-    /// Takes note of what the process says. In real time a number that is not finite ends its process and no more: a
-    /// vehicle is in the air, and what the next process sees is something else. In lock-step it would see the same.
-    /// `steps_until` is 1 + the last tick that the process has stepped by now.
-    pub(super) fn understand(
+    /// Handles a message of the process. In real time, a number that is not finite ends only its process: the vehicle
+    /// is in the air, and the next process gets other inputs. In lock step it would get the same ones. `steps_until` is
+    /// 1 + the last tick that the process has stepped.
+    pub(super) fn handle(
         &mut self,
         message: ToOrchestrator,
         host: Host,
@@ -146,8 +145,8 @@ impl ManagedService {
                 }
                 return None;
             }
-            // What is said in replays only, what the supervisor has heard of an external service, and the last beat of a standby
-            // process that has got its role since.
+            // Messages of replays, messages of external services that were handled before, and the last heartbeat of a
+            // standby process that has since taken a role.
             ToOrchestrator::Stepped { .. } | ToOrchestrator::Connected { .. } | ToOrchestrator::Prepared => {
                 return None;
             }
@@ -164,10 +163,10 @@ impl ManagedService {
                 ServiceEvent::Lost(found.into())
             }
             ToOrchestrator::Dying { reason } => {
-                self.last_words = LastWords(Some((presentable(&reason), steps_until)));
+                self.fatal_report = FatalReport(Some((presentable(&reason), steps_until)));
                 return None;
             }
-            // Of a later process it is a failure in flight: the first one was made of the same scenario.
+            // If a later process is refused, it is a failure in flight: the first one was built from the same scenario.
             ToOrchestrator::Refused { reason } if self.lives == 1 => {
                 self.phase = Phase::GivenUp;
                 ServiceEvent::Lost(FlightFailure::Refused(presentable(&reason).into()).into())
@@ -189,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_fault_that_was_survived_is_not_the_cause_of_a_later_death() {
-        let reported = || LastWords(Some(("a panic".to_owned(), 7)));
+        let reported = || FatalReport(Some(("a panic".to_owned(), 7)));
         assert_eq!(reported().take(7).as_deref(), Some("a panic"));
         let mut survived = reported();
         assert_eq!((survived.take(8), survived.take(7)), (None, None));

@@ -1,9 +1,9 @@
-//! Output of external services, made safe for a terminal.
+//! Messages of external services, made safe for a terminal.
 
-/// Longest quotation of what a program says, characters.
+/// Maximum length of a quoted message, characters.
 const QUOTATION: usize = 500;
 
-/// Makes a program's message fit for a terminal: not too long, and without characters that control it.
+/// Truncates a program's message and replaces its control characters.
 pub(super) fn presentable(said: &str) -> String {
     let shown = said.chars().take(QUOTATION);
     let mut shown: String = shown

@@ -1,4 +1,4 @@
-//! One process of the supervisor: started with what it inherits, and waited for.
+//! A child process of the supervisor.
 
 use std::ffi::OsString;
 use std::io;
@@ -16,42 +16,42 @@ use runtime::reaper;
 use runtime::shared_memory;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitIdStatus, pidfd_open, pidfd_send_signal};
 
-/// Time within which a killed process ends: it waits for the system at most, a slow disk for example.
+/// Timeout for the end of a killed process, which may wait for the system, such as for a slow disk.
 const END_LIMIT: Duration = Duration::from_secs(1);
 
-/// A process that has been started.
+/// Started process.
 pub struct Process {
-    /// Its id.
     pub pid: Pid,
     /// `None` if another orchestrator has started it.
     child: Option<Child>,
-    /// Becomes readable with its death.
+    /// Readable after its end.
     pub death: OwnedFd,
-    /// The line to it.
+    /// Control channel.
     pub channel: Channel,
-    /// Time at which it was started, or asked for what it does now.
+    /// Time at which it was started, or at which it got its current task.
     pub asked_at: Instant,
-    /// Time for which it had waited for a processor before that, ns.
+    /// Its run delay (waiting for a processor) at that time, ns.
     pub delayed_before_ns: u64,
-    /// `true` if it has ended, and its end was taken note of.
+    /// `true` if it has ended and its end was handled.
     pub is_gone: bool,
 }
 
-/// The end of a process.
+/// End of a process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exit {
     /// `true` if a signal ended it.
     pub killed: bool,
-    /// Its end, in words.
+    /// Description for the user.
     pub description: String,
 }
 
 impl Process {
-    /// Starts a process of this name with these further arguments, which inherits one end of its control channel, the files that all processes of a run
-    /// share (page, checkpoints, step records, lock of the run's place), and the doorbells of all services.
+    /// Starts a process, which inherits one end of its control channel, the files that all processes of a run share
+    /// (control block, checkpoints, step log, lock of the run's folder), and the doorbells of all services. `label` are
+    /// its arguments after the name.
     ///
     /// # Errors
-    /// If the system refuses.
+    /// If the process cannot be created.
     pub fn start(
         name: &str,
         label: [OsString; 4],
@@ -59,14 +59,14 @@ impl Process {
         doorbells: &[Doorbell],
     ) -> io::Result<Self> {
         let (channel, theirs) = Channel::pair()?;
-        // The running program itself, even if its file has been replaced meanwhile.
+        // The running program itself, even if its file was replaced meanwhile.
         let mut command = Command::new("/proc/self/exe");
         command
             .args(["service", name])
             .args(label)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            // Ctrl-C in a terminal is for the orchestrator alone.
+            // Ctrl-C in a terminal is meant for the orchestrator only.
             .process_group(0);
         deployment::spare_switches(&mut command);
         let doorbells = doorbells.iter().map(AsFd::as_fd);
@@ -90,11 +90,11 @@ impl Process {
     /// Takes over a process that another orchestrator has started.
     ///
     /// # Errors
-    /// If it is gone.
+    /// If it has ended.
     pub fn adopt(pid: Pid, channel: Channel) -> io::Result<Self> {
         let death = pidfd_open(pid, PidfdFlags::empty())?;
         if channel.is_hung_up() {
-            // Its number may have become another process's since it connected.
+            // The PID may have been reused since it connected.
             return Err(rustix::io::Errno::SRCH.into());
         }
         Ok(Self {
@@ -108,32 +108,30 @@ impl Process {
         })
     }
 
-    /// Its number, as the system shows it.
+    /// Returns the PID as a number.
     pub fn id(&self) -> u32 {
         self.pid.as_raw_nonzero().get().cast_unsigned()
     }
 
-    /// Sends it a signal.
     pub fn signal(&self, signal: Signal) {
-        // It fails only for a process that is gone.
+        // It fails only if the process has ended.
         let _ = pidfd_send_signal(&self.death, signal);
     }
 
-    /// Kills it and the processes that it has started, unless they have left its group.
+    /// Kills the process and the processes that it has started, unless they have left its group.
     pub fn kill_group(&self) {
         self.signal(Signal::KILL);
         if self.child.is_some() {
-            // It leads a group of its own, whose number is taken for as long as this process has not been waited for.
+            // Its group ID equals its PID, which is not reused before this process has waited for it.
             let _ = rustix::process::kill_process_group(self.pid, Signal::KILL);
         }
     }
 
-    /// Returns whether it has ended.
     pub fn has_ended(&self) -> bool {
         self.ends_within(Duration::ZERO)
     }
 
-    /// Returns whether it has ended; the system then forgets it if it ended too late for [`Self::end`].
+    /// Returns whether it has ended, and reaps it if it ended too late for [`Self::end`].
     pub fn is_over(&mut self) -> bool {
         let has_ended = self.has_ended();
         if has_ended {
@@ -142,32 +140,32 @@ impl Process {
         has_ended
     }
 
-    /// Lets the system forget it, after its end.
+    /// Reaps the process after its end.
     fn forget(&mut self) {
         if let Some(child) = self.child.take() {
             reaper::reap(child);
         }
     }
 
-    /// Waits for its end for no longer than this; whether it has come.
+    /// Waits up to `limit` for its end. Returns whether it has ended.
     pub fn ends_within(&self, limit: Duration) -> bool {
         activity::ends_within(&self.death, limit)
     }
 
-    /// Kills it, and the processes that it has started, if it has not ended yet. Returns how it ended. Nothing else waits for
-    /// a process: a closed line, a signal or a message is not yet an end.
+    /// Kills the process and the processes that it has started, unless they have ended, and returns how it ended. This
+    /// is the only place that waits for a process: a closed channel, a signal or a message is no proof of its end.
     pub fn end(&mut self) -> Exit {
         self.is_gone = true;
         self.kill_group();
         let has_ended = self.ends_within(END_LIMIT);
-        // Only the parent of a process gets its exit status.
+        // The exit status is available to the parent only.
         let status = self.child.as_ref().and_then(|_| reaper::status(&self.death));
         if has_ended {
             self.forget();
         }
         let description = match status {
             Some(status) => describe(&status),
-            None if has_ended => "it cannot be told how".to_owned(),
+            None if has_ended => "its exit status is unknown".to_owned(),
             None => format!("it was killed and did not end within {} s", END_LIMIT.as_secs()),
         };
         Exit {
@@ -177,7 +175,7 @@ impl Process {
     }
 }
 
-/// The names of signals, by their numbers.
+/// Names of signals by number.
 const SIGNALS: [&str; 18] = [
     "NONE", "HUP", "INT", "QUIT", "ILL", "TRAP", "ABRT", "BUS", "FPE", "KILL", "USR1", "SEGV", "USR2",
     "PIPE", "ALRM", "TERM", "STKFLT", "CHLD",
@@ -195,7 +193,7 @@ fn killed_by(signal: i32) -> String {
         format!(", of which {:.1} MB are free", free as f64 / 1e6)
     });
     format!(
-        "killed ({name}): a page of shared memory was not to be had; {} is full{free}, or another program has truncated \
+        "killed ({name}): a page of shared memory could not be allocated; {} is full{free}, or another program has truncated \
          the run's memory",
         shared_memory::FOLDER
     )
@@ -205,7 +203,7 @@ fn describe(status: &WaitIdStatus) -> String {
     match (status.terminating_signal(), status.exit_status()) {
         (Some(signal), _) => killed_by(signal),
         (None, Some(code)) => format!("it exited with code {code}"),
-        (None, None) => "it cannot be told how".to_owned(),
+        (None, None) => "its exit status is unknown".to_owned(),
     }
 }
 

@@ -1,4 +1,4 @@
-//! From a service's death to the moment when another process flies in its place and has missed nothing.
+//! Restart of a service: from its death until another process flies in its place without having missed a sample.
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -17,20 +17,20 @@ use crate::RunFailure;
 use crate::archive::Archive;
 use crate::recorder::Recorder;
 
-/// Samples in a message to a service that starts again in real time.
+/// Number of samples in a message to a service that restarts in real time.
 const MISSED_AT_ONCE: usize = 16;
 
-/// Time for which it has to take these messages.
+/// Timeout for the service to receive these messages.
 const MISSED_LIMIT: Duration = Duration::from_millis(500);
 
-/// Samples of a topic from a tick on.
+/// Function that returns the samples of a topic from a tick on.
 pub type Remembered<'a> = dyn Fn(Topic, u64) -> Vec<&'a [u8]> + 'a;
 
 impl Supervisor<'_> {
-    /// Waits for a process that has closed its line, frees what it held, and decides what comes next.
+    /// Handles the end of a process: waits for it, releases its resources, and decides on a restart.
     pub(super) fn reap(&mut self, at: usize) -> Option<ServiceEvent> {
         let mut exit = self.end_process(at);
-        // Only now: until its end it may have written another checkpoint.
+        // Only now: until its end the process may have written another checkpoint.
         let next_tick = self.next_tick(self.members[at].service);
         let flown_until = self.steps_until(self.members[at].service);
         let member = &mut self.members[at];
@@ -39,7 +39,7 @@ impl Supervisor<'_> {
         if let Some(found) = &not_finite {
             exit.description = found.to_string();
         }
-        if let Some(words) = member.last_words.take(flown_until) {
+        if let Some(words) = member.fatal_report.take(flown_until) {
             exit.description = words;
         }
         if let Some(what) = member.blamed.take() {
@@ -53,9 +53,9 @@ impl Supervisor<'_> {
         if is_over || block.stopping.load(Ordering::Relaxed) != 0 {
             return None;
         }
-        // Before the death is dealt with: from here on no service in real time waits for the dead one.
+        // Must be stored before the death is handled: from here on, no service in real time waits for the dead one.
         cell.gone.store(1, Ordering::SeqCst);
-        if let Some(failure) = self.external_services_last_end(at, &exit) {
+        if let Some(failure) = self.external_end_failure(at, &exit) {
             self.members[at].phase = Phase::GivenUp;
             return Some(ServiceEvent::Lost(failure));
         }
@@ -65,7 +65,7 @@ impl Supervisor<'_> {
         } else {
             member.fruitless + 1
         };
-        // One that does steps again is behind where it was.
+        // A process that repeats steps is behind its predecessor.
         member.flown_until = flown_until.max(member.flown_until);
         let timetable = Timetable::new(self.schedule, service);
         let after = timetable.steps.first_at_or_after(flown_until);
@@ -91,51 +91,55 @@ impl Supervisor<'_> {
             ));
         };
         let now = Instant::now();
-        // One that dies before it flies does not end the gap that the death before it began.
+        // A death before the first step extends the gap that the death before it began.
         let silent_since = member.silent_since.take();
-        let gap_began = member.died_at.filter(|_| member.is_newborn()).or(silent_since);
+        let gap_began = member
+            .died_at
+            .filter(|_| member.is_replacement())
+            .or(silent_since);
         member.died_at = (!is_planned).then_some(gap_began.unwrap_or(now));
         member.phase = if next.is_some_and(|next| next <= self.schedule.last_tick()) {
             Phase::Dead(now + pause)
         } else {
             Phase::Finished
         };
-        // Before its ports are cleaned up: a publisher must not wait for room in the queue of one that will never read.
+        // Must precede the clean-up of its ports: a publisher must not wait for room in the queue of a receiver that
+        // never reads.
         block.forget_receivers(service);
         cell.waiting_for.store(0, Ordering::Relaxed);
-        // A service that restarts at once finds everything cleaned up when it makes its ports.
+        // If the service restarts at once, `respawn` cleans up.
         if member.phase != Phase::Dead(now) {
-            self.member.clean_up_after_the_dead();
+            self.node.clean_up_after_the_dead();
         }
-        // Services that waited for it check again.
+        // Services that waited for the dead one check again.
         self.wake_all();
         Some(ServiceEvent::Died)
     }
 
-    /// Lets services that restarted in real time go on, with the newest samples. One that makes up for late steps, or takes
-    /// in every sample, is given the `remembered` samples that it needs first, as its line has room for them.
+    /// Lets services that restarted in real time fly on with the newest samples. One that makes up for late steps, or
+    /// takes in every sample, first gets the `remembered` samples that it needs, as far as its channel has room.
     ///
     /// # Errors
-    /// [`RunFailure`] if the system refuses.
+    /// [`RunFailure`] if a message cannot be sent.
     pub fn resume_in_real_time(&mut self, remembered: &Remembered<'_>) -> Result<(), RunFailure> {
         for at in 0..self.members.len() {
-            if self.members[at].phase == Phase::Ready && self.tell_of_missed(at, remembered) {
+            if self.members[at].phase == Phase::Ready && self.send_missed(at, remembered) {
                 let service = self.members[at].service;
                 self.members[at].phase = Phase::Flying;
                 self.note_restart(service);
-                self.say_go(service, true)?;
+                self.send_go(service, true)?;
             }
         }
         Ok(())
     }
 
-    /// Gives a service what it has missed, as far as there is room. Returns whether it has all.
-    fn tell_of_missed(&mut self, at: usize, remembered: &Remembered<'_>) -> bool {
+    /// Sends a service the samples that it has missed, as far as there is room. Returns whether all were sent.
+    fn send_missed(&mut self, at: usize, remembered: &Remembered<'_>) -> bool {
         let begun = self.members[at].missed.take();
         let (since, mut messages) = begun.unwrap_or_else(|| (Instant::now(), self.missed(at, remembered)));
         let channel = &self.members[at].process.channel;
         while let Some(message) = messages.front() {
-            // It fails for a process that is gone, which is found so when it is watched.
+            // An error means a dead process, which `watch` detects.
             if matches!(channel.try_send(message), Ok(false)) && since.elapsed() < MISSED_LIMIT {
                 self.members[at].missed = Some((since, messages));
                 return false;
@@ -145,7 +149,7 @@ impl Supervisor<'_> {
         true
     }
 
-    /// Returns the remembered samples that a service needs, in messages.
+    /// Returns the remembered samples that a service needs, as messages.
     fn missed(&self, at: usize, remembered: &Remembered<'_>) -> VecDeque<ToService> {
         let service = self.members[at].service;
         let (timetable, next_tick) = (Timetable::new(self.schedule, service), self.next_tick(service));
@@ -164,8 +168,7 @@ impl Supervisor<'_> {
         messages
     }
 
-    /// Starts again what is dead and due. What fails for one service keeps no other from its restart, and may be tried
-    /// again.
+    /// Restarts dead services that are due. A failure of one does not prevent the restart of others, and is retried.
     ///
     /// # Errors
     /// The first [`RunFailure`], if a service cannot be started or does not become ready.
@@ -181,7 +184,7 @@ impl Supervisor<'_> {
     fn restart_one(&mut self, at: usize, now: Instant) -> Result<(), RunFailure> {
         let phase = self.members[at].phase;
         match phase {
-            // A killed process that has not ended yet has its ports, which the next one could not make.
+            // A killed process that has not ended yet still owns its ports; a successor could not create them.
             Phase::Dead(again_at) if again_at > now || !self.members[at].process.is_over() => Ok(()),
             Phase::Dead(_) => self.respawn(at).inspect_err(|_| {
                 let pause = self.longest_pause(at);
@@ -190,13 +193,14 @@ impl Supervisor<'_> {
                     member.phase = Phase::Dead(now + pause);
                 }
             }),
-            Phase::Starting if self.is_external_service(at) => self.limit_external_services_patience(at, now),
+            Phase::Starting if self.is_external_service(at) => self.limit_external_start(at, now),
             Phase::Starting => self.limit_start(at, now),
             _ => Ok(()),
         }
     }
 
-    /// RestartPolicies services that were given up, after their longest pause: a vehicle in the air needs all of them to land.
+    /// Restarts services that were given up, after their longest back-off: a vehicle in the air needs all of them to
+    /// land.
     pub fn retry_given_up(&mut self) {
         for at in 0..self.members.len() {
             if self.members[at].phase != Phase::GivenUp {
@@ -218,14 +222,14 @@ impl Supervisor<'_> {
         self.restart_policies[self.members[at].service.index()].longest_pause
     }
 
-    /// Gives a service another process: the standby one, or one that is started now.
+    /// Gives a service another process: the standby process, or a new one.
     fn respawn(&mut self, at: usize) -> Result<(), RunFailure> {
         let service = self.members[at].service;
         let role = Role {
             service,
             crash: self.crash_of(service, self.members[at].lives),
         };
-        // One that is ready to be a service is not ready to be an external service.
+        // The standby process has built the internal services, not the external one.
         let standby = if self.is_external_service(at) {
             None
         } else {
@@ -242,23 +246,23 @@ impl Supervisor<'_> {
         member.lives += 1;
         member.phase = Phase::Starting;
         if is_new {
-            self.instruct(&self.members[at].process, Some(role))?;
+            self.send_start(&self.members[at].process, Some(role))?;
         }
-        // While the process loads or opens its topics.
-        self.member.clean_up_after_the_dead();
+        // Done while the process loads or opens its topics.
+        self.node.clean_up_after_the_dead();
         if let Some(reserve) = &mut self.reserve {
             reserve.lend();
         }
-        self.say(service, &ToService::MakePorts)?;
+        self.send(service, &ToService::MakePorts)?;
         self.wake_all();
         Ok(())
     }
 
-    /// Lets services that restarted in flight go on, once all others are connected to their ports: what is
-    /// published before might be lost to a consumer that is not.
+    /// Lets services that restarted in lock step fly on, once all others are connected to their ports: a sample
+    /// published before would be lost for an unconnected consumer.
     ///
     /// # Errors
-    /// [`RunFailure`] if the system refuses.
+    /// [`RunFailure`] if a message cannot be sent.
     pub fn resume(&mut self, recorder: &mut Recorder) -> Result<(), RunFailure> {
         for at in 0..self.members.len() {
             if self.members[at].phase != Phase::Ready {
@@ -266,7 +270,8 @@ impl Supervisor<'_> {
             }
             let block = self.page.control_block();
             let Some((birth, announced_at)) = self.members[at].birth else {
-                // Releases the new ports, which `Ready` has told of: a service that reads this count (Acquire) finds them.
+                // Publishes the new ports, which `Ready` has reported (Release part): a service that reads this count
+                // with Acquire finds them.
                 let birth = 1 + block.births.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_external_services(birth)?;
@@ -277,13 +282,13 @@ impl Supervisor<'_> {
             let is_connected = |member: &ManagedService| {
                 let seen = &block.cells[member.service.index()].restarts_seen;
                 let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp(_));
-                // Acquire: pairs with the Release with which a service confirms that it is connected.
+                // Acquire: pairs with the Release by which a service confirms that it is connected.
                 !flies || seen.load(Ordering::Acquire) >= birth
             };
             if self.members.iter().all(is_connected) {
                 self.resume_one(self.members[at].service, recorder)?;
             } else {
-                self.limit_external_services_silence(birth, announced_at)?;
+                self.limit_connect_time(birth, announced_at)?;
             }
         }
         Ok(())
@@ -299,7 +304,7 @@ impl Supervisor<'_> {
             let edge = self.schedule.edge(service, input);
             let archive = recorder.archive(edge.topic);
             let due = edge.due_sample(tick);
-            // With planned faults these may lie far before all others that are needed.
+            // With planned faults, these samples may be much older than all others that are needed.
             let old = due.filter(|_| edge.has_faults());
             remembered.extend(old.map(|due| (input, due)));
             if let Some(due) = old {
@@ -313,10 +318,10 @@ impl Supervisor<'_> {
         self.members[service.index()].remembered = remembered;
         self.members[service.index()].phase = Phase::CatchingUp(places);
         self.note_restart(service);
-        self.say_go(service, true)
+        self.send_go(service, true)
     }
 
-    /// Tick of the first step that is not known to the service's last checkpoint.
+    /// Returns the tick of the first step that the service's last checkpoint does not include.
     fn next_tick(&self, service: ServiceId) -> u64 {
         self.checkpoints
             .newest(service)
@@ -337,58 +342,58 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Hands over what restarted services have missed, as far as it is recorded by now.
+    /// Sends restarted services the samples that they have missed, as far as they are recorded.
     ///
     /// # Errors
-    /// [`RunFailure`] if it is not recorded any more.
+    /// [`RunFailure`] if a sample is not stored any more.
     pub fn hand_over(&mut self, recorder: &Recorder) -> Result<(), RunFailure> {
         for member in &mut self.members {
             let Phase::CatchingUp(places) = &mut member.phase else {
                 continue;
             };
-            let mut is_told = false;
+            let mut is_sent = false;
             let inputs = member.service.inputs();
             while let Some(&(input, tick)) = member.remembered.last() {
                 let archive = recorder.archive(inputs[input].topic);
                 let place = archive.place_of(tick);
-                if !give(&member.process, member.service, archive, input, place)? {
+                if !send_sample(&member.process, member.service, archive, input, place)? {
                     break;
                 }
                 member.remembered.pop();
-                is_told = true;
+                is_sent = true;
             }
             for (input, spec) in self.schedule.inputs_read(member.service) {
                 let archive = recorder.archive(spec.topic);
                 let place = &mut places[input];
-                while give(&member.process, member.service, archive, input, *place)? {
+                while send_sample(&member.process, member.service, archive, input, *place)? {
                     *place += 1;
-                    is_told = true;
+                    is_sent = true;
                 }
             }
-            if is_told {
+            if is_sent {
                 self.doorbells[member.service.index()].ring();
             }
         }
         Ok(())
     }
 
-    /// Starts a process on the core on which it will fly: the others of the run wait for it there, while this process
-    /// is busy on another one.
+    /// Starts a process on the core on which it will fly: the other services wait for it there, while this process is
+    /// busy on another core.
     fn spawn_on_its_core(&self, service: ServiceId) -> Result<Process, RunFailure> {
         let own = deployment::allowed_cores();
         let moved = self.start.core.map(|core| deployment::pin_to(&[core]));
         let process = self.spawn(self.name_of(service));
         if moved.is_some_and(|moved| moved.is_ok()) {
-            // Only slower if it is refused.
+            // A refusal is ignored: it only costs time.
             let _ = deployment::pin_to(&own);
         }
         process
     }
 }
 
-/// Gives a service the sample of a place in the sequence of an input. `false` if it has not been recorded yet, or
-/// if the service takes no more now: who is full gets the rest later, and who is gone gets it in the next life.
-fn give(
+/// Sends a restarted service one recorded input. `false` if it is not recorded yet or the socket is full; the caller
+/// retries. A dead process gets it after its restart.
+fn send_sample(
     process: &Process,
     service: ServiceId,
     archive: &Archive,
@@ -400,7 +405,7 @@ fn give(
     }
     let bytes = archive.at(place).ok_or_else(|| RunFailure::GaveUp {
         service: service.to_string(),
-        reason: format!("what it has missed of its input {input} is not kept any more"),
+        reason: format!("the samples that it has missed of its input {input} are not stored any more"),
     })?;
     let message = ToService::Missed {
         input,

@@ -1,4 +1,4 @@
-//! Number and pace of restarts after deaths.
+//! Policies for restarts: limits, back-off and time-outs.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -7,100 +7,100 @@ use scenario::suggest::known_names;
 use scenario_file::values::ValueError;
 use shared_types::ServiceId;
 
-/// Number of deaths in a row at the same place that are followed by a restart at once; later restarts come after a growing pause.
+/// Number of consecutive deaths at the same tick that are followed by an immediate restart; later restarts are delayed
+/// by a growing back-off.
 const AT_ONCE: u32 = 3;
 
-/// The first pause.
+/// First back-off.
 const FIRST_PAUSE: Duration = Duration::from_millis(5);
 
-/// Time that a service may take to become ready while the run is set up, and in lock-step, where no vehicle is in the air.
+/// Start-up limit of a service while the run is set up, and in lock step, where no vehicle is in the air.
 pub const READY_LIMIT: Duration = Duration::from_secs(30);
 
-/// Time that an external service may take to become ready while the run is set up, and in lock-step to connect to a
-/// service that was started again.
+/// Start-up limit of an external service while the run is set up, and its limit in lock step to connect to a restarted
+/// service.
 pub const EXTERNAL_LIMIT: Duration = Duration::from_secs(10);
 
-/// Time after which a process that starts in flight is slow: another one is prepared beside it, and takes its place if the
-/// slow one is asleep or stopped.
+/// Start-up time in flight after which a process is slow: a standby process is prepared, and replaces the slow one if
+/// that is asleep or stopped.
 pub const HEDGE_AFTER: Duration = Duration::from_millis(25);
 
-/// Time that a standby process may take to become ready in real time.
+/// Start-up limit of a prepared standby process in real time.
 pub const PREPARED_LIMIT: Duration = Duration::from_millis(150);
 
-/// Time that any process may take to become ready in real time.
+/// Start-up limit of any process in real time.
 pub const FRESH_LIMIT: Duration = Duration::from_secs(1);
 
-/// Longest time that an external service may take in flight to become ready, however long it took before.
+/// Maximum start-up limit of an external service in flight, however long it took before.
 const EXTERNAL_LIMIT_IN_FLIGHT: Duration = Duration::from_secs(5);
 
-/// Times that the limits in flight are doubled at most, once for each process in a row that has not flown: hardware may
-/// take longer to open, and a machine be slower, than these limits expect.
-const MOST_DOUBLINGS: u32 = 3;
+/// Maximum number of doublings of the limits in flight, one for each consecutive process that has not flown: hardware
+/// may open more slowly, and a machine be slower, than the limits assume.
+const MAX_DOUBLINGS: u32 = 3;
 
-/// Returns a limit in flight after so many processes in a row that have not flown.
+/// Returns a limit in flight after `missed` consecutive processes that have not flown.
 pub(super) fn doubled(limit: Duration, missed: u32) -> Duration {
-    limit * (1 << missed.min(MOST_DOUBLINGS))
+    limit * (1 << missed.min(MAX_DOUBLINGS))
 }
 
-/// Returns the time that an external service may take in flight to become ready, and again for its first step, if it has
-/// taken up to `longest` to become ready so far: a program may load an interpreter, and compile what it does first. The
-/// vehicle flies without it meanwhile, so that there is an end to patience.
+/// Returns the limit in flight for the start-up of an external service, and again for its first step, after start-ups
+/// of up to `longest`: a program may load an interpreter, and compile its first step. It is bounded because the vehicle
+/// flies without the service meanwhile.
 #[must_use]
 pub fn external_start_limit(longest: Duration) -> Duration {
     (2 * longest).clamp(FRESH_LIMIT, EXTERNAL_LIMIT_IN_FLIGHT)
 }
 
-/// Period at which a standby process is asked for a sign of life.
+/// Heartbeat period of the standby process.
 pub const BEAT_PERIOD: Duration = Duration::from_secs(1);
 
-/// Time within which a standby process answers.
+/// Timeout for the answer of a standby process.
 pub const BEAT_LIMIT: Duration = Duration::from_secs(2);
 
-/// Time that a standby process may take to prepare itself.
+/// Timeout for the preparation of a standby process.
 pub const PREPARATION_LIMIT: Duration = Duration::from_secs(10);
 
 /// State of the run in which a process starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Situation {
-    /// The run is being set up: nothing flies yet.
+    /// The run is being set up; no service flies yet.
     SetUp,
-    /// In flight in lock-step: all others wait.
+    /// In flight in lock step: all other services wait.
     LockStep,
     /// In flight in real time: a vehicle is in the air.
     RealTime,
 }
 
-/// A process that has a role and is not ready yet.
+/// Process with a role that is not ready yet.
 #[derive(Clone, Copy, Debug)]
 pub struct StartingProcess {
-    /// State of the run.
     pub situation: Situation,
-    /// Time since it was started, or got its role.
+    /// Time since its start, or since it got its role.
     pub elapsed: Duration,
-    /// The part of that time for which it waited for a processor.
+    /// Part of that time in which it waited for a processor.
     pub waited: Duration,
-    /// `true` if it was a standby process that was prepared for its role.
+    /// `true` if it was a prepared standby process.
     pub was_prepared: bool,
-    /// `true` if a standby process is prepared to take its place.
+    /// `true` if a prepared standby process could replace it.
     pub is_other_prepared: bool,
     /// `true` if it has not run for some time and does not wait for a processor.
     pub is_asleep: bool,
-    /// The longest that a process of its service has taken so far to become ready.
+    /// Longest start-up of a process of its service so far.
     pub longest: Duration,
-    /// Number of processes in a row before it that have not flown.
+    /// Number of consecutive processes before it that have not flown.
     pub missed: u32,
 }
 
-/// What becomes of a process that starts.
+/// Decision on a starting process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It may take longer.
+    /// Wait on.
     Wait,
-    /// It may take longer, and another one is prepared beside it.
+    /// Wait on, and prepare another process.
     Hedge,
-    /// It is killed and replaced.
+    /// Kill and replace it.
     Replace,
-    /// The run ends.
+    /// End the run.
     Fail,
 }
 
@@ -109,8 +109,8 @@ impl StartingProcess {
         self.elapsed > doubled(limit, self.missed)
     }
 
-    /// Returns whether it takes longer than `limit`, without the time for which it waited for a processor: a process in its
-    /// place would wait as well, and start again.
+    /// Returns whether it takes longer than `limit`, without the time in which it waited for a processor: its successor
+    /// would wait as well, and start over.
     fn exceeds_by_itself(&self, limit: Duration) -> bool {
         self.elapsed.saturating_sub(self.waited) > doubled(limit, self.missed)
     }
@@ -121,7 +121,7 @@ impl StartingProcess {
         self.situation != Situation::SetUp && self.exceeds_by_itself(HEDGE_AFTER)
     }
 
-    /// Returns what becomes of an external service: nothing is prepared beside it.
+    /// Returns the decision on an external service, for which no standby process exists.
     #[must_use]
     pub fn verdict_on_external_service(&self) -> Verdict {
         match self.situation {
@@ -131,7 +131,7 @@ impl StartingProcess {
         }
     }
 
-    /// Returns what becomes of it. The table is in docs/restarts_in_real_time.md.
+    /// Returns the decision. The table is in docs/restarts_in_real_time.md.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let is_past_all = match self.situation {
@@ -140,12 +140,12 @@ impl StartingProcess {
             Situation::LockStep => self.elapsed > READY_LIMIT,
             Situation::RealTime => self.exceeds(FRESH_LIMIT),
         };
-        // The first to be ready flies: one that sleeps is not about to be.
+        // The first process that is ready flies; one that is asleep will not be.
         let is_overtaken = self.is_slow() && self.is_asleep && self.is_other_prepared;
         let is_late = self.situation == Situation::RealTime
             && self.was_prepared
             && self.exceeds_by_itself(PREPARED_LIMIT)
-            // The next one would be later if it is not prepared and this one only waits for a processor.
+            // If no successor is prepared and this process only waits for a processor, a successor would be later.
             && (self.is_asleep || self.is_other_prepared);
         if is_past_all || is_overtaken || is_late {
             Verdict::Replace
@@ -157,12 +157,12 @@ impl StartingProcess {
     }
 }
 
-/// The policy for restarts of a service: number and pace.
+/// Policy for restarts of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RestartPolicy {
-    /// Number of times that in a row it is started again without having flown a tick more; with 0 its first death ends the run.
+    /// Maximum number of consecutive restarts without progress; with 0 the first death ends the run.
     pub limit: u32,
-    /// Longest pause before it is.
+    /// Maximum back-off.
     pub longest_pause: Duration,
 }
 
@@ -176,8 +176,7 @@ impl Default for RestartPolicy {
 }
 
 impl RestartPolicy {
-    /// Returns how long the service waits for its next life after so many deaths in a row at the same place; `None` if it
-    /// gets none.
+    /// Returns the back-off after `fruitless` consecutive deaths at the same tick; `None` if the service is given up.
     #[must_use]
     pub fn pause(&self, fruitless: u32) -> Option<Duration> {
         if self.limit == 0 || fruitless > self.limit {
@@ -192,12 +191,11 @@ impl RestartPolicy {
     }
 }
 
-/// A value for one service, as `SERVICE=VALUE`, or for all, as `VALUE`.
+/// Value for one service, as `SERVICE=VALUE`, or for all, as `VALUE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PerService<T> {
-    /// The service; all of them if none is named.
+    /// The service; all if `None`.
     pub service: Option<ServiceId>,
-    /// The value.
     pub value: T,
 }
 
@@ -226,7 +224,7 @@ impl<T: FromStr> FromStr for PerService<T> {
 }
 
 impl<T: Copy> PerService<T> {
-    /// The last of `values` that is for `service`.
+    /// Returns the last of `values` that applies to `service`.
     pub fn of(values: &[Self], service: ServiceId) -> Option<T> {
         let mut values = values.iter().rev();
         let own = values.find(|value| value.service.is_none_or(|named| named == service));

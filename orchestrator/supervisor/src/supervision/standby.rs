@@ -1,7 +1,7 @@
 //! Standby process: waits to take the role of the next service that dies.
 //!
-//! It has loaded, joined the run and built all services by then, which is most of what a new process has to do. A run never depends on it: without one the dead are followed by processes that are started then, and one that
-//! hangs is overtaken by the next (`starting.rs`).
+//! It has already loaded, joined the run and built all services, which is most of a start-up. A run does not depend on
+//! it: without one, dead services get new processes, and one that hangs is replaced by the next (`starting.rs`).
 
 use std::time::{Duration, Instant};
 
@@ -12,34 +12,34 @@ use runtime::process::SPARE;
 use super::process::Process;
 use super::restart_policy::{BEAT_LIMIT, BEAT_PERIOD, PREPARATION_LIMIT, RestartPolicy};
 use super::starting::AFTER_CLOSING;
-use super::{Exit, MESSAGES_AT_A_LOOK, ServiceEvent, Supervisor};
+use super::{Exit, MAX_MESSAGES, ServiceEvent, Supervisor};
 
-/// One that has lived for so long was well: what it died of was no fault of its own.
+/// A standby process that ran this long does not count as a failed start.
 const SETTLED: Duration = Duration::from_secs(1);
 
-/// The standby process, if there is one.
+/// Standby process, if there is one.
 #[derive(Default)]
 pub(super) struct Standby {
     pub(super) process: Option<Process>,
-    /// Time at which it last said that it is prepared; `None` until it does.
+    /// Time of its last answer; `None` before it is prepared.
     answered_at: Option<Instant>,
-    /// Time at which it was asked again and has not answered yet.
+    /// Time of a heartbeat that it has not answered yet.
     asked_at: Option<Instant>,
-    /// The number in a row that have died young.
+    /// Number of consecutive failed starts.
     fruitless: u32,
-    /// Time at which the next one may be started, if not at once.
+    /// Earliest time of the next start; `None` if at once.
     again_at: Option<Instant>,
     policy: RestartPolicy,
 }
 
 impl Standby {
-    fn is_wanted(&self) -> bool {
+    fn is_due(&self) -> bool {
         self.process.is_none()
             && self.policy.pause(self.fruitless).is_some()
             && self.again_at.is_none_or(|again_at| again_at <= Instant::now())
     }
 
-    /// Takes note that one has failed: the next one comes later, or never.
+    /// Handles a failure: the next start is delayed, or the last.
     fn note_failure(&mut self, has_settled: bool) {
         self.fruitless = if has_settled { 0 } else { self.fruitless + 1 };
         let pause = self.policy.pause(self.fruitless);
@@ -56,7 +56,7 @@ impl Standby {
         self.process.take()
     }
 
-    /// Asks it for a sign of life now and then. Returns what it has missed, in words.
+    /// Sends a heartbeat when due. Returns the missed deadline, as a sentence.
     fn beat(&mut self, now: Instant) -> Option<&'static str> {
         let process = self.process.as_ref()?;
         let is_past = |since: Instant, limit| now.saturating_duration_since(since) > limit;
@@ -64,7 +64,7 @@ impl Standby {
             (None, _) => is_past(process.asked_at, PREPARATION_LIMIT).then_some("it did not become prepared"),
             (Some(_), Some(asked_at)) => is_past(asked_at, BEAT_LIMIT).then_some("it did not answer"),
             (Some(answered_at), None) => {
-                // A closed line is found when it is listened to.
+                // A closed channel is detected when it is read.
                 if is_past(answered_at, BEAT_PERIOD) && process.channel.try_send(&ToService::Beat).is_ok() {
                     self.asked_at = Some(now);
                 }
@@ -73,7 +73,7 @@ impl Standby {
         }
     }
 
-    /// Ends it; nobody misses anything that it has made.
+    /// Ends the process. It has created nothing that others use.
     pub(super) fn end(&mut self) {
         if let Some(mut process) = self.take() {
             process.end();
@@ -82,8 +82,8 @@ impl Standby {
 }
 
 impl Supervisor<'_> {
-    /// Starts a standby process if there is none, and replaces one that does not answer. Call it while no service needs a
-    /// restart, those come first, or while one takes too long to start.
+    /// Starts a standby process if there is none, and replaces one that does not answer. To be called while no service
+    /// needs a restart, which has precedence, or while one takes too long to start.
     pub fn keep_standby(&mut self) {
         if let Some(reserve) = &mut self.reserve {
             reserve.refill();
@@ -94,28 +94,28 @@ impl Supervisor<'_> {
             self.reap_standby(process, Some(missed.to_owned()));
             self.pending.push(ServiceEvent::Died);
         }
-        if !self.standby.is_wanted() {
+        if !self.standby.is_due() {
             return;
         }
-        // Nothing depends on it: what goes wrong with it is the next one's matter.
+        // The run does not depend on it: a failure only delays the next start.
         let Ok(process) = self.spawn(SPARE) else {
             return self.standby.note_failure(false);
         };
-        if self.instruct(&process, None).is_ok() {
+        if self.send_start(&process, None).is_ok() {
             self.standby.process = Some(process);
         } else {
             self.reap_standby(process, None);
         }
     }
 
-    /// Gives the role to the standby process, if there is one that lives, also if it is not done preparing: it is
-    /// further than one that begins now. Returns also whether it is.
+    /// Gives the role to the standby process, if one is alive, even if it is not fully prepared: it is ahead of a new
+    /// process. Returns whether it was prepared.
     pub(super) fn take_standby(&mut self, role: Role) -> Option<(Process, bool)> {
-        let died = self.listen_to_standby();
+        let died = self.receive_from_standby();
         self.pending.extend(died);
         let was_prepared = self.standby.is_prepared();
         let mut process = self.standby.take()?;
-        // One whose line is full has not read for long.
+        // A process whose channel is full has not read for long.
         if !matches!(process.channel.try_send(&ToService::Become(role)), Ok(true)) {
             self.reap_standby(process, None);
             self.pending.push(ServiceEvent::Died);
@@ -127,11 +127,11 @@ impl Supervisor<'_> {
         Some((process, was_prepared))
     }
 
-    /// Takes the messages of the standby process: that it is prepared, or that it cannot do its work. Notices its death.
-    pub(super) fn listen_to_standby(&mut self) -> Option<ServiceEvent> {
-        for _ in 0..MESSAGES_AT_A_LOOK {
+    /// Receives the messages of the standby process, on its preparation or its failure, and detects its death.
+    pub(super) fn receive_from_standby(&mut self) -> Option<ServiceEvent> {
+        for _ in 0..MAX_MESSAGES {
             let process = self.standby.process.as_ref()?;
-            // Before the look: the last words of a process that has ended by now have all been sent.
+            // Checked before the receive: all messages of a process that has ended by now are already in the channel.
             let has_ended = process.has_ended();
             let said = match process.channel.try_receive() {
                 Ok(None) if !has_ended => return None,
@@ -157,9 +157,9 @@ impl Supervisor<'_> {
         None
     }
 
-    /// Ends a standby process that cannot serve, and keeps what it `said` of that, or else how it ended.
+    /// Ends a failed standby process, and records its own report, or else its exit.
     fn reap_standby(&mut self, mut process: Process, said: Option<String>) {
-        // One that has only failed still lives.
+        // A process that has reported a failure may still be alive.
         let exit = process.end();
         self.standby.note_failure(process.asked_at.elapsed() > SETTLED);
         let description = format!("a standby process: {}", said.unwrap_or(exit.description));
@@ -171,6 +171,6 @@ impl Supervisor<'_> {
                 killed: exit.killed,
             },
         ));
-        self.member.clean_up_after_the_dead();
+        self.node.clean_up_after_the_dead();
     }
 }

@@ -1,4 +1,4 @@
-//! Limits of the processes that start, of those that wait to, and of those that are to end.
+//! Time limits of starting, waiting and ending processes.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -12,20 +12,20 @@ use runtime::activity::Activity;
 use super::{Exit, STOP_LIMIT, Supervisor};
 use crate::RunFailure;
 
-/// Time for which a process may live after it has closed its line: one that ends closes it a little before.
+/// Time for which a process may live after it has closed its channel: an ending process closes it shortly before.
 pub(super) const AFTER_CLOSING: Duration = Duration::from_millis(100);
 
-/// A process that has not run for so long and does not wait for a processor is asleep or stopped.
+/// A process that has not run for this long and does not wait for a processor is asleep or stopped.
 const ASLEEP_AFTER: Duration = Duration::from_millis(10);
 
-/// A process that takes long to become ready, as it was seen since then.
+/// Observations of a process that takes long to become ready.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SlowStart {
     seen_at: Instant,
     activity: Activity,
     /// Time since which it has neither run nor waited for a processor.
     idle_since: Instant,
-    /// Time for which it was seen to wait for a processor.
+    /// Observed time in which it waited for a processor.
     waited: Duration,
 }
 
@@ -44,8 +44,8 @@ impl SlowStart {
 }
 
 impl Supervisor<'_> {
-    /// Applies the limits of a process that starts: another one is prepared beside it, and takes its place if it does not
-    /// become ready.
+    /// Applies the start-up limits of a process: a standby process is prepared, and replaces it if it does not become
+    /// ready.
     ///
     /// # Errors
     /// [`RunFailure::NotReady`], while the run is set up.
@@ -70,7 +70,7 @@ impl Supervisor<'_> {
     }
 
     pub(super) fn starting_process(&mut self, at: usize, now: Instant) -> StartingProcess {
-        // Of two that start, one alone takes the process that is prepared.
+        // Of two starting services, only one gets the prepared process; a dead one has precedence.
         let is_claimed = self
             .members
             .iter()
@@ -105,21 +105,22 @@ impl Supervisor<'_> {
             let delayed_ns = activity
                 .run_delay_ns
                 .saturating_sub(member.process.delayed_before_ns);
-            // Both are of the same time: the system counts a delay only once it is over.
+            // Both cover the same time: the kernel adds a delay only once it is over.
             starting.waited = seen.waited.max(Duration::from_nanos(delayed_ns));
             starting.is_asleep = now.saturating_duration_since(seen.idle_since) >= ASLEEP_AFTER;
         }
         starting
     }
 
-    /// Kills the process of a service for what it did, and takes its end for a death in flight.
+    /// Kills the process of a service for the reason `what`, and handles it like a death in flight.
     pub(super) fn replace(&mut self, at: usize, what: String) {
         self.members[at].blamed.get_or_insert(what);
         let died = self.reap(at);
         self.pending.extend(died);
     }
 
-    /// Ends what is left of a process that has died, closed its line or was blamed, and says so if it lived on.
+    /// Ends the rest of a process that has died, closed its channel or violated a limit; a process that lived on is
+    /// blamed for it.
     pub(super) fn end_process(&mut self, at: usize) -> Exit {
         let is_to_stop = self.page.control_block().stopping.load(Ordering::Relaxed) != 0;
         let member = &mut self.members[at];

@@ -1,4 +1,4 @@
-//! A supervisor that another orchestrator has started, and that flies.
+//! Supervisor of services that another orchestrator has started.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 
@@ -15,11 +15,11 @@ use super::process::Process;
 use super::{Shared, Supervisor};
 use crate::RunFailure;
 
-/// A service process that was found in flight, and the line to it.
+/// Service process found in flight, with its channel.
 pub type OrphanedService = (Pid, Channel);
 
 impl Shared {
-    /// Maps what the processes of a run that is under way share.
+    /// Maps the memory shared by the processes of a running flight.
     ///
     /// # Errors
     /// If the files are not those of a run of this build.
@@ -33,43 +33,42 @@ impl Shared {
 }
 
 impl<'a> Supervisor<'a> {
-    /// Takes over the services that fly, and starts those that have died meanwhile.
+    /// Takes over the flying services, and starts those that have died meanwhile.
     ///
     /// # Errors
-    /// [`RunFailure::setup`].
     pub(crate) fn adopt(
-        member: &'a RunNode,
+        node: &'a RunNode,
         lock: BorrowedFd<'a>,
         schedule: &'a Schedule,
         start: Start,
         shared: Shared,
         mut survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Self, RunFailure> {
-        let mut supervisor = Self::without_members(member, lock, schedule, start, shared)?;
+        let mut supervisor = Self::without_members(node, lock, schedule, start, shared)?;
         supervisor.is_in_flight = true;
         for service in ServiceId::ALL {
             let survivor = survivors[service.index()].take();
-            // One that has died since is as good as one that had died before.
+            // A process that has died since it connected counts as dead.
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
             let adopted = match process {
                 Some(process) => {
                     let mut flying = ManagedService::new(service, supervisor.name_of(service), process);
                     flying.phase = Phase::Flying;
-                    supervisor.take_in(flying);
+                    supervisor.add(flying);
                     Ok(())
                 }
                 None => supervisor.start_service(service),
             };
             if let Err(failure) = adopted {
-                supervisor.leave_alone();
+                supervisor.release_all();
                 return Err(failure);
             }
         }
         Ok(supervisor)
     }
 
-    /// Lets go of all services without a word: without an orchestrator they land by themselves.
-    pub(super) fn leave_alone(&mut self) {
+    /// Releases all services without stopping them: without an orchestrator they land by themselves.
+    pub(super) fn release_all(&mut self) {
         self.members.clear();
     }
 }

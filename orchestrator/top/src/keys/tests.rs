@@ -141,7 +141,7 @@ fn a_setting_is_given_up_by_escape_and_has_a_length() {
     let Mode::Set(setting) = controls.mode() else {
         panic!("it is being typed")
     };
-    assert!(setting.len() <= LONGEST_SETTING + 1);
+    assert!(setting.len() <= MAX_SETTING + 1);
     type_in(&mut controls, &[Key::Backspace; 1000], &services());
     assert_eq!(*controls.mode(), Mode::Set(String::new()));
     assert_eq!(controls.press(Key::Interrupt, &services()), Action::Leave);

@@ -1,6 +1,6 @@
-//! The meanings of the keys and of the words of the view.
+//! The help: keys, and terms of the view.
 
-/// The help, a line each.
+/// Lines of the help.
 pub(super) const TEXT: [&str; 21] = [
     "↑ ↓       select a service",
     "k         kill it (SIGKILL), after a y    only with",
@@ -10,12 +10,12 @@ pub(super) const TEXT: [&str; 21] = [
     "q, Esc    leave; Ctrl-C leaves from everywhere",
     "",
     "Hz        steps in the last second; down: dead or being started",
-    "step      how long its steps of the last second took",
-    "wake      how long after it could have stepped it began to",
+    "step      kind long its steps of the last second took",
+    "wake      kind long after it could have stepped it began to",
     "age       of its oldest input at its last step; none: never had one",
     "miss      steps left out since the start",
     "late      inputs that came too late since the start",
-    "died      how often it died and was restarted",
+    "died      kind often it died and was restarted",
     "",
     "capture → frame   from a capture to the frame that rests on it,",
     "                  in the last second",

@@ -1,4 +1,4 @@
-//! The line of what is in the laboratory.
+//! The line of the laboratory's devices.
 
 use ratatui::style::Stylize;
 use ratatui::text::Span;
@@ -7,15 +7,15 @@ use crate::words::{cut, short_time};
 use run_client::Snapshot;
 use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
 
-/// Returns the state of cameras and radio link: the trouble first, because a narrow terminal has no room for the rest.
-/// None in a flight without them.
+/// Returns the state of cameras and radio link, failures first, because a narrow terminal cuts off the end. `None` in a
+/// flight without them.
 pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>> {
     let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some();
     let (mut troubles, mut figures) = (Vec::new(), Vec::new());
     if let Some(cameras) = &snapshot.cameras {
         troubles.extend(cameras.trouble.clone());
         figures.push(Span::raw(in_words(cameras)));
-        // A trouble says its reason itself.
+        // A failure already contains its reason.
         let refused = cameras.refused.iter().filter(|_| cameras.trouble.is_none());
         figures.extend(refused.map(|reason| Span::raw(cut(reason, width.into())).yellow()));
     }

@@ -1,14 +1,14 @@
-//! A frame with text over the middle of the view.
+//! A framed text over the middle of the view.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Clear, Widget};
 
-/// Columns of the text and of its frame.
+/// Columns of the overlay with its frame.
 const WIDTH: u16 = 72;
 
-/// Draws it; nothing if there are no lines.
+/// Draws the overlay; nothing without lines.
 pub(super) fn draw(title: &'static str, lines: &[impl AsRef<str>], area: Rect, buffer: &mut Buffer) {
     if lines.is_empty() {
         return;

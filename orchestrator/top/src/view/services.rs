@@ -1,4 +1,4 @@
-//! The services as a table, and the inputs of the selected one.
+//! The table of services, and the inputs of the selected one.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -10,21 +10,21 @@ use super::super::words::{short_count, short_time};
 use metrics::summary::timing::Quantiles;
 use run_client::snapshot::{InputSnapshot, ServiceSnapshot};
 
-/// Columns of the mark of the selected service and of a name.
+/// Columns of the selection mark and a name.
 const NAME: usize = 15;
 
 /// Columns that the ages of all inputs need.
 const INPUTS: usize = 30;
 
-/// Rows of the head.
-const HEAD: u16 = 2;
+/// Rows of the heading.
+const HEADING: u16 = 2;
 
-/// A column of the table.
+/// Column of the table.
 struct Column {
     group: &'static str,
     label: &'static str,
     width: usize,
-    /// Place where there is little room, the lowest ranks stay.
+    /// On a narrow terminal the columns of lowest rank stay.
     rank: u8,
     value: fn(&ServiceSnapshot) -> String,
 }
@@ -45,7 +45,7 @@ const fn column(
     }
 }
 
-/// All columns; with the names and a gap each they take 80.
+/// With the names and the gaps, all columns take 80 characters.
 const COLUMNS: [Column; 11] = [
     column("", "pid", 7, 2, |service| service.pid.to_string()),
     column("", "Hz", 5, 0, rate),
@@ -100,12 +100,12 @@ fn oldest_input(service: &ServiceSnapshot) -> String {
     }
 }
 
-/// The table of the services, with as many columns as have room.
+/// Table of the services, with the columns that fit.
 pub(super) struct ServiceTable<'a> {
     services: &'a [ServiceSnapshot],
     selected: usize,
     columns: Vec<&'static Column>,
-    /// Columns that are left.
+    /// Width left over, columns.
     left: usize,
 }
 
@@ -136,14 +136,14 @@ impl<'a> ServiceTable<'a> {
         }
     }
 
-    /// Rows that it would like to have.
+    /// Returns the rows of the complete table.
     pub(super) fn height(&self) -> u16 {
-        HEAD + u16::try_from(self.services.len()).unwrap_or(u16::MAX - HEAD)
+        HEADING + u16::try_from(self.services.len()).unwrap_or(u16::MAX - HEADING)
     }
 
-    /// Draws it; what has no room is scrolled out, but never the selected service.
+    /// Draws the table; services that do not fit are scrolled out, but never the selected one.
     pub(super) fn draw(&self, area: Rect, buffer: &mut Buffer) {
-        let head = if area.height > HEAD { HEAD } else { 0 };
+        let head = if area.height > HEADING { HEADING } else { 0 };
         let heads = [self.groups(), self.labels()].into_iter().take(head.into());
         for (line, row) in heads.zip(area.rows()) {
             Line::styled(line, Style::new().dim()).render(row, buffer);
@@ -169,7 +169,7 @@ impl<'a> ServiceTable<'a> {
         }
     }
 
-    /// Names of groups over their columns.
+    /// Returns the names of groups above their columns.
     fn groups(&self) -> String {
         let mut line = " ".repeat(NAME);
         for group in self.columns.chunk_by(|one, other| one.group == other.group) {
@@ -214,7 +214,7 @@ impl<'a> ServiceTable<'a> {
     }
 }
 
-/// Returns a cell of a column, behind a blank.
+/// Returns a right-aligned cell after a blank.
 fn right_aligned(text: &str, width: usize) -> String {
     let blanks = width.saturating_sub(text.chars().count());
     format!(" {}{text}", " ".repeat(blanks))
@@ -228,7 +228,7 @@ fn ages(inputs: &[InputSnapshot]) -> String {
     inputs.iter().map(age).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the ages of the selected service's inputs.
+/// Returns the line of the selected service's inputs.
 pub(super) fn inputs(services: &[ServiceSnapshot], selected: usize) -> Line<'static> {
     let Some(service) = services.get(selected) else {
         return Line::default();

@@ -213,7 +213,7 @@ fn every_size_can_be_drawn_in_every_mode() {
         &[Key::Character('k')],
     ] {
         let mut controls = Controls::new(true);
-        controls.keep_gains(vec!["controller.k1=3.0".to_owned(); 30]);
+        controls.set_gains(vec!["controller.k1=3.0".to_owned(); 30]);
         for &key in keys {
             controls.press(key, &services);
         }
@@ -295,7 +295,7 @@ fn a_question_names_what_it_would_do_and_to_whom() {
 #[test]
 fn the_gains_are_shown_while_one_is_typed_and_of_a_long_setting_the_end() {
     let mut controls = Controls::new(false);
-    controls.keep_gains(vec![
+    controls.set_gains(vec![
         "controller.k1=3.0".to_owned(),
         "controller.k2=2.0".to_owned(),
     ]);

@@ -9,21 +9,21 @@ use ratatui::widgets::{Sparkline, Widget};
 use super::super::history::{History, Trend};
 use super::rule;
 
-/// Heights that a bar can have in one row.
+/// Bar heights within one row.
 const LEVELS: u16 = 8;
 
-/// Rows of a sparkline at most.
-const TALLEST: u16 = 4;
+/// Maximum rows of a sparkline.
+const MAX_ROWS: u16 = 4;
 
-/// Columns below which the scale is left out.
+/// Width from which the scale is shown, columns.
 const WITH_SCALE: u16 = 60;
 
-/// Rows for sparklines of so many rows each.
+/// Returns the rows of the section for sparklines of `rows` rows each.
 pub(super) fn height(rows: u16) -> u16 {
-    1 + Trend::ALL.len() as u16 * rows.clamp(1, TALLEST)
+    1 + Trend::ALL.len() as u16 * rows.clamp(1, MAX_ROWS)
 }
 
-/// Draws all of them, as tall as there is room.
+/// Draws all trends, as tall as the area permits.
 pub(super) fn draw(history: &History, area: Rect, buffer: &mut Buffer) {
     if area.height == 0 {
         return;
@@ -76,7 +76,8 @@ fn draw_one(history: &History, trend: Trend, area: Rect, buffer: &mut Buffer) {
     Line::styled(format!("  {low:.4}…{high:.4}"), Style::new().dim()).render(scale, buffer);
 }
 
-/// Symbol, unit, and whether the scale begins at zero: a distance is judged by its size, an estimate by its change.
+/// Returns symbol and unit of a trend, and whether its scale begins at zero: a distance is judged by its size, an
+/// estimate by its change.
 fn about(trend: Trend) -> (&'static str, &'static str, bool) {
     match trend {
         Trend::PositionError => ("distance", "m", true),
@@ -91,7 +92,7 @@ fn range(columns: &[Option<f64>]) -> Option<(f64, f64)> {
     Some((low, values.reduce(f64::max)?))
 }
 
-/// Height of a bar out of `top`: at least one, since an empty place says that there was no value.
+/// Returns the height of a bar out of `top`: at least one, since an empty bar means no value.
 fn level(value: f64, low: f64, high: f64, top: u16) -> u64 {
     let part = if high > low {
         (value - low) / (high - low)
@@ -108,7 +109,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_value_is_seen_and_none_is_too_tall(low in -1e3..1e3_f64, span in 0.0..1e3_f64, part in 0.0..=1.0_f64, rows in 1..=TALLEST) {
+        fn every_value_is_seen_and_none_is_too_tall(low in -1e3..1e3_f64, span in 0.0..1e3_f64, part in 0.0..=1.0_f64, rows in 1..=MAX_ROWS) {
             let top = rows * LEVELS;
             let level = level(low + part * span, low, low + span, top);
             prop_assert!((1..=u64::from(top)).contains(&level), "{}", level);

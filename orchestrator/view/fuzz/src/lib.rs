@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use view::foxglove::Session;
 use view::host_name::HostNames;
-use view::http::{self, LONGEST_REQUEST, Refusal, Request};
+use view::http::{self, MAX_REQUEST, Refusal, Request};
 use view::site::{Reply, Site};
 use view::token::Token;
 
@@ -26,15 +26,12 @@ fn is_a_refusal(refusal: Refusal) -> bool {
 /// If something does not.
 pub fn check(bytes: &[u8]) {
     said(&String::from_utf8_lossy(bytes));
-    let bytes = &bytes[..bytes.len().min(LONGEST_REQUEST)];
+    let bytes = &bytes[..bytes.len().min(MAX_REQUEST)];
     let read = http::parse(bytes);
     in_pieces(bytes, &read);
     match read {
         Ok(Some(request)) => understood(bytes, &request),
-        Ok(None) => assert!(
-            bytes.len() < LONGEST_REQUEST,
-            "it would be waited for without end"
-        ),
+        Ok(None) => assert!(bytes.len() < MAX_REQUEST, "it would be waited for without end"),
         Err(refusal) => {
             assert!(is_a_refusal(refusal));
             assert!(http::refused(refusal).starts_with(&format!("HTTP/1.1 {} ", refusal.status)));
@@ -45,9 +42,9 @@ pub fn check(bytes: &[u8]) {
 /// Asserts that a client that is connected can want every topic once and no more.
 fn said(text: &str) {
     let mut session = Session::default();
-    session.take(text);
+    session.handle(text);
     assert!(session.subscriptions() == 0 || text.contains("subscribe"));
-    session.take(text);
+    session.handle(text);
     assert!(session.subscriptions() <= shared_types::Topic::ALL.len());
 }
 
@@ -73,12 +70,12 @@ fn understood(bytes: &[u8], request: &Request) {
         (elsewhere, &permitted, true),
         (IpAddr::from(Ipv4Addr::UNSPECIFIED), &[], true),
     ] {
-        for has_news in [false, true] {
+        for is_live in [false, true] {
             let token = Token::new(&[7; 16], PORT);
             let site = Site {
                 names: HostNames::of(address, names),
                 token: has_token.then_some(token),
-                has_news,
+                is_live,
             };
             match site.reply(request) {
                 Err(refusal) => assert!(is_a_refusal(refusal)),
@@ -86,7 +83,7 @@ fn understood(bytes: &[u8], request: &Request) {
                     let host = request.host.as_deref().unwrap_or_default().to_ascii_lowercase();
                     assert!(is_ours(&host, address, names), "{host:?} is no name of {address}");
                     assert!(!has_token || text.contains(SECRET), "the token was not needed");
-                    permitted_reply(request, &reply, (has_token, has_news), (address, names));
+                    permitted_reply(request, &reply, (has_token, is_live), (address, names));
                 }
             }
         }
@@ -120,7 +117,7 @@ fn is_ours(host: &str, address: IpAddr, names: &[String]) -> bool {
 fn permitted_reply(
     request: &Request,
     reply: &Reply,
-    (has_token, has_news): (bool, bool),
+    (has_token, is_live): (bool, bool),
     (address, names): (IpAddr, &[String]),
 ) {
     match reply {
@@ -130,13 +127,13 @@ fn permitted_reply(
             let is_a_header = |cookie: &String| cookie.bytes().all(|byte| (b' '..0x7f).contains(&byte));
             assert!(cookie.iter().all(is_a_header));
         }
-        Reply::News => {
-            assert!(has_news && request.path == "/live");
+        Reply::Events => {
+            assert!(is_live && request.path == "/live");
             let site = request.fetch_site.as_deref();
             assert!(matches!(site, None | Some("same-origin" | "none")));
         }
         Reply::Topics { key, protocol } => {
-            assert!(has_news && request.path == "/");
+            assert!(is_live && request.path == "/");
             let upgrade = request.upgrade.as_ref().expect("it was asked for");
             assert!(*key == upgrade.key && key.len() == 24 && key.is_ascii());
             assert!(upgrade.protocols.iter().any(|spoken| spoken == protocol));
