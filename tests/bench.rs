@@ -135,7 +135,7 @@ fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
     assert_eq!(place.leftovers(), Vec::<String>::new());
     let text = std::fs::read_to_string(place.path("deaths.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
-    assert_eq!([&measured["deaths"], &measured["rebirths"]], [5, 5]);
+    assert_eq!([&measured["deaths"], &measured["restarts"]], [5, 5]);
     assert_plausible(&measured["back_after"], 5);
     let services = measured["services"].as_array().unwrap();
     assert_eq!(services.len(), 5);

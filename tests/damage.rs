@@ -290,7 +290,7 @@ fn services_are_started_again_where_shared_memory_is_full() {
         signal(orchestrator, Signal::TERM);
         let ended = finish(run);
         assert_eq!(ended.status.code(), Some(143), "{host}: {}", complaint(&ended));
-        let restarts = place.summary("out")["rebirths"].as_array().unwrap().len();
+        let restarts = place.summary("out")["restarts"].as_array().unwrap().len();
         assert_eq!(restarts, deaths, "{host}");
     }
 }

@@ -423,7 +423,7 @@ fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");
     }
     assert!(
-        place.summary("out")["rebirths"].as_array().unwrap().len() >= 2,
+        place.summary("out")["restarts"].as_array().unwrap().len() >= 2,
         "{said}"
     );
     assert_eq!(place.leftovers(), Vec::<String>::new());
@@ -470,7 +470,7 @@ fn who_dies_in_real_time_is_followed_by_one_that_begins_anew() {
     assert_ne!(external_service_of(run.id()).unwrap(), first);
     let output = end(run);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
-    let restarts = &place.summary("out")["rebirths"];
+    let restarts = &place.summary("out")["restarts"];
     assert_eq!(restarts[0]["service"], "controller", "{restarts}");
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
@@ -498,7 +498,7 @@ fn an_external_service_that_starts_slowly_is_waited_for_in_flight() {
     assert_eq!(external_service_of(run.id()), Some(second));
     let output = end(run);
     assert_eq!(output.status.code(), Some(143), "{}", complaint(&output));
-    let restarts = &place.summary("out")["rebirths"];
+    let restarts = &place.summary("out")["restarts"];
     assert_eq!(restarts.as_array().unwrap().len(), 1, "{restarts}");
 }
 

@@ -447,7 +447,7 @@ fn stopped_processes_of_a_dead_run_are_ended_by_clean() {
         processes.retain(|&(_, pid)| is_alive(pid));
         let are_stopped = processes
             .iter()
-            .all(|&(_, pid)| Pause::of(pid) == Some(Pause::Stopped));
+            .all(|&(_, pid)| Pause::read(pid) == Some(Pause::Stopped));
         are_stopped.then_some(())
     });
     let is_service = |(name, _): &&(String, u32)| name != SPARE;

@@ -377,14 +377,14 @@ fn a_step_in_a_laboratory_allocates_nothing() {
             if figures.believed > 0 {
                 allocations += count;
             }
-            figures = page.control_block().notices[ServiceId::Plant.index()].look();
+            figures = page.control_block().hardware_status[ServiceId::Plant.index()].read();
             if figures.believed > 1000 {
                 break;
             }
         }
         assert!(figures.believed > 1000, "{name}: {figures:?}");
         assert_eq!(allocations, 0, "{name}");
-        let link: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
+        let link: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
         assert!(link.sent > 0);
     }
 }

@@ -177,7 +177,7 @@ fn an_orchestrator_that_was_stopped_replaces_nobody_when_it_goes_on() {
     signal(run.id(), Signal::INT);
     let ended = finish(run);
     assert_eq!(ended.status.code(), Some(130), "{}", said(&ended));
-    assert_eq!(place.summary("out").get("rebirths"), None);
+    assert_eq!(place.summary("out").get("restarts"), None);
     assert_is_down(&place);
 }
 

@@ -146,7 +146,7 @@ fn every_service_that_is_killed_in_flight_flies_again_and_so_does_the_vehicle() 
     );
 
     let summary = place.summary("out");
-    let restarted: Vec<_> = summary["rebirths"]
+    let restarted: Vec<_> = summary["restarts"]
         .as_array()
         .unwrap()
         .iter()
@@ -404,7 +404,7 @@ fn when_all_services_are_late_at_once_nobody_is_replaced() {
         let events: Vec<HostEvent> = host_samples(&place, "out", "host/events");
         let hung = events.iter().filter(|event| event.kind == HostEvent::KIND_HUNG);
         assert_eq!(hung.count(), 0, "{}", said(&output));
-        assert_eq!(place.summary("out").get("rebirths"), None);
+        assert_eq!(place.summary("out").get("restarts"), None);
         place.assert_nothing_is_left_of(orchestrator);
     }
 }

@@ -41,7 +41,7 @@ fn log(place: &Place, out: &str) -> Vec<u8> {
 /// Deaths that the summary of a run tells of.
 fn restarts(place: &Place, out: &str) -> Vec<String> {
     let summary = place.summary(out);
-    let restarts = summary["rebirths"].as_array();
+    let restarts = summary["restarts"].as_array();
     restarts.into_iter().flatten().map(ToString::to_string).collect()
 }
 

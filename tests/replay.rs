@@ -103,7 +103,7 @@ fn a_flight_in_real_time_is_replayed_identically_wherever_in_a_step_its_services
     fly_to_the_end(&mut command);
     let summary = place.summary("out");
     // On a machine in use one may hang too, and be replaced.
-    assert!(summary["rebirths"].as_array().unwrap().len() >= deaths);
+    assert!(summary["restarts"].as_array().unwrap().len() >= deaths);
     let replayed = replayed(&place.log("out"));
     assert!(replayed.in_real_time);
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());

@@ -189,7 +189,7 @@ fn printed_once(place: &Place) {
     let json = succeed(&mut place.gerono(&["top", "--once", "--json"])).stdout;
     let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
     assert_eq!(json["services"].as_array().unwrap().len(), ServiceId::ALL.len());
-    assert_eq!(json["services"][ServiceId::Controller.index()]["rebirths"], 1);
+    assert_eq!(json["services"][ServiceId::Controller.index()]["restarts"], 1);
 }
 
 #[test]

@@ -62,7 +62,7 @@ fn keep_plugins(scenario: &mut Scenario, folder: &RunFolder) -> Result<Vec<PathB
         kept.borrow_mut().push(path.to_owned());
         result_file::write(path, bytes, &[])
     };
-    library_file::keep_in(scenario, folder.path(), write).map_err(Failure::not_written)?;
+    library_file::copy_to(scenario, folder.path(), write).map_err(Failure::not_written)?;
     Ok(kept.into_inner())
 }
 

@@ -60,6 +60,6 @@ def test_a_successor_takes_over_in_real_time(run, tmp_path):
         assert controller is not None
         os.kill(controller, signal.SIGKILL)
         assert flight.wait() == 0
-    restarts = json.loads((tmp_path / "summary.json").read_text())["rebirths"]
+    restarts = json.loads((tmp_path / "summary.json").read_text())["restarts"]
     assert [restart["service"] for restart in restarts] == ["controller"]
     assert distance(tmp_path) < IN_REAL_TIME

@@ -105,7 +105,7 @@ impl ExternalService {
     pub(crate) fn receivers(&self) -> Vec<Box<dyn Receiver>> {
         let inputs = self.id.inputs().iter();
         inputs
-            .map(|input| self.topics.of(input.topic).receiver().unwrap())
+            .map(|input| self.topics.ports(input.topic).receiver().unwrap())
             .collect()
     }
 
@@ -221,8 +221,8 @@ impl ExternalService {
             nap_until(clock.begins_at(tick));
             let give_up = clock.begins_at(tick) + self.about["grace_ns"].as_u64().unwrap();
             for queue in &mut queues {
-                while !queue.has_come(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
-                    self.bell.sleep_up_to(tick_ns / 10);
+                while !queue.has_arrived(tick).unwrap() && clock.start_ns + clock.elapsed_ns() < give_up {
+                    self.bell.sleep_with_timeout(tick_ns / 10);
                 }
             }
             let mut views = Views::default();

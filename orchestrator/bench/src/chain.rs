@@ -89,7 +89,7 @@ fn spawn(
         .stdin(Stdio::null())
         .stdout(Stdio::piped());
     // Like the services.
-    deployment::spare_switches(&mut command);
+    deployment::disable_restartable_sequences(&mut command);
     hand_on(&mut command, PAGE_FD, [page.file()])?;
     command.spawn()
 }

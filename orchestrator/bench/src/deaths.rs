@@ -40,7 +40,6 @@ const NEAR_NS: u64 = 100_000_000;
 struct Measured {
     deaths: usize,
     /// Restarted services.
-    #[serde(rename = "rebirths")]
     restarts: usize,
     /// From the moment when a death was noticed until another process flew, s.
     back_after: Option<Quantiles>,
@@ -175,7 +174,7 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
 impl TimedFlight {
     /// The restarts; `tick` in s.
     fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
-        let stated = self.summary["rebirths"].as_array();
+        let stated = self.summary["restarts"].as_array();
         let stated = stated.ok_or_else(|| RunFailure::setup("the flight's summary tells of no restarts"))?;
         let restart = |stated: &Value| {
             Some(Restart {

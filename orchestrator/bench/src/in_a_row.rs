@@ -33,7 +33,7 @@ impl InARow {
                 let mut published = schedule.published_topics();
                 published
                     .any(|other| other == topic)
-                    .then(|| OwnedSample::of(topic))
+                    .then(|| OwnedSample::zeroed(topic))
             }),
             last_tick: schedule.last_tick(),
         }

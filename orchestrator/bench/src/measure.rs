@@ -219,7 +219,7 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
     }));
     let options: Vec<_> = options.iter().map(String::as_str).collect();
     let summary = summary_of_flight(flight, &options)?;
-    let restarts = summary["rebirths"].as_array().into_iter().flatten();
+    let restarts = summary["restarts"].as_array().into_iter().flatten();
     Ok(restarts
         .filter_map(|restart| restart["lost_seconds"].as_f64())
         .map(|seconds| 1e3 * seconds)

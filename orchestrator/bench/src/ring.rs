@@ -95,7 +95,7 @@ fn time(
     }
     recorder.connect()?;
     // They connect once all ports are there, and the first begins once all have.
-    page.control_block().births.store(1, Ordering::Release);
+    page.control_block().restarts.store(1, Ordering::Release);
     while arrived() < u32::try_from(2 * MEMBERS).expect("few members") {
         members.check()?;
         std::thread::yield_now();
@@ -231,7 +231,7 @@ fn spawn(
         command.arg("--fifo");
     }
     // Like the services.
-    deployment::spare_switches(&mut command);
+    deployment::disable_restartable_sequences(&mut command);
     let files = std::iter::once(page.file()).chain(doorbells.iter().map(AsFd::as_fd));
     hand_on(&mut command, PAGE_FD, files)?;
     command.spawn()
@@ -272,7 +272,7 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
     let mut ports = BarePorts::open(&member, ServiceId::ALL[me], &schedule())?;
     let block = page.control_block();
     block.misses.fetch_add(1, Ordering::AcqRel);
-    while block.births.load(Ordering::Acquire) == 0 {
+    while block.restarts.load(Ordering::Acquire) == 0 {
         std::thread::yield_now();
     }
     ports.connect()?;
@@ -297,7 +297,7 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
                 if turns(before) >= needed {
                     break;
                 }
-                order.was_in_vain();
+                order.count_wasted();
             },
             RingWait::Eventfd => doorbells[me].sleep(),
         }

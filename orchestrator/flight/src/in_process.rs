@@ -128,7 +128,7 @@ fn fly_plugins<S: TickSink>(
     watched.map_err(|error| Stop::Failed(FlightFailure::setup(error)))?;
     watchdog::work(Work::Step);
     let flown = caught(|| host.fly(sink));
-    watchdog::rest();
+    watchdog::idle();
     flown.map_err(Stop::Failed)?.map_err(Stop::Host)
 }
 

@@ -1,16 +1,17 @@
-//! The vehicle's distance from its path, its effort, and its loss: measured in one place, for
-//! the summary, the fault matrix, the report, the plots and the reproduced figures alike, and for every controller alike.
+//! Distance of the vehicle from its path, effort, and loss of the vehicle: one definition for the summary, the fault matrix,
+//! the report, the plots and the reproduced figures, and for every controller.
 //!
-//! * [`path_clock`]: where the path was at any moment;
-//! * [`tracker`]: the vehicle beside it, as the truth has it, or the estimator where nobody knows the truth;
-//! * [`stretch`]: the numbers of a stretch of the flight;
-//! * [`steady`]: the phases of the flight, each a transient and a steady state;
-//! * [`loss`]: whether the vehicle was lost;
-//! * [`statistics`], [`percentiles`]: a stream of numbers in fixed memory.
+//! * [`path_clock`]: position of the path at any time;
+//! * [`tracker`]: the vehicle and its path, by the truth, or by the estimator without a truth;
+//! * [`stretch`]: metrics of a stretch of the flight;
+//! * [`steady`]: the phases of the flight, each with a transient and a steady state;
+//! * [`loss`]: loss of the vehicle;
+//! * [`statistics`], [`percentiles`]: statistics of a stream of numbers in constant memory.
 //!
-//! Nothing rests on what a controller says of itself. All of it is fed with samples in the order of the log, while a flight
-//! goes on or from its log, and allocates nothing while it is.
+//! No metric depends on outputs of a controller about itself. All are computed from samples in the order of the log, during
+//! a flight or from its log, without allocation.
 
+#![warn(missing_docs)]
 #![warn(missing_docs)]
 
 pub mod loss;
@@ -25,22 +26,21 @@ pub mod tracker;
 use scenario::Scenario;
 use shared_types::Sample;
 
-/// The length of a stretch's end that counts as its ultimate behaviour, s: what the paper's figures show.
+/// Length of the end of a stretch that counts as its ultimate behaviour, s, as in the paper's figures.
 pub const ULTIMATE_WINDOW: f64 = 5.0;
 
-/// Distance from the path below which the vehicle counts as settled on it, m: the theorem's bound for the paper's gains and
-/// a fifth.
+/// Distance from the path below which the vehicle counts as settled, m: 1.2 times the theorem's bound for the paper's gains.
 pub const SETTLED: f64 = 0.02;
 
-/// Confidence of the interval that is stated of an identified number.
+/// Confidence of the stated interval of an identified number.
 pub const CONFIDENCE: f64 = 0.95;
 
-/// Confidence of the interval outside of which a stated number differs from the identified one: a 95 % interval misses five
-/// of a hundred numbers by chance, and advice is to come of none of them. How many half-widths of the stated interval this is
-/// depends on the degrees of freedom: 1.7 with many, 2.3 with seven, 4 with three.
+/// Confidence of the interval outside of which a stated number differs from the identified one: a 95 % interval would miss
+/// five of a hundred numbers by chance, and each would cause wrong advice. In half-widths of the stated interval it is 1.7
+/// with many degrees of freedom, 2.3 with seven, 4 with three.
 pub const CERTAIN: f64 = 0.999;
 
-/// The sample in bytes that a host or a log hands out.
+/// Copies a sample from bytes.
 ///
 /// # Panics
 /// If the bytes are those of another type.
@@ -49,19 +49,19 @@ pub fn read<T: Sample>(bytes: &[u8]) -> T {
     T::read_from_bytes(bytes).expect("hosts hand out samples of their topic")
 }
 
-/// Looks at a sample in place, or at a copy where its bytes are not aligned.
+/// Reads a sample in place, or a copy if its bytes are not aligned.
 ///
 /// # Panics
 /// If the bytes are those of another type.
 #[inline]
-pub fn view<T: Sample, R>(bytes: &[u8], look: impl FnOnce(&T) -> R) -> R {
+pub fn view<T: Sample, R>(bytes: &[u8], act: impl FnOnce(&T) -> R) -> R {
     match T::ref_from_bytes(bytes) {
-        Ok(sample) => look(sample),
-        Err(_) => look(&read(bytes)),
+        Ok(sample) => act(sample),
+        Err(_) => act(&read(bytes)),
     }
 }
 
-/// Returns when a scenario changes the vehicle or the air around it, s.
+/// Returns the times at which a scenario changes the vehicle or the air, s.
 pub fn changes(scenario: &Scenario) -> impl Iterator<Item = f64> {
     let vehicle = scenario.vehicle.change.iter().map(|change| change.at);
     let fan = scenario.vehicle.fan.iter();

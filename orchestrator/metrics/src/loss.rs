@@ -1,8 +1,8 @@
-//! Whether the vehicle was lost: the same rules for every flight, in every host and for every controller.
+//! Loss of the vehicle: the same rules for every flight, host and controller.
 //!
-//! A vehicle is lost when it is too far from its path, has tipped over, touches the ground in flight or too hard, or when its
-//! motors are stopped in the air. The first of them counts, and a vehicle that comes back afterwards stays lost. The limits are the scenario's `[judge]`;
-//! docs/metrics.md says when they apply.
+//! A vehicle is lost if it is too far from its path, tips over, touches the ground in flight or too hard, or if its motors
+//! are stopped in the air. The first event counts, and a later recovery does not change it. The limits are the scenario's
+//! `[judge]`; docs/metrics.md states when they apply.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -16,37 +16,37 @@ use shared_types::service::{nanoseconds, seconds};
 
 use super::tracker::{Moment, StateSource, Vehicle};
 
-/// Height above the ground that a vehicle must have had for a touch to count, m: rounding and a bounce at lift-off do not.
+/// Minimum height before a touch counts, m: rounding and a bounce at lift-off do not count.
 const LIFTED: f64 = 0.05;
 
-/// Share of `judge.distance_max` within which a vehicle that started farther away has arrived. Less than all of it, so that
-/// one which oscillates on its way in is not lost at the border.
+/// Share of `judge.distance_max` within which a vehicle that started farther away has arrived. Below 1, so that an
+/// oscillation during the approach is no loss.
 const ARRIVED: f64 = 0.5;
 
-/// The share within which it may not tip over any more.
+/// Share of `judge.distance_max` within which an upright vehicle has settled: from then on tipping over is a loss.
 const NEAR: f64 = 0.1;
 
-/// Age of a reference from which on it does not lead the vehicle any more, s.
+/// Age of a reference above which it is not followed, s.
 const LED: f64 = 1.0;
 
-/// Height below which a vehicle touches the ground, m.
+/// Height of a vehicle that touches the ground, m.
 const TOUCHES: f64 = 1e-6;
 
 /// Reason why a vehicle is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// It was too far from the path.
+    /// Too far from the path.
     LeftPath,
-    /// Its thrust pointed too far from the vertical.
+    /// Too large an angle between thrust and vertical.
     TippedOver,
-    /// It touched the ground while it should have flown, or too hard.
+    /// Contact with the ground in flight, or too hard.
     HitGround,
-    /// Its motors were stopped in the air: by a kill, by disarming, or because no command came.
+    /// Motors stopped in the air: by a kill, by disarming, or without a command.
     MotorsStopped,
-    /// Its motors were stopped when its place had not been known for a time in which it can have come down.
+    /// Motors stopped after the position had been unknown for a time in which the vehicle may have landed.
     Unseen,
-    /// A number was not finite: where it was, or something that a service computed.
+    /// A number that is not finite, in the position or computed by a service.
     NotFinite,
 }
 
@@ -57,11 +57,12 @@ pub struct Loss {
     pub reason: Reason,
     /// When, s since the start of the flight.
     pub time: f64,
-    /// Distance from the path, m; angle against the vertical, rad; speed at the touch, m/s. None of numbers that are not finite.
+    /// Distance from the path, m; angle to the vertical, rad; speed at the contact, m/s. `None` for numbers that are not
+    /// finite.
     pub value: Option<f64>,
-    /// The limit that it exceeded, in the same unit; none where any value is too large.
+    /// Exceeded limit, in the same unit; `None` if every value is a loss.
     pub limit: Option<f64>,
-    /// Cause of a stop of the motors, as [`PathReference`] has it.
+    /// Cause of a stop of the motors, as in [`PathReference`].
     #[serde(skip)]
     pub stopped_by: u8,
     /// That cause in words.
@@ -71,33 +72,34 @@ pub struct Loss {
     pub source: StateSource,
 }
 
-/// Watches for the loss of the vehicle.
+/// Detector of the loss of the vehicle.
 #[derive(Clone, Debug)]
 pub struct LossWatch {
     limits: Judge,
-    /// Cosine of the largest tilt.
+    /// Cosine of the maximum tilt.
     least_upright: f64,
     source: StateSource,
     ground: Option<Ground>,
     has_phases: bool,
-    /// `true` of a real vehicle with phases: the end of the flight stops its motors.
+    /// `true` for a real vehicle with phases: the end of the flight stops its motors.
     must_land: bool,
-    /// Distance from the path when it first was known, m.
+    /// First known distance from the path, m.
     distance_at_start: Option<f64>,
     has_arrived: bool,
-    /// `true` if it has been upright and near its path. Sound flights that start far away or upside down tip over on their way.
+    /// `true` after the vehicle was upright and near its path. Valid flights that start far away or upside down tip over
+    /// during the approach.
     has_settled: bool,
     /// `true` after the first reference.
     has_begun: bool,
-    /// `true` if the vehicle is airborne by the newest reference.
+    /// `true` if the newest reference states that the vehicle is airborne.
     is_airborne: bool,
     /// Phase by the newest reference.
     phase: FlightPhase,
-    /// Time since which it has not been known, ns.
+    /// Time since which the position is unknown, ns.
     unknown_since_ns: Option<u64>,
     /// Time of the newest reference, ns.
     referred_at_ns: u64,
-    /// Time of the first of the newest frames that all stop the motors, ns, and why the vehicle is lost if they go on.
+    /// Time since which all frames have stopped the motors, ns, and the reason of the loss if this continues.
     stopped_since: Option<(u64, Reason)>,
     loss: Option<Loss>,
 }
@@ -107,15 +109,15 @@ pub struct LossWatch {
 struct Ground {
     /// z of the standing vehicle in {I}, m.
     height: f64,
-    /// Speed above which a touch is too hard, m/s.
+    /// Maximum speed of a contact, m/s.
     speed_max: f64,
     has_lifted: bool,
-    /// Speed downwards at the moment before, m/s.
+    /// Downward speed at the previous moment, m/s.
     sinking: f64,
 }
 
 impl LossWatch {
-    /// For a flight of `scenario` of which `source` tells where the vehicle is.
+    /// Makes the detector of a flight of `scenario`, with the vehicle's position from `source`.
     #[must_use]
     pub fn new(scenario: &Scenario, source: StateSource) -> Self {
         let limits = scenario.limits_of_loss();
@@ -129,7 +131,7 @@ impl LossWatch {
             limits,
             least_upright: libm::cos(limits.tilt_max),
             source,
-            // In a laboratory nobody knows where the ground is to within the estimate's errors.
+            // In a laboratory the errors of the estimate are larger than the height of a contact.
             ground: ground.filter(|_| source == StateSource::Truth),
             has_phases: scenario.flight.is_some(),
             must_land: source == StateSource::Estimate
@@ -148,19 +150,19 @@ impl LossWatch {
         }
     }
 
-    /// The loss of the vehicle, if it was lost.
+    /// Returns the loss, if the vehicle was lost.
     #[must_use]
     pub fn loss(&self) -> Option<&Loss> {
         self.loss.as_ref()
     }
 
-    /// Returns whether the vehicle stands disarmed by the newest reference, in a flight with phases.
+    /// Returns whether the newest reference states that the vehicle is disarmed, in a flight with phases.
     #[must_use]
     pub fn stands_disarmed(&self) -> bool {
         self.has_phases && self.has_begun && self.phase == FlightPhase::Disarmed
     }
 
-    /// Returns the loss by the end of the flight at this time, ns: it stops the motors of a vehicle that is in the air.
+    /// Returns the loss by the end of the flight at this time, ns, which stops the motors of an airborne vehicle.
     #[must_use]
     pub fn loss_at_the_end(&self, time_ns: u64) -> Option<Loss> {
         let is_stopped = self.loss.is_none() && self.must_land && self.is_in_the_air();
@@ -170,7 +172,7 @@ impl LossWatch {
         })
     }
 
-    /// Takes a moment into account; they come in the order of time.
+    /// Adds a moment; call in the order of time.
     #[inline]
     pub fn observe(&mut self, moment: &Moment) {
         let found = self
@@ -187,7 +189,7 @@ impl LossWatch {
         }
     }
 
-    /// Takes a reference into account: it states whether the vehicle is airborne, and why it was disarmed.
+    /// Adds a reference, which states whether the vehicle is airborne and why it was disarmed.
     #[inline]
     pub fn observe_reference(&mut self, reference: &PathReference) {
         let was_airborne = self.is_in_the_air();
@@ -198,7 +200,7 @@ impl LossWatch {
         if !std::mem::replace(&mut self.has_begun, true)
             && let Some(ground) = &mut self.ground
         {
-            // The log of a flight that was taken over may begin in the air, just above the ground.
+            // After a take-over the log may begin in the air, just above the ground.
             ground.has_lifted |= self.is_airborne && reference.header.tick > 0;
         }
         self.unknown_since_ns = if reference.vehicle_known.is_set() {
@@ -211,7 +213,7 @@ impl LossWatch {
             cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
         };
         let stamp_ns = reference.header.stamp_ns;
-        // Seen again on the ground: nothing says how it has come there.
+        // Found on the ground: how the vehicle came down is unknown.
         if self.must_land
             && matches!(before, FlightPhase::TakeOff | FlightPhase::Fly)
             && (phase, reference.cause) == (FlightPhase::Disarmed, PathReference::CAUSE_TOUCHED_DOWN)
@@ -223,8 +225,8 @@ impl LossWatch {
         }
     }
 
-    /// Takes a frame into account: a kill stops the motors for ever, and other failsafe frames count once the vehicle must
-    /// have fallen to the ground.
+    /// Adds a frame: a kill stops the motors until the end of the run, and other failsafe frames count after the time in
+    /// which the vehicle must have fallen to the ground.
     #[inline]
     pub fn observe_frame(&mut self, frame: &RcFrame) {
         if !frame.failsafe.is_set() || !self.is_in_the_air() {
@@ -246,15 +248,16 @@ impl LossWatch {
         }
     }
 
-    /// Whether the vehicle is in the air: as its reference says, and not standing on a ground of known height. A path
-    /// generator that does not see the vehicle cannot know that it has come down.
+    /// Returns whether the vehicle is in the air: by its reference, and not on a ground of known height. Without tracking the
+    /// path generator cannot detect a landing.
     fn is_in_the_air(&self) -> bool {
         self.is_airborne && self.ground.as_ref().is_none_or(|ground| ground.has_lifted)
     }
 
-    /// Returns what a stop of the motors at a time means: a vehicle that has not been known for long may be down.
+    /// Returns the reason of a loss by a stop of the motors at a time: after a long time without a position the vehicle may
+    /// have landed.
     fn reason_of_stop(&self, stamp_ns: u64) -> Reason {
-        // Nothing says more without a path generator.
+        // Without a path generator the newest reference is the last information.
         let known_until_ns = self.unknown_since_ns.unwrap_or(self.referred_at_ns);
         let unknown_for_ns = stamp_ns.saturating_sub(known_until_ns);
         if self.source == StateSource::Estimate && unknown_for_ns >= nanoseconds(GROUNDED_AFTER) {
@@ -295,7 +298,7 @@ impl LossWatch {
 
     #[inline]
     fn tipped_over(&mut self, moment: &Moment) -> Option<Finding> {
-        // The last of R: cosine of the angle between the body's axis and the vertical.
+        // R33: cosine of the angle between the body's axis and the vertical.
         let upright = moment.vehicle.world_from_body[8].clamp(-1.0, 1.0);
         let is_upright = upright >= self.least_upright;
         let near = NEAR * self.limits.distance_max;
@@ -317,8 +320,8 @@ impl LossWatch {
         if height > TOUCHES || !std::mem::replace(&mut ground.has_lifted, false) {
             return None;
         }
-        // One that is not seen is brought down by the failsafe stages, in whatever phase, and one without a path generator by its
-        // controller.
+        // Without tracking the failsafe stages land the vehicle in any phase, and without a path generator the controller
+        // does.
         if self.unknown_since_ns.is_none()
             && is_led
             && moment.path.is_some_and(|path| path.phase == FlightPhase::Fly)
@@ -331,13 +334,13 @@ impl LossWatch {
 }
 
 impl Loss {
-    /// A service computed a number that is not finite at this time, s.
+    /// Makes the loss by a number that is not finite, computed by a service at this time, s.
     #[must_use]
     pub fn not_finite(time: f64, source: StateSource) -> Self {
         Self::new(Reason::NotFinite, time, source)
     }
 
-    /// A loss at this time, s, without a number or a cause.
+    /// Makes a loss at this time, s, without a value or a cause.
     fn new(reason: Reason, time: f64, source: StateSource) -> Self {
         Self {
             reason,
@@ -355,7 +358,7 @@ impl Loss {
     }
 }
 
-/// A finding: reason, value and limit.
+/// Reason, value and limit.
 type Finding = (Reason, Option<f64>, Option<f64>);
 
 fn speed_downwards(vehicle: &Vehicle) -> f64 {

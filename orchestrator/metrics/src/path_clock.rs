@@ -1,11 +1,10 @@
-//! Where the path was at any moment, between the references, each of which speaks of a time of its own.
+//! Position of the path at any time, from references with separate times.
 //!
-//! A reference is made for the state that it was made from, and that state may be a prediction. So references
-//! are put aside until the time they speak of has come, and from then on γ moves by their γ̇ and γ̈, and the point by its
-//! derivatives in γ, until the next one's time.
+//! A reference holds at the time of the state it was computed from, which may be a prediction. So references are queued
+//! until their time. From then on γ moves by their γ̇ and γ̈, and the point by its derivatives in γ, until the time of the
+//! next one.
 //!
-//! The path is the one that `path/reference` publishes. So the line of a take-off counts as well, and where a program flies
-//! in place of the path generator, so does whatever path that has.
+//! The path is that of `path/reference`, which includes the line of a take-off and the path of an external path generator.
 
 use std::collections::VecDeque;
 
@@ -13,18 +12,17 @@ use scenario::Vector;
 use shared_types::FlightPhase;
 use shared_types::samples::PathReference;
 
-/// The longest time over which a reference is carried along the path.
+/// Maximum time over which a reference is extrapolated, ns. Without a newer reference the path stands still after it.
 ///
-/// References are seldom made, and of times to come; between them the point moves on. A path that nothing has moved for
-/// longer stands. The polynomial of third order in γ is exact to a tenth of a millimetre over this time on the paper's
-/// eight, and to 1e-7 m between two references of the laboratory.
+/// On the paper's eight the error of the third-order polynomial in γ is 0.1 mm over this time, and 1e-7 m between two
+/// references of the laboratory.
 const CARRIED_NS: u64 = 200_000_000;
 
-/// The furthest time ahead of its publication that a reference may speak of, ns. Predictions reach some tens of
-/// milliseconds; the number of references that are put aside must not grow with what a program writes into its samples.
+/// Maximum time of a reference ahead of its publication, ns. Predictions are some tens of milliseconds ahead; an external
+/// program must not be able to grow the queue without limit.
 const HORIZON_NS: u64 = 1_000_000_000;
 
-/// Place where the path is at a moment.
+/// Position of the path at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Demand {
     /// pd in {I}, m.
@@ -33,12 +31,12 @@ pub struct Demand {
     pub gamma: f64,
     /// ψd, rad.
     pub yaw: f64,
-    /// The phase of the flight, as the reference says it.
+    /// Phase of the flight, by the reference.
     pub phase: FlightPhase,
 }
 
 impl Demand {
-    /// Distance of a position from the point, m; none of numbers that are not finite.
+    /// Returns the distance of a position from the point, m; `None` for numbers that are not finite.
     #[must_use]
     #[inline]
     pub fn distance(&self, position_world: &Vector) -> Option<f64> {
@@ -47,24 +45,24 @@ impl Demand {
     }
 }
 
-/// Tells where the path is, given all references in the order in which they were published.
+/// Position of the path as a function of time, from all references in the order of their publication.
 #[derive(Clone, Debug, Default)]
 pub struct PathClock {
-    /// The reference that acts, if its time has come, and those whose time is still to come: as many as are made during a
-    /// prediction. They are kept whole, because a copy of a whole sample is cheaper than one of its parts.
+    /// The current reference, if its time has passed, and the future ones within a prediction. Whole samples, because copying
+    /// a whole sample is cheaper than copying its fields.
     references: VecDeque<PathReference>,
-    /// `true` if the first of them acts.
+    /// `true` if the first reference is the current one.
     has_begun: bool,
 }
 
 impl PathClock {
-    /// Takes a reference into account.
+    /// Adds a reference.
     #[inline]
     pub fn observe(&mut self, reference: &PathReference) {
         self.references.push_back(*reference);
     }
 
-    /// Returns where the path is at a time, which must not go back; nothing before the first reference's.
+    /// Returns the position at a time, which must not decrease; `None` before the first reference.
     #[inline]
     pub fn at(&mut self, time_ns: u64) -> Option<Demand> {
         while let Some(next) = self.references.get(usize::from(self.has_begun))
@@ -80,14 +78,14 @@ impl PathClock {
     }
 }
 
-/// Returns the time that a reference speaks of, ns.
+/// Returns the time at which a reference holds, ns.
 #[inline]
 fn time_of(reference: &PathReference) -> u64 {
     let latest = reference.header.stamp_ns.saturating_add(HORIZON_NS);
     reference.reference_time_ns.min(latest)
 }
 
-/// Returns where the path of a reference is at another time: γ moves by its derivatives, and pd by its Taylor polynomial in γ.
+/// Extrapolates a reference to another time: γ by its derivatives, and pd by its Taylor polynomial in γ.
 #[must_use]
 #[inline]
 pub fn carried(reference: &PathReference, time_ns: u64) -> Demand {

@@ -1,17 +1,17 @@
-//! Percentiles of a stream of distances, in fixed memory.
+//! Percentiles of a stream of distances, in constant memory.
 
 use hdrhistogram::Histogram;
 
-/// Histogram units in a metre: distances are told apart down to a micrometre.
+/// Histogram units per metre: the resolution is a micrometre.
 const PER_METRE: f64 = 1e6;
 
-/// The largest distance that is told from larger ones, m.
+/// Upper limit of the histogram, m.
 const LARGEST: f64 = 1e4;
 
-/// Significant digits that are kept: percentiles are exact to a thousandth of themselves.
+/// Significant digits of the histogram: the relative error of percentiles is 0.1 %.
 const DIGITS: u8 = 3;
 
-/// The distances seen so far, by their size.
+/// Histogram of the distances.
 #[derive(Clone, Debug)]
 pub struct Percentiles(Histogram<u64>);
 
@@ -23,18 +23,18 @@ impl Default for Percentiles {
 }
 
 impl Percentiles {
-    /// Takes a distance (m) into account.
+    /// Adds a distance, m.
     #[inline]
     pub fn add(&mut self, distance: f64) {
         self.0.saturating_record((distance * PER_METRE + 0.5) as u64);
     }
 
-    /// Takes the distances of others into account.
+    /// Adds the distances of another histogram.
     pub fn join(&mut self, later: &Self) {
         self.0.add(&later.0).expect("all have the same bounds");
     }
 
-    /// The distance that a share of all is no larger than, m; none of no distances.
+    /// Returns the quantile at a share, m; `None` without distances.
     #[must_use]
     pub fn at(&self, share: f64) -> Option<f64> {
         let units = self.0.value_at_quantile(share);

@@ -1,24 +1,24 @@
-//! Mean, deviation and extremes of a stream of numbers, in fixed memory.
+//! Mean, deviation and extremes of a stream of numbers, in constant memory.
 
 use serde::{Deserialize, Serialize};
 
-/// The statistics of the numbers seen so far.
+/// Running statistics.
 ///
-/// Sums are those of the distances from the first number, so that no digits are lost to a large mean, and a number costs no
-/// division. Of no numbers at all every statistic is NaN, which no bar calls reached.
+/// The sums are of differences from the first number, which avoids cancellation for a large mean without a division per
+/// number. Without numbers every statistic is NaN, which passes no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     count: u64,
     first: f64,
-    /// Sum of the distances from the first number.
+    /// Sum of the differences from the first number.
     sum: f64,
-    /// Sum of their squares.
+    /// Sum of the squares of these differences.
     squares: f64,
     largest: f64,
 }
 
 impl Statistics {
-    /// Takes a number into account.
+    /// Adds a number.
     #[inline]
     pub fn add(&mut self, value: f64) {
         if self.count == 0 {
@@ -31,7 +31,7 @@ impl Statistics {
         self.largest = self.largest.max(value.abs());
     }
 
-    /// Takes the numbers of other statistics into account.
+    /// Adds the numbers of other statistics.
     pub fn join(&mut self, later: &Self) {
         if self.count == 0 {
             *self = *later;
@@ -44,19 +44,19 @@ impl Statistics {
         self.largest = self.largest.max(later.largest);
     }
 
-    /// Returns how many numbers there were.
+    /// Returns the number of values.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their mean.
+    /// Returns the mean.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.unless_empty(self.first + self.sum / self.count as f64)
     }
 
-    /// Their standard deviation about the mean.
+    /// Returns the standard deviation about the mean.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         self.variance().sqrt()
@@ -67,14 +67,14 @@ impl Statistics {
         (self.squares / count - mean * mean).max(0.0 * mean)
     }
 
-    /// Root of the mean of their squares.
+    /// Returns the root mean square.
     #[must_use]
     pub fn rmse(&self) -> f64 {
         let mean = self.mean();
         (mean * mean + self.variance()).sqrt()
     }
 
-    /// The largest magnitude.
+    /// Returns the maximum magnitude.
     #[must_use]
     pub fn max(&self) -> f64 {
         self.unless_empty(self.largest)
@@ -140,7 +140,7 @@ mod tests {
             let mean = shifted.iter().sum::<f64>() / count;
             let variance = shifted.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
             let squares = shifted.iter().map(|value| value * value).sum::<f64>() / count;
-            // Of sums of so many numbers of this size.
+            // For sums of this number of values of this size.
             let rounding = 1e-12 * (1.0 + offset.abs());
             prop_assert!((statistics.mean() - mean).abs() < rounding);
             prop_assert!((statistics.deviation() - variance.sqrt()).abs() < rounding);

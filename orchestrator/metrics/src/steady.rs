@@ -1,7 +1,7 @@
-//! A phase of a flight in two parts: the transient, and the steady state after it.
+//! Transient and steady state of a phase of a flight.
 //!
-//! The border is a function of the scenario and not of what a controller makes of it, so that all controllers are judged over
-//! the same time: `judge.steady_after`, counted from the first moment of the phase at which the vehicle flies along its path.
+//! The boundary is a function of the scenario and not of the performance of a controller, so that all controllers are judged
+//! over the same time: `judge.steady_after` from the first moment of the phase at which the vehicle flies along its path.
 
 use scenario::Scenario;
 use shared_types::Schedule;
@@ -10,22 +10,22 @@ use shared_types::samples::RcFrame;
 use crate::stretch::Stretch;
 use crate::tracker::Moment;
 
-/// Length of the transient unless the scenario states it or the phase is shorter than two of them, s.
+/// Default length of the transient in a phase of at least twice this length, s.
 pub const STEADY_AFTER: f64 = 10.0;
 
-/// A phase while it is flown: the time between two changes of the vehicle.
+/// Running metrics of a phase: the time between two changes of the vehicle.
 #[derive(Clone, Debug)]
 pub struct PhaseParts {
     begin_tick: u64,
     /// First tick after the phase.
     end_tick: u64,
-    /// Tick at which the vehicle is to leave its path, at the latest that of the phase's end.
+    /// Tick at which the vehicle leaves its path, at most the end of the phase.
     leave_tick: u64,
     /// Stated length of the transient, ticks.
     stated: Option<u64>,
     /// Length of the transient of a long phase, ticks.
     usual: u64,
-    /// First tick of the steady state; none before the vehicle has flown along its path.
+    /// First tick of the steady state; `None` before the vehicle has flown along its path.
     steady_tick: Option<u64>,
     transient: Stretch,
     steady: Stretch,
@@ -60,13 +60,13 @@ impl PhaseParts {
         bounds.windows(2).map(|pair| phase(pair[0], pair[1])).collect()
     }
 
-    /// Returns its first tick, and the first one after it.
+    /// Returns the first tick of the phase, and the first one after it.
     #[must_use]
     pub fn ticks(&self) -> [u64; 2] {
         [self.begin_tick, self.end_tick]
     }
 
-    /// Takes a moment of the phase into account; one at which the vehicle does not fly along the path does not count.
+    /// Adds a moment of the phase; ignores moments at which the vehicle does not fly along the path.
     #[inline]
     pub fn observe(&mut self, moment: &Moment) {
         if moment.distance_on_path().is_some() {
@@ -78,7 +78,7 @@ impl PhaseParts {
         }
     }
 
-    /// Takes a frame into account that was sent on the path.
+    /// Adds a frame that was sent on the path.
     #[inline]
     pub fn observe_frame(&mut self, frame: &RcFrame) {
         self.part(frame.header.tick).observe_frame(frame);
@@ -126,8 +126,9 @@ mod tests {
     use run_log::test_flight::scenario;
     use shared_types::FlightPhase;
 
-    /// The metrics of transient and steady state of a flight of 10 ms ticks whose mass changes in its middle, phase by phase; the
-    /// vehicle is away from its path (m) as `distance` says of the time (s), and `None` where it does not fly along it.
+    /// The metrics of transient and steady state of a flight of 10 ms ticks whose mass changes in its middle, phase by
+    /// phase; the vehicle is away from its path (m) as `distance` says of the time (s), and `None` where it does not fly
+    /// along it.
     fn parts(
         duration: f64,
         stated: Option<f64>,

@@ -1,4 +1,4 @@
-//! The metrics of a stretch of a flight: all of it, or the part between two changes of the vehicle.
+//! Metrics of a stretch of a flight: the whole flight, or the part between two changes of the vehicle.
 
 use serde::{Deserialize, Serialize};
 use shared_types::samples::RcFrame;
@@ -9,47 +9,47 @@ use super::percentiles::Percentiles;
 use super::statistics::Statistics;
 use super::tracker::Moment;
 
-/// The vehicle's distance from the path in a stretch, and its effort: while it flew along the path.
+/// Distance from the path and effort in a stretch, while the vehicle flew along the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// From the first moment to the last, s since the start of the flight.
+    /// First and last moment, s since the start of the flight.
     pub span: [f64; 2],
-    /// Moments, one each sample of the vehicle.
+    /// Number of moments, one per sample of the vehicle.
     pub moments: u64,
     /// Root mean square of the distance from the path, m.
     pub rmse: f64,
-    /// Its mean, m.
+    /// Mean distance, m.
     pub mean: f64,
-    /// Its standard deviation about the mean, m.
+    /// Standard deviation of the distance, m.
     pub deviation: f64,
-    /// The distance that half of all moments do not exceed, m.
+    /// Median distance, m.
     pub p50: f64,
-    /// The same of 95 in 100, m.
+    /// 95 % quantile of the distance, m.
     pub p95: f64,
-    /// The same of 99 in 100, m.
+    /// 99 % quantile of the distance, m.
     pub p99: f64,
-    /// The largest distance, m.
+    /// Maximum distance, m.
     pub max: f64,
-    /// Time at which it first was so large, s since the start of the flight.
+    /// Time of the maximum, s since the start of the flight.
     pub time_of_max: f64,
-    /// Time from the first moment after which the distance stayed below [`SETTLED`], s; none if it did not.
+    /// Time from the first moment after which the distance stayed below [`SETTLED`], s; `None` if it did not.
     pub settling_time: Option<f64>,
     /// Mean of the thrust T, N.
     pub thrust_mean: f64,
     /// Root mean square of the body rates ‖ω‖, rad/s.
     pub body_rate_rms: f64,
-    /// Share of the radio's frames in which a limit changed what the controller asked for; none of no frames.
+    /// Share of the radio's frames in which a limit changed the command; `None` without frames.
     pub saturated_share: Option<f64>,
 }
 
-/// Gathers [`Metrics`] while a flight goes on, in constant memory.
+/// Running [`Metrics`] in constant memory.
 #[derive(Clone, Debug, Default)]
 pub struct Stretch {
     distance: Statistics,
     percentiles: Percentiles,
     /// First and last moment, ns.
     span_ns: Option<[u64; 2]>,
-    /// Moment of the largest distance, ns.
+    /// Time of the maximum distance, ns.
     largest_ns: u64,
     settled_since_ns: Option<u64>,
     thrust: Statistics,
@@ -59,7 +59,7 @@ pub struct Stretch {
 }
 
 impl Stretch {
-    /// Takes a moment into account; one at which the vehicle does not fly along the path does not count.
+    /// Adds a moment; ignores moments at which the vehicle does not fly along the path.
     #[inline]
     pub fn observe(&mut self, moment: &Moment) {
         let Some(distance) = moment.distance_on_path() else {
@@ -79,14 +79,14 @@ impl Stretch {
         self.body_rate.add((x * x + y * y + z * z).sqrt());
     }
 
-    /// Takes a frame that was sent on the path into account.
+    /// Adds a frame that was sent on the path.
     #[inline]
     pub fn observe_frame(&mut self, frame: &RcFrame) {
         self.frames += 1;
         self.saturated_frames += u64::from(frame.saturated.is_set());
     }
 
-    /// Takes the stretch that follows into account.
+    /// Appends the stretch that follows.
     pub fn join(&mut self, later: &Self) {
         self.frames += later.frames;
         self.saturated_frames += later.saturated_frames;
@@ -96,11 +96,11 @@ impl Stretch {
         if self.span_ns.is_none() || later.distance.max() > self.distance.max() {
             self.largest_ns = later.largest_ns;
         }
-        // One that was settled from its first moment on goes on with what was before.
-        let goes_on = self.span_ns.is_some() && later.settled_since_ns == Some(begin);
+        // If the later stretch was settled from its first moment on, the settled time of the earlier one continues.
+        let continues = self.span_ns.is_some() && later.settled_since_ns == Some(begin);
         self.settled_since_ns = self
             .settled_since_ns
-            .filter(|_| goes_on)
+            .filter(|_| continues)
             .or(later.settled_since_ns);
         self.span_ns = Some([self.span_ns.map_or(begin, |[first, _]| first), end]);
         self.distance.join(&later.distance);
@@ -109,7 +109,7 @@ impl Stretch {
         self.body_rate.join(&later.body_rate);
     }
 
-    /// The metrics; none of a stretch in which the vehicle never flew along the path.
+    /// Returns the metrics; `None` if the vehicle never flew along the path.
     #[must_use]
     pub fn finish(&self) -> Option<Metrics> {
         let [first_ns, last_ns] = self.span_ns?;

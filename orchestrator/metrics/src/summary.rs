@@ -1,7 +1,7 @@
-//! The results of a flight: the numbers of the paper, computed while it flies.
+//! Results of a flight: the numbers of the paper, computed during the flight.
 //!
-//! [`FlightSummary`] sees every sample once, in the order of the log, and keeps a fixed amount of memory however
-//! long the flight is. [`Summary`] is what comes of it: `summary.json` for programs, a table for people.
+//! [`FlightSummary`] reads every sample once, in the order of the log, in constant memory. [`Summary`] is the result:
+//! `summary.json` for programs, a table for users.
 
 mod at_bound;
 pub mod faults;
@@ -33,13 +33,12 @@ use laboratory::LaboratoryReport;
 use phase::PhaseRecords;
 use timing::TimingReport;
 
-/// The largest ratio to the theorem's bound that still counts as near it.
+/// Maximum ratio to the theorem's bound that counts as near it.
 ///
-/// The theorem speaks of a controller in continuous time and of the limit t → ∞; a 1 kHz hold and half a minute
-/// leave some percent.
+/// The theorem holds for a controller in continuous time and for t → ∞; a hold of 1 kHz and half a minute cause some percent.
 pub const NEAR_THE_BOUND: f64 = 1.1;
 
-/// The end of a phase, compared with what the theorem promises of Gerono's own law.
+/// Ultimate distance of a phase compared with the theorem's bound for Gerono's own law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AgainstBound {
@@ -52,7 +51,7 @@ pub enum AgainstBound {
 }
 
 impl AgainstBound {
-    /// An ultimate distance (m) compared with a bound (m).
+    /// Compares an ultimate distance (m) with a bound (m).
     #[must_use]
     pub fn of(ultimate: f64, bound: f64) -> Self {
         if ultimate <= bound {
@@ -74,13 +73,13 @@ pub enum Outcome {
     Completed,
     /// The run did not fail, and the vehicle was lost.
     Lost,
-    /// The user asked for the end.
+    /// The user ended the run.
     Interrupted,
-    /// It could not go on.
+    /// The run failed.
     Failed,
 }
 
-/// Facts that only the caller knows of a run; by default those of a log alone, which does not tell of its run.
+/// Facts about a run that samples do not have; the default is that of a log without its run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RunFacts {
     /// Name of the scenario.
@@ -89,9 +88,9 @@ pub struct RunFacts {
     pub host: String,
     /// The outcome of the run.
     pub outcome: Outcome,
-    /// Reason for the outcome, in words; empty when it was completed.
+    /// Reason for the outcome; empty if completed.
     pub reason: String,
-    /// `true` if the flight went on to its last tick, which stops the motors of a real vehicle. A log alone does not show it.
+    /// `true` if the flight continued to its last tick, which stops the motors of a real vehicle. Not in the log.
     #[serde(skip)]
     pub is_over: bool,
     /// Tick at which a service computed a number that is not finite, if that ended it.
@@ -102,8 +101,8 @@ pub struct RunFacts {
     pub in_log: Option<u64>,
     /// Wall time from the first tick to the last, s.
     pub wall_seconds: f64,
-    /// Restarts of services in flight; the log shows nothing of them.
-    #[serde(rename = "rebirths", skip_serializing_if = "Vec::is_empty")]
+    /// Restarts of services in flight, which leave no trace in the log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub restarts: Vec<Restart>,
     /// The timing of the flight, if it was flown in real time.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -116,14 +115,14 @@ pub struct RunFacts {
 /// The result of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// The facts that only the caller knew.
+    /// Facts about the run.
     #[serde(flatten)]
     pub run: RunFacts,
     /// Seed of the flight.
     pub seed: u64,
     /// Time of the last recorded tick, s.
     pub simulated_seconds: f64,
-    /// Time from which on it was observed, s: later than 0 of a flight that was taken over.
+    /// Beginning of the observation, s: later than 0 after a take-over.
     #[serde(skip)]
     pub began_at: f64,
     /// Simulated seconds per wall second.
@@ -132,20 +131,19 @@ pub struct Summary {
     pub lost: Option<Loss>,
     /// The source of the vehicle's position: the truth, or in a laboratory the estimator.
     pub source: StateSource,
-    /// The vehicle's distance from the path in the steady state of the last phase, by which a flight is judged; none if that
-    /// was not flown.
+    /// Metrics of the steady state of the last phase, by which a flight is judged; `None` if it was not flown.
     pub steady: Option<Metrics>,
-    /// The same in all of the flight; none if it never flew along its path.
+    /// Metrics of the whole flight; `None` if the vehicle never flew along its path.
     pub metrics: Option<Metrics>,
-    /// atanh(δ/(k1 σmax)): what the theorem bounds the distance from the path by ultimately, m; none of another controller
-    /// than Gerono's own.
+    /// atanh(δ/(k1 σmax)): the theorem's ultimate bound of the distance from the path, m; `None` for other controllers than
+    /// Gerono's own.
     pub ultimate_bound: Option<f64>,
     /// The phases between the changes of the vehicle, as far as they were flown.
     pub phases: Vec<Phase>,
-    /// Estimates that rested at their bounds at the end of a phase.
+    /// Estimates at their bounds at the end of a phase.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub at_bound: Vec<AtBound>,
-    /// The phases from disarmed to disarmed, in their order; none in a flight that is in the air from the start.
+    /// Flight phases from disarmed to disarmed, in order; empty for a flight that starts in the air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flight: Vec<FlightPhaseBegin>,
     /// The planned faults, as far as they were flown.
@@ -160,28 +158,28 @@ pub struct Summary {
 pub struct Phase {
     /// Time at which it begins, s.
     pub begins: f64,
-    /// Time at which it ends, or for a phase that was not flown to its end when it was left, s.
+    /// End of the phase, or of its flown part, s.
     pub ends: f64,
     /// `true` if it was flown to its end.
     pub is_complete: bool,
-    /// The vehicle's distance from the path; none if it did not fly along it.
+    /// Metrics of the whole phase; `None` if the vehicle did not fly along the path.
     pub metrics: Option<Metrics>,
-    /// The same in the transient: before the steady state.
+    /// Metrics of the transient, before the steady state.
     pub transient: Option<Metrics>,
-    /// The same in the steady state, from `judge.steady_after` on.
+    /// Metrics of the steady state, from `judge.steady_after` on.
     pub steady: Option<Metrics>,
-    /// Largest distance from the path in the last [`ULTIMATE_WINDOW`](crate::ULTIMATE_WINDOW) of the phase, m; in all of it, if it is shorter. Only
-    /// of a complete phase, and only if the vehicle flew along the path there: not of one that stands on the ground by then.
+    /// Maximum distance from the path in the last [`ULTIMATE_WINDOW`](crate::ULTIMATE_WINDOW) of the phase, m, or in a
+    /// shorter phase. Only for a complete phase in which the vehicle flew along the path at the end.
     pub ultimate: Option<f64>,
     /// `ultimate` against the theorem's bound, where there is one.
     pub against_bound: Option<AgainstBound>,
-    /// The parameters at the phase's end and what the controller took them for.
+    /// Parameters at the end of the phase, and their estimates.
     pub parameters: Parameters,
     /// γ at the phase's end.
     pub gamma: Option<f64>,
 }
 
-/// Unknown parameters of the vehicle and their estimates; none where no sample came.
+/// Unknown parameters of the vehicle and their estimates; `None` without a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Parameters {
     /// m, kg.
@@ -201,54 +199,53 @@ pub struct TopicCount {
     pub topic: &'static str,
     /// Samples recorded.
     pub recorded: u64,
-    /// Samples that the schedule had due up to the last recorded tick and that nobody published: in a flight in real time,
-    /// those of steps that were left out.
+    /// Due samples up to the last recorded tick that were not published: in real time, those of skipped steps.
     pub not_flown: u64,
     /// Samples that were published and not recorded.
     pub not_recorded: u64,
 }
 
-/// Time in which an orchestrator that takes over has connected to what the services publish, s.
+/// Time in which an orchestrator that takes over connects to the services' topics, s.
 const CONNECTING: f64 = 0.2;
 
-/// Gathers a [`Summary`] while a flight goes on, in constant memory.
+/// Running [`Summary`] in constant memory.
 #[derive(Clone, Debug)]
 pub struct FlightSummary {
     seed: u64,
     bound: Option<f64>,
-    /// Of the estimates, if the controller is Gerono's own.
+    /// Bounds of the estimates, for Gerono's own controller.
     bounds: Option<Bounds>,
     schedule: Schedule,
     tracker: Tracker,
     loss: LossWatch,
-    /// `true` if the vehicle flies along its path, as far as it is known.
+    /// `true` if the vehicle flies along its path, by the newest information.
     is_on_path: bool,
     phases: PhaseRecords,
-    /// Only where faults are planned: who plans none does not pay for them.
+    /// `None` without planned faults.
     faults: Option<Box<FaultWatch>>,
     flight: FlightWatch,
-    /// `true` of a flight with phases.
+    /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
     first_tick: u64,
     last_tick: Option<u64>,
 }
 
-/// Counts the samples of a topic that belong into the log, by the sequence numbers in their headers.
+/// Count of the samples of a topic that belong to the log, by the sequence numbers in their headers.
 #[derive(Clone, Copy, Debug)]
 struct SequenceCount {
-    /// How much of the topic the log has.
+    /// Recorded part of the topic.
     scope: Recorded,
     recorded: u64,
-    /// Number of the next one, of those that belong into the log.
+    /// Number of the next sample that belongs to the log.
     next: u64,
     gaps: u64,
-    /// Number up to which nothing is missing before the next one: the first after a take-over.
+    /// Number below which missing samples do not count: those before a take-over.
     may_skip_to: u64,
 }
 
 impl FlightSummary {
-    /// For a flight of `scenario`, whose schedule is `schedule`.
+    /// Makes the running summary of a flight of `scenario` with its `schedule`.
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         let faults = PlannedFault::all(scenario);
@@ -274,7 +271,7 @@ impl FlightSummary {
         }
     }
 
-    /// Expects nothing before a tick: the flight was taken over there.
+    /// Begins at the tick of a take-over.
     pub fn begin_at(&mut self, tick: u64) {
         self.first_tick = tick;
         let connected = tick + nanoseconds(CONNECTING) / self.schedule.tick_ns();
@@ -290,7 +287,7 @@ impl FlightSummary {
         }
     }
 
-    /// Takes a recorded sample into account; they come in the order of the log.
+    /// Adds a recorded sample; call in the order of the log.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let header = header_of(bytes);
@@ -338,7 +335,7 @@ impl FlightSummary {
         }
     }
 
-    /// Takes the moment of the newest vehicle into account, nothing more of which comes.
+    /// Adds the moment of the newest vehicle, which is complete.
     #[inline]
     fn end_moment(&mut self) {
         let Self {
@@ -370,7 +367,7 @@ impl FlightSummary {
 
     #[inline]
     fn observe_adaptation(&mut self, adaptation: &ControlAdaptation) {
-        // A controller that is not ours need not estimate anything, and then leaves the sample zero.
+        // An external controller without estimates leaves the sample zero.
         if adaptation.mass_estimate > 0.0 {
             let parameters = &mut self.phases.at(adaptation.header.tick).parameters;
             parameters.mass_estimate = Some(adaptation.mass_estimate);
@@ -387,20 +384,20 @@ impl FlightSummary {
     }
 
     fn observe_event(&mut self, event: &RunEvent) {
-        // The theorem is about gains that stay.
+        // The theorem holds for constant gains.
         if event.kind == RunEvent::KIND_OPERATOR_TUNES {
             self.bound = None;
         }
         self.flight.observe_event(event);
     }
 
-    /// Returns the loss of the vehicle so far, if it was lost.
+    /// Returns the loss, if the vehicle was lost.
     #[must_use]
     pub fn loss(&self) -> Option<&Loss> {
         self.loss.loss()
     }
 
-    /// The summary of all that was observed.
+    /// Returns the summary of the added samples.
     #[must_use]
     pub fn finish(mut self, run: RunFacts) -> Summary {
         self.end_moment();
@@ -458,7 +455,7 @@ impl FlightSummary {
         }
     }
 
-    /// Returns the loss of the vehicle, if it was lost, with the origin of a request that stopped its motors.
+    /// Returns the loss, if the vehicle was lost, with the origin of a request that stopped its motors.
     fn lost(&self, run: &RunFacts) -> Option<Loss> {
         if let Some(loss) = self.loss.loss() {
             return Some(Loss {
@@ -476,10 +473,10 @@ impl FlightSummary {
         self.loss.loss_at_the_end(self.schedule.time_ns(last_tick))
     }
 
-    /// Returns the recorded samples of a topic; of the orchestrator's own topics only gaps can be told.
+    /// Returns the recorded samples of a topic; for the orchestrator's own topics only gaps can be detected.
     ///
-    /// In simulated time everything due is published. In real time `timing` tells what was; of a topic that is not published
-    /// at every step nobody knows it, and what is missing counts as not flown.
+    /// In simulated time every due sample is published. In real time `timing` has the published ones; for a topic that is not
+    /// published at every step they are unknown, and missing samples count as not flown.
     fn topic_count(&self, topic: Topic, timing: Option<&TimingReport>) -> TopicCount {
         let SequenceCount {
             scope,
@@ -504,7 +501,7 @@ impl FlightSummary {
 }
 
 impl RunFacts {
-    /// Returns what was late and by how much, after "the". Services that died leave out steps on any machine.
+    /// Returns the lateness, as a phrase after "the". Services that died skip steps on any machine.
     fn lateness(&self) -> Option<String> {
         let lateness = self.timing.as_ref()?.lateness()?;
         Some(match self.restarts.len() {
@@ -516,8 +513,7 @@ impl RunFacts {
     }
 }
 
-/// Returns the facts of a run with the verdict on it: lost rather than completed, and that the machine was late beside the
-/// reason.
+/// Returns the facts of a run with its verdict: lost instead of completed, and the lateness of the machine in the reason.
 fn verdict(run: RunFacts, lost: Option<&Loss>) -> RunFacts {
     let Some(loss) = lost else { return run };
     let late = run.lateness().map(|lateness| format!("the {lateness}"));

@@ -1,8 +1,8 @@
-//! The vehicle beside its path, tick by tick.
+//! The vehicle and its path at each tick.
 //!
-//! The distance from the path is ‖p − pd(γ(t))‖: the true position, and the point at which the path was at the same time.
-//! A flight in a laboratory does not know the truth; there it is the estimated position at the time that the state speaks
-//! of, and all output of it says so.
+//! The distance from the path is ‖p − pd(γ(t))‖, between the true position and the position of the path at the same time.
+//! In a laboratory the truth is unknown: there it is the estimated position at the time of the state, and all output states
+//! so.
 
 use scenario::Vector;
 use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
@@ -18,12 +18,12 @@ use run_log::{LogReadError, LogReader};
 pub enum StateSource {
     /// `vehicle/truth`.
     Truth,
-    /// `vehicle/state`, where nobody knows the truth.
+    /// `vehicle/state`, if the truth is unknown.
     Estimate,
 }
 
 impl StateSource {
-    /// That of a flight of this schedule.
+    /// Returns the source in a flight of this schedule.
     #[must_use]
     pub fn of(schedule: &Schedule) -> Self {
         if schedule.simulates_the_world() {
@@ -33,7 +33,7 @@ impl StateSource {
         }
     }
 
-    /// The topic by which it is told.
+    /// Returns the topic of the source.
     #[must_use]
     pub fn topic(self) -> Topic {
         match self {
@@ -48,7 +48,7 @@ impl StateSource {
 pub struct Vehicle {
     /// Tick of the sample.
     pub tick: u64,
-    /// The time that the sample speaks of, ns since the start of the flight.
+    /// Time at which the sample holds, ns since the start of the flight.
     pub time_ns: u64,
     /// p in {I}, m.
     pub position_world: Vector,
@@ -93,7 +93,7 @@ impl From<&VehicleState> for Vehicle {
 }
 
 impl Vehicle {
-    /// The estimated vehicle, if it is tracked: otherwise the sample repeats an old one, or guesses.
+    /// Returns the estimated vehicle, if it is tracked: otherwise the sample is old or dead-reckoned.
     #[must_use]
     #[inline]
     pub fn tracked(state: &VehicleState) -> Option<Self> {
@@ -106,15 +106,15 @@ impl Vehicle {
 pub struct Moment {
     /// The vehicle.
     pub vehicle: Vehicle,
-    /// The path; none before there was one.
+    /// The path; `None` before the first reference.
     pub path: Option<Demand>,
-    /// Distance from the path, m; none while nothing is to be followed: before there is a path, and while the vehicle
-    /// stands on the ground, disarmed or armed.
+    /// Distance from the path, m; `None` before the first reference, and while the vehicle is disarmed or armed on the
+    /// ground.
     pub distance: Option<f64>,
 }
 
 impl Moment {
-    /// Distance from the path while the vehicle flies along it, m: neither on its way there nor on its way down.
+    /// Returns the distance while the vehicle flies along the path, m; `None` during take-off and landing.
     #[must_use]
     #[inline]
     pub fn distance_on_path(&self) -> Option<f64> {
@@ -123,21 +123,22 @@ impl Moment {
     }
 }
 
-/// Puts vehicle and path of the same moment beside each other, given all samples in the order of the log.
+/// Matches vehicle and path of the same time, given all samples in the order of the log.
 ///
-/// In a tick of the log the vehicle comes before its path. So they are compared when the vehicle comes next, or at the end.
+/// In the log the vehicle precedes the path of its tick. So they are compared at the next sample of the vehicle, or at the
+/// end.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     source: StateSource,
-    /// `true` if references tell of phases; a flight without them is flown from its start.
+    /// `true` if references have phases; without phases the vehicle follows the path from the start.
     has_phases: bool,
     clock: PathClock,
-    /// The newest vehicle; its path is looked up when all of its moment is known.
+    /// The newest vehicle; its path is evaluated when the moment is complete.
     newest: Option<Moment>,
 }
 
 impl Tracker {
-    /// For a flight of `schedule`, with `[flight]` or without.
+    /// Makes the tracker of a flight of `schedule`, with or without `[flight]`.
     #[must_use]
     pub fn new(schedule: &Schedule, has_phases: bool) -> Self {
         Self {
@@ -154,7 +155,7 @@ impl Tracker {
         self.source
     }
 
-    /// Takes a sample into account; the moment before, if it is now whole.
+    /// Adds a sample. Returns the previous moment if it is complete now.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Moment> {
         let vehicle = match (topic, self.source) {
@@ -174,13 +175,13 @@ impl Tracker {
         whole
     }
 
-    /// Takes a reference into account.
+    /// Adds a reference.
     #[inline]
     pub fn observe_reference(&mut self, reference: &PathReference) {
         self.clock.observe(reference);
     }
 
-    /// Takes a newer vehicle into account. The moment before is whole now: ask for it first.
+    /// Adds a newer vehicle. Call [`moment`](Self::moment) before: the previous moment is complete then.
     #[inline]
     pub fn turn_to(&mut self, vehicle: impl Into<Vehicle>) {
         self.newest = Some(Moment {
@@ -190,7 +191,7 @@ impl Tracker {
         });
     }
 
-    /// The newest vehicle with the path beside it, as far as it is known.
+    /// Returns the newest vehicle with its path, as far as known.
     #[inline]
     pub fn moment(&mut self) -> Option<&Moment> {
         let newest = self.newest.as_mut()?;
@@ -208,14 +209,14 @@ impl Tracker {
         Some(newest)
     }
 
-    /// The last moment, once nothing more of it comes.
+    /// Returns the last moment, after the last sample.
     pub fn last(&mut self) -> Option<Moment> {
         let moment = self.moment().copied();
         self.newest = None;
         moment
     }
 
-    /// Hands every moment of a recorded flight to `sink`.
+    /// Passes every moment of a recorded flight to `sink`.
     ///
     /// # Errors
     /// [`LogReadError`] where the log breaks off; the moments before it have been handed over.
@@ -230,12 +231,12 @@ impl Tracker {
     }
 }
 
-/// Returns whether the vehicle is to follow something in a phase.
+/// Returns whether the vehicle follows a reference in a phase.
 fn is_followed(phase: FlightPhase) -> bool {
     matches!(phase, FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land)
 }
 
-/// Distance of the vehicle from the path of the newest reference, m, while it flies.
+/// Returns the distance of a flying vehicle from the path of the newest reference, m.
 #[must_use]
 pub fn newest_distance(vehicle: &Vehicle, reference: &PathReference, has_phases: bool) -> Option<f64> {
     let path = carried(reference, vehicle.time_ns);

@@ -56,7 +56,7 @@ impl Awaited {
         if !matches!(ended, Ok(None) | Err(Errno::INTR)) {
             return false;
         }
-        let activity = Activity::of(number_of(self.pid));
+        let activity = Activity::read(number_of(self.pid));
         // Kernels without these figures report none, or 0.
         let cpu_time = activity
             .map(|activity| activity.cpu_time_ns)

@@ -71,7 +71,7 @@ impl History {
 
 impl Recorded {
     fn keep(&mut self, topic: Topic, seq: u64, bytes: &[u8]) {
-        let mut sample = self.free.pop().unwrap_or_else(|| OwnedSample::of(topic));
+        let mut sample = self.free.pop().unwrap_or_else(|| OwnedSample::zeroed(topic));
         sample.bytes_mut().copy_from_slice(bytes);
         let is_newest = self.samples.back().is_none_or(|(newest, _)| *newest < seq);
         if is_newest {

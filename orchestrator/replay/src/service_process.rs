@@ -9,7 +9,7 @@ mod ports;
 use std::time::{Duration, Instant};
 
 use runtime::control::{ControlError, ToOrchestrator, ToService};
-use runtime::control::{Memory, StepOrder};
+use runtime::control::{StateBefore, StepOrder};
 use runtime::ports::PortError;
 use runtime::replaying::BATCH;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -63,7 +63,7 @@ pub(super) struct ServiceProcess {
     /// `true` once the process has created its ports.
     is_ready: bool,
     /// State from which the next step starts.
-    memory: Memory,
+    state: StateBefore,
     /// Gains of the last ordered step, if they were changed in flight.
     gains: Option<Gains>,
     /// Orders of the next batch.
@@ -94,7 +94,7 @@ impl ServiceProcess {
             inputs,
             outputs,
             is_ready: false,
-            memory: Memory::default(),
+            state: StateBefore::default(),
             gains: None,
             orders: Vec::with_capacity(BATCH),
             comparisons: Vec::new(),
@@ -193,7 +193,7 @@ impl ServiceProcess {
     fn order(&mut self, step: &Step<'_>) -> Result<StepOrder, PortError> {
         let mut order = StepOrder {
             now: step.now,
-            memory: std::mem::take(&mut self.memory),
+            state: std::mem::take(&mut self.state),
             seen: 0,
             next: 0,
             fresh: 0,
@@ -218,7 +218,7 @@ impl ServiceProcess {
             let returns_state = std::mem::take(&mut self.returns_state);
             self.send(&ToService::Steps {
                 orders,
-                tells_state: returns_state,
+                returns_state,
             })?;
         }
         self.executing.append(&mut self.comparisons);
@@ -284,11 +284,11 @@ impl ServiceProcess {
 
 impl Stepper for ServiceProcess {
     fn reset(&mut self) {
-        self.memory = Memory::Newborn;
+        self.state = StateBefore::Initial;
     }
 
     fn roll_back(&mut self) {
-        self.memory = Memory::BeforeLast;
+        self.state = StateBefore::BeforeLast;
     }
 
     fn resume(
@@ -299,9 +299,9 @@ impl Stepper for ServiceProcess {
     ) -> Result<(), ReplayError> {
         self.make_ready()?;
         self.send_batch(comparator, history)?;
-        self.memory = Memory::AfterLast;
+        self.state = StateBefore::AfterLast;
         let state = state.to_vec();
-        Ok(self.send(&ToService::Know { state })?)
+        Ok(self.send(&ToService::Restore { state })?)
     }
 
     fn step(

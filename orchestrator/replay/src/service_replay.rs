@@ -138,7 +138,7 @@ impl ServiceReplay {
             self.follow(tick, history);
             return Ok(());
         }
-        if self.timetable.begins_anew_at(tick) {
+        if self.timetable.is_cold_start_at(tick) {
             self.stepper.reset();
             self.is_state_unknown = false;
         } else if self.is_state_unknown {

@@ -89,7 +89,7 @@ impl InThisProcess {
             service,
             before_last: initial_state.clone(),
             initial_state,
-            outputs: outputs.map(|output| OwnedSample::of(output.topic)).collect(),
+            outputs: outputs.map(|output| OwnedSample::zeroed(output.topic)).collect(),
             timetable,
             gains: None,
         }

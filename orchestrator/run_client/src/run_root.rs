@@ -217,7 +217,7 @@ fn unused_id(base: &Base) -> String {
     let process = std::process::id();
     (0u32..)
         .map(|number| format!("{process}-{number}"))
-        .find(|id| !base.has(id) && shared_memory::of(&common_prefix(id)).is_empty())
+        .find(|id| !base.has(id) && shared_memory::segments(&common_prefix(id)).is_empty())
         .expect("some number is free")
 }
 
@@ -249,7 +249,7 @@ fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<RunRoots> 
 
 /// Removes a run folder and all shared memory with its prefix.
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
-    for path in shared_memory::of(prefix) {
+    for path in shared_memory::segments(prefix) {
         if path.is_dir() {
             fs::remove_dir_all(path)?;
         } else {

@@ -233,7 +233,7 @@ pub fn end_services_except(folder: &Path, kept: &[u32]) -> io::Result<Vec<u32>> 
 /// # Errors
 /// If /proc cannot be read.
 pub fn end_dead() -> io::Result<Vec<u32>> {
-    let is_stopped = |process: &RunProcess| Pause::of(process.pid) == Some(Pause::Stopped);
+    let is_stopped = |process: &RunProcess| Pause::read(process.pid) == Some(Pause::Stopped);
     let mut runs = all()?;
     // In simulated time the kernel ends the services with their orchestrator, and a replay has no orchestrator label.
     runs.retain(|run| run.owner == User::this() && run.host == Host::RealTime);

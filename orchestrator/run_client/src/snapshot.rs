@@ -77,7 +77,9 @@ pub struct ServiceSnapshot {
     pub missed_steps: u64,
     /// Inputs that arrived late since the start.
     pub late_inputs: u64,
-    #[serde(rename = "rebirths")]
+    /// Number of restarts;
+    /// runs of earlier versions send it as `rebirths`.
+    #[serde(alias = "rebirths")]
     pub restarts: u64,
     pub inputs: Vec<InputSnapshot>,
 }

@@ -1,8 +1,8 @@
-//! How the chunks of a log are compressed.
+//! Compression of a log's chunks.
 
 use mcap::WriteOptions;
 
-/// The compression of a log's chunks. The digest of a log does not depend on it.
+/// Compression of a log's chunks. The digest of a log does not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Compression {
     /// Not at all: the least work.
@@ -15,7 +15,7 @@ pub enum Compression {
 }
 
 impl Compression {
-    /// All of them, with their names in a command and what they cost.
+    /// All compressions, with their names on the command line and their costs.
     pub const ALL: [(Self, &'static str, &'static str); 3] = [
         (Self::None, "none", "Not at all: the least work"),
         (
@@ -30,14 +30,14 @@ impl Compression {
         ),
     ];
 
-    /// Returns the compression that MCAP and commands give a name to; a name that is not known means none.
+    /// Returns the compression with a name of MCAP or of the command line; none for an unknown name.
     #[must_use]
     pub fn of_name(name: &str) -> Self {
         let found = Self::ALL.into_iter().find(|(_, known, _)| *known == name);
         found.map_or(Self::None, |(compression, ..)| compression)
     }
 
-    /// The levels are fixed, because the library's default may move.
+    /// Sets the compression. The levels are fixed, because the library's defaults may change.
     pub(super) fn apply(self, options: WriteOptions) -> WriteOptions {
         match self {
             Self::None => options.compression(None),

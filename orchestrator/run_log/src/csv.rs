@@ -13,11 +13,11 @@ use super::schema::Schema;
 /// Writes the samples of a topic of every `every`-th tick as CSV (RFC 4180, lines end with a line feed).
 ///
 /// The first line names the columns: members of records are joined by a dot (`header.tick`), arrays have a column
-/// an element (`position_world.0`), but a text has one and padding has none. Numbers are read back to the bit; those that
-/// are not finite are the words `NaN`, `inf` and `-inf`.
+/// an element (`position_world.0`), but a text has one and padding has none. Numbers are written with full precision; those
+/// that are not finite are the words `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
-/// [`ExportError`]; lines written before it are whole.
+/// [`ExportError`]; lines written before it are complete.
 pub fn export_csv(path: &Path, topic: Topic, every: u64, out: &mut impl Write) -> Result<(), ExportError> {
     let mut reader = LogReader::open(path)?;
     let schema = Schema::of(topic, &reader.manifest().scenario);
@@ -35,7 +35,7 @@ pub fn export_csv(path: &Path, topic: Topic, every: u64, out: &mut impl Write) -
     Ok(())
 }
 
-/// A number as it is, a text in quotes where it needs them.
+/// Formats a number, or a text with quotes if required.
 fn cell(value: &Value) -> String {
     match value {
         Value::String(text) if text.contains([',', '"', '\n', '\r']) => {

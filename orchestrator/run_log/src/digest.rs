@@ -1,4 +1,4 @@
-//! The digest of the experiment that a log has recorded.
+//! Digest of a recorded experiment.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use shared_types::digest::ExperimentDigest;
 
 use super::reader::{LogReadError, LogReader};
 
-/// The digest of a log: equal for equal experiments, on any machine.
+/// Returns the digest of a log: equal for equal experiments, on any machine.
 ///
 /// # Errors
 /// [`LogReadError`], also for an incomplete log.

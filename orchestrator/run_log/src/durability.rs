@@ -1,13 +1,13 @@
-//! Forces what is recorded to the disk now and then, so that a power failure costs little.
+//! Periodic synchronisation of a log to the disk, which limits the loss by a power failure.
 //!
-//! A disk takes its time. It is a thread of its own that waits for it; who records does not.
+//! A separate thread waits for the disk, so that the recording does not.
 
 use std::io;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// A file that is forced to the disk again and again, until it is ended or dropped.
+/// Periodic synchronisation of a file, until it is ended or dropped.
 pub(super) struct Durability {
     /// Ends the thread when it is dropped.
     go_on: Option<Sender<()>>,
@@ -15,10 +15,10 @@ pub(super) struct Durability {
 }
 
 impl Durability {
-    /// Does `force` in every `period` from now on, until it fails, and once more at the end.
+    /// Calls `force` in every `period` until it fails, and once more at the end.
     ///
     /// # Errors
-    /// There can be no thread.
+    /// If the thread cannot be started.
     pub(super) fn begin(
         period: Duration,
         mut force: impl FnMut() -> io::Result<()> + Send + 'static,
@@ -37,16 +37,16 @@ impl Durability {
         })
     }
 
-    /// Returns whether a failure has ended it before its time.
+    /// Returns whether a failure has ended the synchronisation.
     #[inline]
     pub(super) fn has_failed(&self) -> bool {
         self.thread.as_ref().is_some_and(JoinHandle::is_finished)
     }
 
-    /// Forces everything to the disk for the last time.
+    /// Synchronises for the last time.
     ///
     /// # Errors
-    /// What the system said at the first failure, now or before.
+    /// The first failure, now or before.
     pub(super) fn end(&mut self) -> io::Result<()> {
         self.go_on = None;
         let thread = self.thread.take();
@@ -55,7 +55,7 @@ impl Durability {
 }
 
 impl Drop for Durability {
-    /// The reason for giving up a log has been reported; what else fails then adds nothing.
+    /// Ends without a report: the reason for abandoning the log was reported before.
     fn drop(&mut self) {
         let _ = self.end();
     }
@@ -68,7 +68,7 @@ mod tests {
 
     const SHORT: Duration = Duration::from_millis(1);
 
-    /// One that tells of every time.
+    /// Synchronisation that reports every call.
     fn told(period: Duration, result: fn() -> io::Result<()>) -> (Durability, Receiver<()>) {
         let (tell, times) = sync_channel(1000);
         let force = move || {

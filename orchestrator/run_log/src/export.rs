@@ -1,4 +1,4 @@
-//! A log as JSON lines, for programs that know neither MCAP nor CDR, and to check those that do.
+//! Export of a log as JSON lines, for programs without MCAP and CDR, and for tests of programs with them.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -23,10 +23,10 @@ pub enum ExportError {
 /// Writes every sample of every `every`-th tick, or those of one topic, as a line
 /// `{"log_time": ns, "sample": {…}, "sequence": n, "topic": "…"}`.
 ///
-/// Numbers are read back to the bit; those that are not finite are the strings `NaN`, `inf` and `-inf`.
+/// Numbers are written with full precision; those that are not finite are the strings `NaN`, `inf` and `-inf`.
 ///
 /// # Errors
-/// [`ExportError`]; lines written before it are whole.
+/// [`ExportError`]; lines written before it are complete.
 pub fn export_json(
     path: &Path,
     topic: Option<Topic>,
@@ -55,7 +55,7 @@ pub fn export_json(
     Ok(())
 }
 
-/// A sample of a topic as JSON, by the topic's own definition.
+/// Converts a sample of a topic to JSON, by the topic's definition.
 ///
 /// # Panics
 /// If the bytes are not as long as a sample of the topic.

@@ -1,5 +1,5 @@
-//! The moment of `CLOCK_MONOTONIC` at which a flight in real time began, in `host.mcap`: by it logs of programs that ran at
-//! the same time on one machine are laid over each other.
+//! Time of `CLOCK_MONOTONIC` at which a flight in real time began, in `host.mcap`: it aligns logs of programs that ran at the
+//! same time on one machine.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,7 +16,7 @@ use super::records::{self, RawRecord, Records};
 const RECORD_NAME: &str = "flight";
 const KEY: &str = "start, ns of CLOCK_MONOTONIC";
 
-/// Says when tick 0 began, ns of `CLOCK_MONOTONIC`.
+/// Writes the beginning of tick 0, ns of `CLOCK_MONOTONIC`.
 ///
 /// # Errors
 /// [`LogError`].
@@ -27,7 +27,7 @@ pub fn write(log: &mut HostLogWriter, start_ns: u64) -> Result<(), LogError> {
     )
 }
 
-/// When tick 0 of a record of the machine began, ns of `CLOCK_MONOTONIC`; `None` if it does not say or cannot be read so far.
+/// Reads the beginning of tick 0, ns of `CLOCK_MONOTONIC`; `None` if it is missing or cannot be read.
 #[must_use]
 pub fn read(path: &Path) -> Option<u64> {
     let file = File::open(path).ok()?;

@@ -1,4 +1,4 @@
-//! An MCAP file that takes samples as they are and that is never called complete before it is.
+//! MCAP file for unchanged samples, which has its final name only when it is complete.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -16,22 +16,22 @@ use shared_types::sample::{CDR_HEADER, Record, layout_hash, msg_definition};
 use super::compression::Compression;
 use super::durability::Durability;
 
-/// Key of a channel's metadata under which the layout hash of its samples stands.
+/// Key of the layout hash in a channel's metadata.
 pub(super) const LAYOUT_KEY: &str = "layout";
 
-/// The name of the library in the logs: the bytes are to depend on no version of any.
+/// Name of the library in the logs, constant so that the bytes do not depend on a version.
 pub(super) const LIBRARY: &str = "gerono";
 
 /// The profile of a log whose messages are all CDR.
 pub(super) const ROS2_PROFILE: &str = "ros2";
 
-/// Only small records go through this buffer: a chunk is larger and is handed to the system in one piece.
+/// Buffer for small records: a chunk is larger and is written in one call.
 const BUFFER_BYTES: usize = 64 * 1024;
 
 /// Reason why a log cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// The file cannot be made.
+    /// The file cannot be created.
     #[error("cannot create the log {}: {source}; choose a folder that exists and that you may write to", .path.display())]
     Create {
         /// The file.
@@ -39,13 +39,13 @@ pub enum LogError {
         /// The error of the system.
         source: io::Error,
     },
-    /// A file has the name of the incomplete log already.
+    /// A file with the name of the incomplete log exists.
     #[error("{} exists already: it may be all that is left of a flight and is not overwritten; move it away, or record into another folder", .path.display())]
     Exists {
         /// The file, with the name of an incomplete log.
         path: PathBuf,
     },
-    /// A log that is made of what exists elsewhere cannot be written.
+    /// A log derived from other data cannot be written.
     #[error("cannot write {}: {source}; nothing of it is kept, and what had this name before still has it", .path.display())]
     NotMade {
         /// The file.
@@ -67,22 +67,22 @@ pub enum LogError {
         /// The file, with the name of an incomplete log.
         path: PathBuf,
     },
-    /// The file is not as long as what was written.
+    /// The file has another size than the written bytes.
     #[error("the log {} has {length} bytes and not the {written} that were written: another program, or a plug-in, has changed it; `gerono recover` keeps what is whole of it", .path.display())]
     Altered {
         /// The file, with the name of an incomplete log.
         path: PathBuf,
-        /// Its size.
+        /// Size of the file.
         length: u64,
-        /// The size that it should have.
+        /// Written bytes.
         written: u64,
     },
-    /// The finished file cannot be given its name.
+    /// The finished file cannot be renamed.
     #[error("cannot rename the log {} to {}: {source}; it is complete, rename it by hand", .partial.display(), .path.display())]
     Rename {
-        /// The name it has.
+        /// Present name.
         partial: PathBuf,
-        /// The name it should have.
+        /// Final name.
         path: PathBuf,
         /// The error of the system.
         source: io::Error,
@@ -104,7 +104,7 @@ pub struct Written {
     pub bytes: u64,
 }
 
-/// The name of a log while it is incomplete.
+/// Returns the name of a log while it is incomplete.
 #[must_use]
 pub fn partial_path(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
@@ -112,38 +112,38 @@ pub fn partial_path(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// An MCAP file in the making.
+/// MCAP file that is being written.
 ///
-/// A chunk is gathered in memory and handed to the system whole, so that the file at any time consists of whole
-/// chunks but for a crash within that one write.
+/// A chunk is assembled in memory and written in one call, so that the file always consists of complete chunks, except for a
+/// crash during that call.
 pub(super) struct McapFile {
     path: PathBuf,
     /// `None` after a failed write.
     writer: Option<Writer<NoSeek<BufWriter<File>>>>,
-    /// The same file, with the same position, to compare its length with what was written.
+    /// The same file, with a shared position, to compare its size with the written bytes.
     own: File,
-    /// A message's bytes; kept to spare an allocation.
+    /// Buffer for a message, reused to avoid allocations.
     payload: Vec<u8>,
     messages: u64,
-    /// Size of what has been handed to the system.
+    /// Written bytes.
     bytes: u64,
-    /// `None` if the system writes to the disk when it likes.
+    /// `None` without periodic synchronisation.
     durability: Option<Durability>,
-    /// The file as a result that is whole or not there; `None` for the log of a flight, of which every whole chunk counts.
+    /// The file as a result, complete or absent; `None` for the log of a flight, of which every complete chunk is valuable.
     result: Option<ResultFile>,
 }
 
-/// The content of a file that is made as a result.
+/// Content of a file that is written as a result.
 #[derive(Clone, Copy)]
 pub(super) enum Content {
     /// Samples alone.
     Samples,
-    /// Samples, and messages of other encodings beside them, which is of no profile.
+    /// Samples and messages of other encodings, without a profile.
     Mixed,
 }
 
 impl McapFile {
-    /// Creates the file under the name of an incomplete one, which no other file may have.
+    /// Creates the file with the name of an incomplete one, which must not exist.
     ///
     /// `chunk_bytes` closes a chunk by size; without it only [`flush`](Self::flush) does.
     pub(super) fn create(
@@ -154,7 +154,7 @@ impl McapFile {
         Self::begin(ROS2_PROFILE, new_file(path)?, path, compression, chunk_bytes)
     }
 
-    /// Begins a file that is whole or not there: one that can be made again from what exists elsewhere.
+    /// Begins a file that is complete or absent, because it can be written again from other data.
     pub(super) fn create_result(
         result: io::Result<ResultFile>,
         content: Content,
@@ -234,7 +234,7 @@ impl McapFile {
         }
     }
 
-    /// Forces what has been handed to the system to the disk in every `period`.
+    /// Synchronises the written bytes to the disk in every `period`.
     pub(super) fn force_every(&mut self, period: Duration) -> Result<(), LogError> {
         let partial = partial_path(&self.path);
         // Through another descriptor of the same file: the library keeps its own.
@@ -257,12 +257,12 @@ impl McapFile {
         self.attempt(|writer| writer.write_metadata(&Metadata { name, metadata }))
     }
 
-    /// Adds a channel for samples of type `R` and says its number.
+    /// Adds a channel for samples of type `R`. Returns its number.
     pub(super) fn add_channel<R: Record>(&mut self, name: &str) -> Result<u16, LogError> {
         self.declare_channel(name, R::MSG_NAME, &msg_definition::<R>(), &layout_hash::<R>())
     }
 
-    /// Adds a channel for samples of a type that is known by its name, definition and layout, and says its number.
+    /// Adds a channel for samples of a type with this name, definition and layout. Returns its number.
     pub(super) fn declare_channel(
         &mut self,
         name: &str,
@@ -277,7 +277,7 @@ impl McapFile {
         })
     }
 
-    /// Adds a channel for messages of Protocol Buffers, whose schema is a `FileDescriptorSet`, and says its number.
+    /// Adds a channel for Protocol Buffers, whose schema is a `FileDescriptorSet`. Returns its number.
     pub(super) fn declare_protobuf_channel(
         &mut self,
         name: &str,
@@ -307,7 +307,7 @@ impl McapFile {
         result
     }
 
-    /// Writes one message, whatever its encoding.
+    /// Writes one message of any encoding.
     #[inline]
     pub(super) fn write_payload(
         &mut self,
@@ -327,14 +327,14 @@ impl McapFile {
         result
     }
 
-    /// Refuses to go on in a file that something else has cut or written to: its next chunk would fill the gap with zeros, so
-    /// that the length alone would be right at the end.
+    /// Refuses a file that another program has truncated or written to: the next chunk would fill the gap with zeros, so that
+    /// at the end the size alone would be correct.
     fn check_length(&mut self) -> Result<(), LogError> {
         if self.writer.is_none() {
             return Ok(());
         }
         let sizes = self.own.metadata().and_then(|found| {
-            // Devices and pipes have no length.
+            // Devices and pipes have no size.
             let is_file = found.is_file();
             let written = if is_file { self.own.stream_position()? } else { 0 };
             Ok(is_file.then_some((found.len(), written)))
@@ -355,7 +355,7 @@ impl McapFile {
         Err(problem)
     }
 
-    /// Closes the chunk and hands it to the system.
+    /// Closes the chunk and writes it.
     pub(super) fn flush(&mut self) -> Result<(), LogError> {
         self.check_length()?;
         if self.durability.as_ref().is_some_and(Durability::has_failed) {
@@ -376,22 +376,22 @@ impl McapFile {
                 self.abandon();
                 Err(LogError::Removed { path })
             }
-            // Whatever else is wrong with the name, the file is there.
+            // Other errors do not show that the file was removed.
             _ => Ok(()),
         }
     }
 
-    /// Messages that have been written.
+    /// Returns the number of written messages.
     pub(super) fn messages(&self) -> u64 {
         self.messages
     }
 
-    /// Size of what has been handed to the system.
+    /// Returns the written bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Forces the rest to the disk; a file of which that has failed takes no more.
+    /// Synchronises the rest to the disk; after a failure the file is closed.
     fn end_durability(&mut self) -> Result<(), LogError> {
         let result = self
             .durability
@@ -403,10 +403,10 @@ impl McapFile {
         })
     }
 
-    /// Writes index and end of the file and gives it its name.
+    /// Writes index and end of the file and renames it.
     ///
-    /// Unless it was asked for, it is not forced to the disk, which takes longer than many a flight. A reader recognises a file
-    /// whose end was lost to a power failure.
+    /// Synchronised to the disk only on request, because that may take longer than a flight. A reader detects a file whose
+    /// end was lost by a power failure.
     pub(super) fn finish(mut self) -> Result<Written, LogError> {
         self.check_length()?;
         self.attempt(Writer::finish)?;
@@ -422,14 +422,15 @@ impl McapFile {
             source,
         };
         let bytes = fs::metadata(&partial).map_err(written)?.len();
-        // Last of all: under its own name a log is whole, and a process that dies before leaves the partial name for `recover`.
+        // Rename last: a log with its final name is complete, and a process that dies before leaves the partial name for
+        // `recover`.
         fs::rename(&partial, &self.path).map_err(|source| LogError::Rename {
             partial,
             path: self.path.clone(),
             source,
         })?;
         if is_durable {
-            // The bytes are on the disk already; without this the new name might not outlive a power failure.
+            // The bytes are on the disk; without this call the new name might be lost by a power failure.
             force_names(&self.path).map_err(|source| LogError::Write {
                 path: self.path.clone(),
                 source,
@@ -454,7 +455,7 @@ impl McapFile {
         })
     }
 
-    /// Does something with the file, for the last time if it fails.
+    /// Calls a function of the writer; after a failure the file is abandoned.
     #[inline]
     fn attempt<T>(
         &mut self,
@@ -471,7 +472,7 @@ impl McapFile {
         })
     }
 
-    /// Leaves the file as it is. Dropping the writer instead would write an end and make the file look complete.
+    /// Leaves the file unchanged. Dropping the writer would write an end, and the file would appear complete.
     fn abandon(&mut self) {
         if let Some(writer) = self.writer.take() {
             drop(writer.into_inner());
@@ -485,10 +486,10 @@ impl Drop for McapFile {
     }
 }
 
-/// Makes the file of an incomplete log.
+/// Creates the file of an incomplete log.
 ///
-/// A file of its name is not ours to remove: it may be the only copy of a flight. A symbolic link there is removed and not
-/// followed: in a folder in which others may write it leads to where they want it.
+/// An existing file is not removed: it may be the only copy of a flight. A symbolic link is removed and not followed: in a
+/// folder that others may write to, its target is not trusted.
 fn new_file(path: &Path) -> Result<File, LogError> {
     let path = partial_path(path);
     let is_link = fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink());
@@ -500,13 +501,13 @@ fn new_file(path: &Path) -> Result<File, LogError> {
     })
 }
 
-/// Forces the names of a file's folder to the disk.
+/// Synchronises the folder of a file to the disk.
 fn force_names(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
-/// The system's error, where there is one behind the library's.
+/// Returns the system's error inside of the library's, if there is one.
 fn io_error(error: McapError) -> io::Error {
     match error {
         McapError::Io(source) => source,

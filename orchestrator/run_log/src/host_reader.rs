@@ -1,5 +1,4 @@
-//! Reads from `host.mcap` what a replay needs to know of the machine: what steps of a flight in real time saw, and what
-//! services knew before some of their steps.
+//! Reader of the data in `host.mcap` that a replay needs: the inputs of steps in real time, and checkpoints of the services.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -14,7 +13,7 @@ use zerocopy::FromBytes;
 use super::host_samples::{HostSample, LoggedCheckpoint, PieceByPiece, ServiceCheckpoint, ServiceStep};
 use super::records::{self, RawRecord, Records};
 
-/// Reason why the record of the machine cannot be read on.
+/// Reason why the record of the machine cannot be read further.
 #[derive(Debug, thiserror::Error)]
 pub enum HostReadError {
     /// The file cannot be opened.
@@ -25,15 +24,15 @@ pub enum HostReadError {
         /// The error of the system.
         source: io::Error,
     },
-    /// The record is not what was written.
+    /// The record is damaged.
     #[error("cannot read what the machine did from {}: {source}; try `gerono recover {}`", .path.display(), .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// The requirement that does not hold.
+        /// The violated requirement.
         source: McapError,
     },
-    /// Its samples are laid out in another way.
+    /// Its samples have another layout.
     #[error(
         "cannot read what the machine did from {}: its samples are laid out in another way; use the program that wrote it",
         .0.display()
@@ -42,7 +41,7 @@ pub enum HostReadError {
 }
 
 impl HostReadError {
-    /// Returns whether the record is there and only damaged: a file that does not begin as an MCAP file is another one.
+    /// Returns whether the record is only damaged: a file that does not begin as an MCAP file is another one.
     #[must_use]
     pub fn is_incomplete(&self) -> bool {
         matches!(self, Self::Damaged { source, .. } if !matches!(source, McapError::BadMagic))
@@ -58,8 +57,8 @@ pub enum HostEntry {
     Checkpoint(LoggedCheckpoint),
 }
 
-/// Steps and checkpoints in the order of the file; memory does not grow with it. A file that was not closed is read up
-/// to where it breaks off.
+/// Reader of steps and checkpoints in the order of the file, in constant memory. A file that was not closed is read up to its
+/// break.
 pub struct HostReader {
     path: PathBuf,
     records: Records<BufReader<File>>,
@@ -68,7 +67,7 @@ pub struct HostReader {
     has_ended: bool,
 }
 
-/// The channels that are read.
+/// Channels that are read.
 #[derive(Default)]
 struct Channels {
     steps: Option<u16>,
@@ -76,7 +75,7 @@ struct Channels {
     pieces: PieceByPiece,
 }
 
-/// A sample of another layout than this program's.
+/// Sample with another layout than this program's.
 struct OtherLayout;
 
 impl HostReader {
@@ -100,7 +99,7 @@ impl HostReader {
         })
     }
 
-    /// The steps alone.
+    /// Returns only the steps.
     pub fn steps(self) -> impl Iterator<Item = Result<(ServiceId, ServiceStep), HostReadError>> {
         self.filter_map(|entry| match entry {
             Ok(HostEntry::Step(service, step)) => Some(Ok((service, step))),
@@ -149,7 +148,7 @@ impl Channels {
         }
     }
 
-    /// Returns the entry of a channel's message, if it is one of those that are read and tells something by itself.
+    /// Returns the entry that a message of a channel completes, if any.
     fn take(&mut self, channel: u16, data: &[u8]) -> Result<Option<HostEntry>, OtherLayout> {
         if self.steps == Some(channel) {
             let step: ServiceStep = sample(data)?;

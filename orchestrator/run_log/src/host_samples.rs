@@ -6,7 +6,7 @@ use shared_types::checkpoint::{CAPACITY, Checkpoint};
 use shared_types::sample::Record;
 use zerocopy::FromZeros;
 
-/// A sample that goes to `host.mcap`; it begins with its time.
+/// Sample of `host.mcap`; it begins with its time.
 pub trait HostSample: Record {
     /// Name of its channel.
     const CHANNEL: &'static str;
@@ -145,7 +145,7 @@ const _: () = assert!(
 );
 
 impl HostEvent {
-    /// An event of a service or, without one, of the run; a text too long for its place is cut.
+    /// Makes an event of a service or, without one, of the run; truncates a text that is too long.
     #[must_use]
     pub fn new(time_ns: u64, service: Option<ServiceId>, kind: u32, pid: u32, text: &str) -> Self {
         let mut event = Self {
@@ -192,16 +192,16 @@ const PIECE: usize = 1024;
 /// A checkpoint as it was logged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoggedCheckpoint {
-    /// Whose it is.
+    /// The service.
     pub service: ServiceId,
-    /// The number that tells the layout of its state from any other.
+    /// Identifier of the state's layout.
     pub layout: u64,
     /// The checkpoint.
     pub checkpoint: Checkpoint,
 }
 
 impl LoggedCheckpoint {
-    /// Its pieces at a time since the start of the run, in their order.
+    /// Splits the checkpoint into pieces, in order, at a time since the start of the run.
     pub fn pieces(&self, time_ns: u64) -> impl Iterator<Item = ServiceCheckpoint> {
         let state = &self.checkpoint.state;
         state.chunks(PIECE).enumerate().map(move |(number, bytes)| {
@@ -220,14 +220,14 @@ impl LoggedCheckpoint {
     }
 }
 
-/// Puts the pieces of checkpoints together. One of which a piece is missing is never whole.
+/// Assembler of checkpoints. One with a missing piece is never completed.
 #[derive(Debug, Default)]
 pub(super) struct PieceByPiece {
     begun: Option<LoggedCheckpoint>,
 }
 
 impl PieceByPiece {
-    /// Takes the next piece of the log; the checkpoint that it completes, if it does.
+    /// Adds the next piece of the log. Returns the checkpoint that it completes, if any.
     pub(super) fn take(&mut self, piece: &ServiceCheckpoint) -> Option<LoggedCheckpoint> {
         let service = *ServiceId::ALL.get(piece.service as usize)?;
         let length = Some(piece.length as usize).filter(|&length| length <= CAPACITY)?;

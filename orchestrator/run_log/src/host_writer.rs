@@ -1,4 +1,4 @@
-//! Writes `host.mcap`: what the machine did.
+//! Writer of `host.mcap`, the record of the machine.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use super::host_samples::HostSample;
 /// Size at which a chunk is closed, bytes.
 const CHUNK_BYTES: u64 = 64 * 1024;
 
-/// Wall time that a crash of the orchestrator may cost, ns. In real time a replay needs the steps of all samples that are in
+/// Maximum wall time that a crash of the orchestrator may lose, ns. In real time a replay needs the steps of all samples in
 /// `run.mcap`.
 const FLUSH_PERIOD_NS: u64 = 125_000_000;
 
@@ -21,7 +21,7 @@ struct Channel {
     next_sequence: u32,
 }
 
-/// Writes samples of any type that is a [`HostSample`]; a type's channel begins with its first sample.
+/// Writer of samples of any [`HostSample`] type; a type's channel is declared with its first sample.
 pub struct HostLogWriter {
     file: McapFile,
     channels: BTreeMap<&'static str, Channel>,
@@ -41,7 +41,7 @@ impl HostLogWriter {
         })
     }
 
-    /// Forces what is recorded to the disk in every `period`, if there is one: a power failure costs that and an eighth of a second.
+    /// Synchronises to the disk in every `period`, if stated: a power failure loses at most that and an eighth of a second.
     ///
     /// # Errors
     /// [`LogError::Create`].
@@ -60,7 +60,7 @@ impl HostLogWriter {
         self.file.write_metadata(name, facts)
     }
 
-    /// Writes a sample, which reaches the file with the first one that is an eighth of a second younger.
+    /// Writes a sample. It reaches the file with the first later sample that begins a new period of an eighth of a second.
     ///
     /// # Errors
     /// [`LogError::Write`] once, [`LogError::Closed`] from then on.
@@ -82,7 +82,7 @@ impl HostLogWriter {
         Ok(())
     }
 
-    /// Completes the log and gives it its name.
+    /// Completes the log and renames it.
     ///
     /// # Errors
     /// [`LogError`].

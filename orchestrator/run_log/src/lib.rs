@@ -1,17 +1,18 @@
 //! The two logs of a run.
 //!
-//! * `run.mcap` ([`RunLogWriter`], [`LogReader`]) is what happened in the experiment: every sample of every topic,
-//!   as a function of scenario and seed alone.
-//! * `host.mcap` ([`HostLogWriter`]) is what the machine did meanwhile.
+//! * `run.mcap` ([`RunLogWriter`], [`LogReader`]) is the log of the experiment: every sample of every topic, as a function of
+//!   scenario and seed alone.
+//! * `host.mcap` ([`HostLogWriter`]) is the record of the machine.
 //!
-//! Both are MCAP files of the profile `ros2`, so that any tool that knows MCAP and CDR reads them. A sample's
+//! Both are MCAP files of the profile `ros2`, which any tool with MCAP and CDR reads. A sample's
 //! bytes in shared memory are its bytes in the log (see [`mod@shared_types::sample`]).
 //!
-//! Failure policy: the log of a flight has the name `<name>.partial` until it is complete, and no file that exists is removed
-//! for it. A log that is made of another one is written as every result is ([`result_file`]): whole or not at all. A failed
-//! write is reported once, with what to do; later writes report that the log is closed. A reader hands out nothing of a
-//! damaged chunk.
+//! Failure policy: the log of a flight has the name `<name>.partial` until it is complete, and no existing file is
+//! removed for it. A log that is derived from another one is written as every result ([`result_file`]): completely or not at
+//! all. A failed write is reported once, with the fix; later writes report that the log is closed. A reader returns nothing
+//! of a damaged chunk.
 
+#![warn(missing_docs)]
 #![warn(missing_docs)]
 
 mod compression;
@@ -60,8 +61,8 @@ pub use size::predicted_bytes;
 pub use view::{ViewError, export_view, view_path};
 pub use writer::RunLogWriter;
 
-/// The record of the machine that was written beside a run's log, if there is one, complete or not; beside a recovered log
-/// the recovered one.
+/// Returns the record of the machine beside a run's log, complete or not, if it exists; for a recovered log the recovered
+/// one.
 #[must_use]
 pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
     let complete = log.with_file_name("host.mcap");

@@ -1,4 +1,4 @@
-//! The manifest, which determined the results in a log, inside the log.
+//! Manifest of a log: the facts that determined its results.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use shared_types::Topic;
 use shared_types::sample::hex;
 
-/// Version of the arrangement of a run log; raised when older readers would misread newer logs.
+/// Version of the format of a run log; raised when older readers would misread newer logs.
 pub const FORMAT_VERSION: u32 = 1;
 
 const FORMAT_KEY: &str = "format_version";
@@ -17,35 +17,35 @@ const CHECKSUM_KEY: &str = "scenario_sha256";
 const SEED_KEY: &str = "seed";
 const LAYOUT_PREFIX: &str = "layout/";
 
-/// Name of the metadata record by which a copy for viewers is known, which is no log.
+/// Name of the metadata record of a copy for viewers, which is not a log.
 pub(super) const COPY_RECORD_NAME: &str = "gerono_view";
 
 /// The facts that determine a run's results, and nothing else: no wall clock, no path, nothing of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Manifest {
-    /// The scenario as flown, seed included; without what says how the machine is used.
+    /// The flown scenario with its seed, without the sections on the use of the machine.
     pub scenario: Scenario,
 }
 
-/// Reason why metadata of a log is no manifest of this program.
+/// Reason why a log has no valid manifest of this program.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestProblem {
-    /// There is none.
+    /// It is missing.
     #[error("it cannot be found")]
     Absent,
-    /// The log is arranged in another way.
+    /// The log has another format.
     #[error("it is of format version {0}")]
     Version(String),
-    /// Samples of these types are laid out in another way.
+    /// Samples of these types have another layout.
     #[error("it states other layouts of {}", .0.join(", "))]
     Layouts(Vec<&'static str>),
     /// It lacks an entry of this name.
     #[error("its manifest has no `{0}`")]
     Incomplete(&'static str),
-    /// Its scenario is none.
+    /// Its scenario is invalid.
     #[error("its scenario cannot be read: {0}")]
     Scenario(#[from] serde_json::Error),
-    /// Its scenario is another one than was flown.
+    /// Its scenario has changed.
     #[error("its scenario is not what was written: checksum or seed differ")]
     Altered,
 }
@@ -54,7 +54,7 @@ impl Manifest {
     /// Name of the metadata record that holds the manifest.
     pub(super) const RECORD_NAME: &str = "gerono";
 
-    /// The manifest of a flight of `scenario`.
+    /// Makes the manifest of a flight of `scenario`.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -62,8 +62,8 @@ impl Manifest {
         }
     }
 
-    /// As MCAP metadata: the scenario as JSON with its checksum, for MCAP has none of metadata in an unclosed log;
-    /// beside it, for people, the seed; version and layout hashes.
+    /// Converts to MCAP metadata: the scenario as JSON with its checksum, because MCAP has none for metadata in an unclosed
+    /// log; the seed, for users; version and layout hashes.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
         let scenario = serde_json::to_string(&self.scenario).expect("a scenario has only string keys");
         let layouts = topics_of(&self.scenario).map(|topic| (layout_key(topic), topic.layout_hash()));
@@ -75,7 +75,7 @@ impl Manifest {
         metadata
     }
 
-    /// Back from MCAP metadata. Layouts come before the scenario: they tell more about why it makes no sense.
+    /// Converts from MCAP metadata. Checks layouts before the scenario: they are the better reason for an invalid one.
     pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, ManifestProblem> {
         let get = |key| metadata.get(key).ok_or(ManifestProblem::Incomplete(key));
         let version = get(FORMAT_KEY)?;
@@ -114,7 +114,7 @@ pub fn topics_of(scenario: &Scenario) -> impl Iterator<Item = Topic> + use<> {
     Topic::ALL.into_iter().filter(is_in_it)
 }
 
-/// The scenario that a manifest holds. Earlier programs kept some of it elsewhere.
+/// Parses the scenario of a manifest. Earlier versions had some of its keys elsewhere.
 fn scenario_in(text: &str) -> serde_json::Result<Scenario> {
     let mut stated: Value = serde_json::from_str(text)?;
     for (then, key, now) in MOVED_KEYS {

@@ -1,6 +1,6 @@
-//! The metadata of a file that its summary names, wherever they stand.
+//! Metadata of a file at any position, by the index in its summary.
 //!
-//! The logs of this program begin with them. Programs that sort or merge files write them behind the samples.
+//! The logs of this program begin with their metadata. Programs that sort or merge files write them after the samples.
 
 use std::fs::File;
 use std::io::{self, Read, Seek};
@@ -13,16 +13,16 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 
 use super::records::{self, FRAME_BYTES};
 
-/// Largest record that is read, bytes. Those of a log's metadata have some hundred kilobytes.
+/// Maximum size of a record, bytes. A log's metadata have some hundred kilobytes.
 const BYTES_MAX: usize = 16 << 20;
 
-/// Most records of metadata that are read.
+/// Maximum number of metadata records.
 const RECORDS_MAX: usize = 64;
 
-/// Returns the metadata of a file in the order of its summary; none if it has no proper one.
+/// Returns the metadata of a file in the order of its summary; none without a valid summary.
 ///
 /// # Errors
-/// What the system says if the file cannot be read.
+/// If the file cannot be read.
 pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
     let mut file = File::open(path)?;
     let size = file.metadata()?.len();
@@ -37,15 +37,15 @@ pub(super) fn metadata_by_index(path: &Path) -> io::Result<Vec<Metadata>> {
             found.push(metadata);
         }
     }
-    // What was said of a recovery or a split belongs to the manifest, which ends the facts.
+    // Metadata on a recovery or a split precede the manifest, which comes last.
     found.sort_by_key(|metadata| metadata.name == super::Manifest::RECORD_NAME);
     Ok(found)
 }
 
-/// Returns the summary of a file, if it ends as a file with one does.
+/// Returns the summary of a file, if it has one.
 ///
 /// # Errors
-/// What the system says if the file cannot be read.
+/// If the file cannot be read.
 pub(super) fn summary_of(file: &mut File) -> io::Result<Option<Summary>> {
     let size = file.metadata()?.len();
     let options = SummaryReaderOptions::default().with_file_size(size);
@@ -58,7 +58,7 @@ pub(super) fn summary_of(file: &mut File) -> io::Result<Option<Summary>> {
             }
             Ok(SummaryReadEvent::SeekRequest(place)) => match file.seek(place) {
                 Ok(at) => reader.notify_seeked(at),
-                // It is too short for one.
+                // The file is too short for a summary.
                 Err(_) => return Ok(None),
             },
             Err(_) => return Ok(None),
@@ -67,7 +67,7 @@ pub(super) fn summary_of(file: &mut File) -> io::Result<Option<Summary>> {
     Ok(reader.finish())
 }
 
-/// Returns bytes of the file; none if they are not all in it, or too many.
+/// Returns bytes of the file; `None` if they exceed the file or the limit.
 fn bytes_at(file: &File, size: u64, at: u64, length: u64) -> io::Result<Option<Vec<u8>>> {
     let is_in_file = at.checked_add(length).is_some_and(|end| end <= size);
     let length = usize::try_from(length).map_err(io::Error::other)?;

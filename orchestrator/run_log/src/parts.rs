@@ -1,7 +1,7 @@
 //! The files of a log that was split: `run.mcap`, `run.1.mcap`, `run.2.mcap` and so on.
 //!
-//! Each is a whole log of its part of the flight. Metadata before its manifest state its number, and metadata behind its
-//! last sample state that the log goes on in another file. So a missing file is noticed.
+//! Each is a complete log of its part of the flight. Metadata before the manifest state its number, and metadata after the
+//! last sample state that the log continues in another file. So a missing file is detected.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,18 +17,18 @@ use super::recovery::{Origin, origin};
 const NUMBER_KEY: &str = "number";
 const SAMPLES_KEY: &str = "samples_before";
 
-/// Name of the metadata record behind the last sample of a file after which the log goes on.
-pub(super) const GOES_ON: &str = "gerono_goes_on";
+/// Name of the metadata record after the last sample of a file with a successor.
+pub(super) const CONTINUES: &str = "gerono_goes_on";
 
-/// Begin of the names of the channels of a machine's record.
+/// Prefix of the channels of a machine's record.
 const HOST_CHANNELS: &str = "host/";
 
-/// The place of a file in a log that was split.
+/// Position of a file in a split log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Part {
     /// 0 for the first file.
     pub(super) number: u64,
-    /// Samples of the log in the files before it.
+    /// Samples of the log in the previous files.
     pub(super) samples_before: u64,
 }
 
@@ -43,7 +43,7 @@ impl Part {
         ])
     }
 
-    /// Back from the metadata of its name.
+    /// Converts from metadata.
     pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Option<Self> {
         let number = |key: &str| metadata.get(key)?.parse().ok();
         Some(Self {
@@ -53,7 +53,7 @@ impl Part {
     }
 }
 
-/// Returns the metadata which state that the log goes on in the file of a number.
+/// Returns the metadata which state that the log continues in the file of a number.
 pub(super) fn goes_on_in(number: u64) -> BTreeMap<String, String> {
     BTreeMap::from([(NUMBER_KEY.to_owned(), number.to_string())])
 }
@@ -72,7 +72,7 @@ pub(super) fn part_beside(log: &Path, number: u64) -> PathBuf {
     part_path(&log.with_file_name(format!("{common}.mcap")), number)
 }
 
-/// The state of a file, in the order in which one is preferred to another of the same part.
+/// State of a file, in the order of preference among files of the same part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Make {
     Recovered,
@@ -80,7 +80,7 @@ enum Make {
     Partial,
 }
 
-/// The name of a file of a log: what all files of the log have in common, and what is its own.
+/// Name of a file of a log: the common part, and the number.
 #[derive(Debug, PartialEq, Eq)]
 struct Name {
     common: String,
@@ -112,7 +112,7 @@ impl Name {
     }
 }
 
-/// Returns the number that the name of a file gives it in a log; 0 for the first one.
+/// Returns the number of a file in its log, by its name; 0 for the first one.
 #[must_use]
 pub fn number_of(log: &Path) -> Option<u64> {
     Name::of(log).map(|name| name.number)
@@ -121,13 +121,13 @@ pub fn number_of(log: &Path) -> Option<u64> {
 /// A file of a log, and its number.
 pub(super) type Numbered = (u64, PathBuf);
 
-/// Returns the files beside `log` that follow it in the same log, in their order: of each number the recovered one before the
-/// complete and that before the partial one.
+/// Returns the files after `log` in the same log, in order: of each number first the recovered, then the complete, then the
+/// partial one.
 pub(super) fn files_after(log: &Path) -> Vec<Numbered> {
     Name::of(log).map_or_else(Vec::new, |own| files_of(log, |name| name.number > own.number))
 }
 
-/// The files of the log of which `log` is one, as far as they are wanted.
+/// Returns the wanted files of the log that contains `log`.
 fn files_of(log: &Path, is_wanted: impl Fn(&Name) -> bool) -> Vec<Numbered> {
     let Some(own) = Name::of(log) else {
         return Vec::new();
@@ -152,7 +152,7 @@ fn files_of(log: &Path, is_wanted: impl Fn(&Name) -> bool) -> Vec<Numbered> {
     numbered.collect()
 }
 
-/// Returns the files that are read as one log if `log` is opened: itself, and if it was split those after it.
+/// Returns the files that are read as one log if `log` is opened: the file and its successors.
 #[must_use]
 pub fn files_of_log(log: &Path) -> Vec<PathBuf> {
     let mut files = vec![log.to_owned()];
@@ -162,8 +162,8 @@ pub fn files_of_log(log: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Returns the files that a run has written for the log whose first file has the path `first`, complete or not, in their
-/// order; not those that were recovered of them.
+/// Returns the files that a run has written for the log with the first file `first`, complete or not, in order, without
+/// recovered ones.
 #[must_use]
 pub fn written_files(first: &Path) -> Vec<PathBuf> {
     let files = files_of(first, |name| name.make != Make::Recovered);
@@ -175,7 +175,7 @@ pub(super) fn has_recovered(log: &Path) -> bool {
     !files_of(log, |name| name.make == Make::Recovered).is_empty()
 }
 
-/// Returns the place of a file in its log; `None` if the log was not split, or the file does not say.
+/// Returns the position of a file in its log; `None` if the log was not split or the file does not state it.
 fn part_of(path: &Path) -> Option<Part> {
     let file = File::open(path).ok()?;
     let bytes = file.metadata().ok()?.len();
@@ -197,16 +197,16 @@ fn part_of(path: &Path) -> Option<Part> {
 /// The end of a file of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// The file has no proper end, or is damaged.
+    /// The file has no end record, or is damaged.
     Broken,
-    /// The file is whole, and the last of its log.
+    /// The file is complete, and the last one of its log.
     Last,
-    /// The file is whole, and the log goes on in the file of this number.
+    /// The file is complete, and the log continues in the file with this number.
     GoesOn(u64),
 }
 
-/// Reads a file to its last checksum, and returns its end: a log of a flight as every command reads it, so that what is whole
-/// for one is whole for all, and the record of a machine by its checksums.
+/// Verifies all checksums of a file, and returns its end. A log of a flight is read by [`LogReader`], so
+/// that all commands agree on completeness, and the record of a machine by its checksums.
 ///
 /// # Errors
 /// [`LogReadError`] if the file cannot be read, or is neither.
@@ -233,7 +233,7 @@ pub fn ending(path: &Path) -> Result<Ending, LogReadError> {
     }
 }
 
-/// Returns the end of a record of a machine, which has no other channels than a machine's.
+/// Returns the end of a record of a machine, which must have only the channels of one.
 fn ending_of_host_log(path: &Path) -> Ending {
     let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let Ok((bytes, file)) = opened else {
@@ -255,10 +255,10 @@ fn ending_of_host_log(path: &Path) -> Ending {
     }
 }
 
-/// Returns the number of the file in which the log goes on, if a record of metadata says so.
+/// Returns the number of the file in which the log continues, if a metadata record states it.
 pub(super) fn next_number(record: &RawRecord) -> Option<u64> {
     match records::parse(record.opcode, &record.body) {
-        Ok(Record::Metadata(metadata)) if metadata.name == GOES_ON => {
+        Ok(Record::Metadata(metadata)) if metadata.name == CONTINUES => {
             metadata.metadata.get(NUMBER_KEY)?.parse().ok()
         }
         _ => None,

@@ -1,4 +1,4 @@
-//! Reads `run.mcap`: the manifest, then every sample in the order of the file.
+//! Reader of `run.mcap`: the manifest, then every sample in the order of the file.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
@@ -31,31 +31,31 @@ pub enum LogReadError {
         /// The error of the system.
         source: io::Error,
     },
-    /// The file is no run log.
+    /// The file is not a run log.
     #[error("{} is not a run log: {reason}; give a `run.mcap` that `gerono run` has written", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// The sign of it.
+        /// The reason.
         reason: &'static str,
     },
-    /// The manifest, which tells what was flown, makes no sense.
+    /// The manifest is invalid.
     #[error("{} is not a run log: {source}; give a `run.mcap` that `gerono run` has written", .path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
-        /// Reason why not.
+        /// The reason.
         source: ManifestProblem,
     },
-    /// The log is arranged in another way.
+    /// The log has another format.
     #[error("the log {} is of format version {found}, this program reads version {FORMAT_VERSION}; use the program that wrote it", .path.display())]
     Version {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// Version of the format.
         found: String,
     },
-    /// Samples in the log are laid out in another way.
+    /// Samples in the log have another layout.
     #[error("the log {} holds samples of another layout of {}; use the program that wrote it, or fly its scenario again", .path.display(), .types.join(", "))]
     Layouts {
         /// The file.
@@ -73,26 +73,26 @@ pub enum LogReadError {
         /// Tick of the last of them.
         last_tick: Option<u64>,
     },
-    /// The log goes on in a file that is not there.
+    /// The log continues in a missing file.
     #[error("the log goes on after {} in {}, which is missing; its {samples} samples before that are whole{}; put the file beside it, or run `gerono recover` on the folder to read the log without it", .path.display(), .missing.display(), last_tick_in_words(.last_tick))]
     MissingPart {
-        /// The file before.
+        /// The previous file.
         path: PathBuf,
-        /// The file that is missing.
+        /// The missing file.
         missing: PathBuf,
         /// Samples before the break.
         samples: u64,
         /// Tick of the last of them.
         last_tick: Option<u64>,
     },
-    /// The log is not what was written.
+    /// The log is damaged.
     #[error("the log {} is damaged after {samples} samples: {source}; what was read before is whole; `gerono recover {}` keeps that and what is whole behind the damage", .path.display(), .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// Samples before the damage.
         samples: u64,
-        /// The requirement that does not hold.
+        /// The violated requirement.
         source: Box<dyn Error + Send + Sync>,
     },
 }
@@ -115,7 +115,7 @@ fn last_tick_in_words(last_tick: &Option<u64>) -> String {
 }
 
 impl LogReadError {
-    /// Returns whether the log is there and only incomplete or damaged: what was read before is whole.
+    /// Returns whether the log is only incomplete or damaged: samples before the error are valid.
     #[must_use]
     pub fn is_incomplete(&self) -> bool {
         matches!(
@@ -143,25 +143,25 @@ impl LogReadError {
 /// A sample as it was logged.
 #[derive(Clone, Copy, Debug)]
 pub struct LoggedSample<'a> {
-    /// The topic it travelled on.
+    /// The topic.
     pub topic: Topic,
-    /// Its header.
+    /// The header.
     pub header: Header,
-    /// Its bytes, header included, aligned for its type.
+    /// The bytes, header included, aligned for the type.
     pub bytes: &'a [u8],
 }
 
-/// Numbers of the samples of a topic so far. In real time late ones come behind younger ones, but none comes twice.
+/// Sequence numbers of the samples of a topic so far. In real time late samples follow newer ones, but none is repeated.
 #[derive(Clone, Copy, Debug, Default)]
 struct Numbers {
     count: u64,
-    /// The least and the largest.
+    /// Minimum and maximum.
     range: Option<[u64; 2]>,
     last: Option<u64>,
 }
 
 impl Numbers {
-    /// Takes a number; `false` if it is that of the sample before.
+    /// Adds a number. Returns `false` if it repeats the previous one.
     fn take(&mut self, number: u64) -> bool {
         self.count += 1;
         let [least, largest] = self.range.unwrap_or([number; 2]);
@@ -169,50 +169,50 @@ impl Numbers {
         self.last.replace(number) != Some(number)
     }
 
-    /// Returns whether there are as many numbers in their range as samples.
+    /// Returns whether the range has at least as many numbers as there are samples.
     fn may_be_distinct(&self) -> bool {
         self.range
             .is_none_or(|[least, largest]| self.count - 1 <= largest - least)
     }
 }
 
-/// Reads a run log from begin to end; memory does not grow with the log.
+/// Reader of a run log in constant memory.
 ///
-/// A log that was split is read as one, from the file that is opened on.
+/// A split log is read as one, beginning with the opened file.
 pub struct LogReader {
-    /// The file that is read.
+    /// The current file.
     path: PathBuf,
     manifest: Manifest,
-    /// Those of all files of the log that were recovered.
+    /// Recoveries of the files of the log.
     recoveries: Vec<Recovery>,
-    /// The place of the file in a log that was split.
+    /// Position of the file in a split log.
     part: Option<Part>,
-    /// The files that come after it.
+    /// The next files.
     following: VecDeque<Numbered>,
-    /// `true` if the file says that another one follows.
-    goes_on: bool,
-    /// Number of the file that followed when this one was recovered.
+    /// `true` if the file states that another one follows.
+    continues: bool,
+    /// Number of the next file at the recovery of this one.
     followed_by: Option<u64>,
-    /// `true` if the file before this one was recovered.
+    /// `true` if the previous file was recovered.
     follows_recovered: bool,
     /// `true` if this file was recovered.
     is_recovered: bool,
-    /// Samples of the log before the file that was opened.
+    /// Samples of the log before the opened file.
     opened_at: u64,
-    /// Samples and chunks in the files that have been read to their ends.
+    /// Samples and chunks in the previous files.
     samples_before: u64,
     chunks_before: u64,
     records: Records<BufReader<File>>,
     record: RawRecord,
     channels: BTreeMap<u16, Topic>,
     schemas: BTreeMap<u16, String>,
-    /// The sample's bytes in words, which are aligned for any sample.
+    /// Bytes of the sample, aligned to words for any type.
     sample: Vec<u64>,
     samples: u64,
     last_tick: Option<u64>,
     /// Numbers of the samples of each topic.
     numbers: [Numbers; Topic::ALL.len()],
-    /// `true` if only the summary is left.
+    /// `true` after the last data.
     is_in_summary: bool,
     has_ended: bool,
 }
@@ -221,12 +221,12 @@ impl LogReader {
     /// Opens a log and reads its manifest.
     ///
     /// # Errors
-    /// [`LogReadError`]; in particular [`LogReadError::Layouts`] for the log of a program whose samples differ.
+    /// [`LogReadError`]; in particular [`LogReadError::Layouts`] for other layouts of samples.
     pub fn open(path: &Path) -> Result<Self, LogReadError> {
         Self::open_with(path, true)
     }
 
-    /// Opens a file of a log without those in which the log goes on.
+    /// Opens a file of a log without the next ones.
     pub(super) fn open_alone(path: &Path) -> Result<Self, LogReadError> {
         Self::open_with(path, false)
     }
@@ -246,7 +246,7 @@ impl LogReader {
             .recovery
             .map(|recovery| (part.map_or(0, |part| part.number), recovery));
         let recoveries = own.into_iter().chain(later).map(|(number, mut recovery)| {
-            // A file that was lost then may be there again.
+            // A file that was missing then may exist again.
             let next = numbers.iter().copied().find(|next| *next > number);
             recovery.goes_on_in = next.or(recovery.goes_on_in);
             recovery
@@ -257,7 +257,7 @@ impl LogReader {
             recoveries: recoveries.collect(),
             part: head.part,
             following: following.into(),
-            goes_on: false,
+            continues: false,
             followed_by,
             follows_recovered: false,
             is_recovered,
@@ -283,20 +283,19 @@ impl LogReader {
         &self.manifest
     }
 
-    /// Returns the gaps of the first file of the log that was recovered, if any was: that is not the one that was
-    /// recorded but was made of what was left of it.
+    /// Returns the recovery of the first recovered file of the log, if any.
     #[must_use]
     pub fn recovery(&self) -> Option<&Recovery> {
         self.recoveries.first()
     }
 
-    /// Returns the gaps of every file of the log that was recovered.
+    /// Returns the recoveries of all recovered files of the log.
     #[must_use]
     pub fn recoveries(&self) -> &[Recovery] {
         &self.recoveries
     }
 
-    /// Returns the compression of the chunk that was read last, as `gerono run --compression` calls it.
+    /// Returns the compression of the last chunk, by its name in `gerono run --compression`.
     #[must_use]
     pub fn compression(&self) -> &str {
         match self.records.chunk.compression.as_str() {
@@ -305,18 +304,18 @@ impl LogReader {
         }
     }
 
-    /// Chunks read so far.
+    /// Returns the number of chunks read so far.
     #[must_use]
     pub fn chunks(&self) -> u64 {
         self.chunks_before + self.records.chunk.chunks
     }
 
-    /// The next sample in the order of the file; `None` at the end of a complete log.
+    /// Returns the next sample in the order of the file; `None` at the end of a complete log.
     ///
     /// # Errors
-    /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::MissingPart`] after the last sample
-    /// before a file that is missing; [`LogReadError::Damaged`] and
-    /// [`LogReadError::Io`] wherever they happen. Nothing follows an error.
+    /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::MissingPart`] after the last
+    /// sample before a missing file; [`LogReadError::Damaged`] and [`LogReadError::Io`] at any position. No sample follows
+    /// an error.
     pub fn next_sample(&mut self) -> Result<Option<LoggedSample<'_>>, LogReadError> {
         if self.has_ended {
             return Ok(None);
@@ -333,7 +332,7 @@ impl LogReader {
         }))
     }
 
-    /// The samples of one topic, in the order of the file.
+    /// Returns the samples of one topic, in the order of the file.
     pub fn samples<T: Published>(self) -> impl Iterator<Item = Result<T, LogReadError>> {
         let mut reader = self;
         std::iter::from_fn(move || {
@@ -352,11 +351,11 @@ impl LogReader {
         })
     }
 
-    /// Reads on to the next sample, in whichever file it is, and puts it into `self.sample`.
+    /// Reads the next sample, also from the next file, into `self.sample`.
     fn advance(&mut self) -> Result<Option<(Topic, Header)>, LogReadError> {
         loop {
             let found = match self.advance_in_file() {
-                Err(LogReadError::Unclosed { .. }) if self.holds_nothing() => return Ok(None),
+                Err(LogReadError::Unclosed { .. }) if self.is_unrecoverable() => return Ok(None),
                 found => found?,
             };
             if found.is_some() || !self.open_next_file()? {
@@ -365,12 +364,12 @@ impl LogReader {
         }
     }
 
-    /// Returns whether nothing of this file could be recovered: that was tried with the file before.
-    fn holds_nothing(&self) -> bool {
+    /// Returns whether nothing of this file could be recovered at the recovery of the previous one.
+    fn is_unrecoverable(&self) -> bool {
         self.follows_recovered && self.samples == self.samples_before
     }
 
-    /// Goes on in the next file of a log that was split; `false` at the end of the last one.
+    /// Opens the next file of a split log. Returns `false` after the last one.
     fn open_next_file(&mut self) -> Result<bool, LogReadError> {
         let Some(part) = self.part else {
             return Ok(false);
@@ -379,7 +378,7 @@ impl LogReader {
         let is_there = next
             .as_ref()
             .is_some_and(|(number, _)| *number == part.number + 1);
-        let missing = if self.goes_on && !is_there {
+        let missing = if self.continues && !is_there {
             Some(part.number + 1)
         } else {
             let found = next.as_ref().map_or(u64::MAX, |(number, _)| *number);
@@ -401,7 +400,7 @@ impl LogReader {
         self.samples_before = self.samples;
         self.path = path;
         let Opened { records, head } = match Opened::open(&self.path) {
-            Err(LogReadError::Unclosed { .. }) if self.holds_nothing() => return Ok(false),
+            Err(LogReadError::Unclosed { .. }) if self.is_unrecoverable() => return Ok(false),
             Err(LogReadError::Unclosed { path, .. }) => {
                 return Err(LogReadError::Unclosed {
                     path,
@@ -418,12 +417,12 @@ impl LogReader {
         self.records = records;
         self.channels.clear();
         self.schemas.clear();
-        self.goes_on = false;
+        self.continues = false;
         self.is_in_summary = false;
         Ok(true)
     }
 
-    /// Refuses a file of another flight, or one that has lost samples that nobody speaks of.
+    /// Checks that a file continues the same flight, without undeclared missing samples.
     fn check_follows(&self, number: u64, head: &LogHead) -> Result<(), LogReadError> {
         let is_next = head.part.is_some_and(|part| {
             let expected = self.opened_at + self.samples;
@@ -435,7 +434,7 @@ impl LogReader {
         Err(self.damaged("it is not of the same flight as the file before it"))
     }
 
-    /// Reads on to the next sample of the file.
+    /// Reads the next sample of the file.
     fn advance_in_file(&mut self) -> Result<Option<(Topic, Header)>, LogReadError> {
         loop {
             if !self
@@ -445,22 +444,22 @@ impl LogReader {
             {
                 return Ok(None);
             }
-            // Nothing but what MCAP knows: of a chunk whose kind was damaged, the samples would be missing without a word
-            // until the checksum at the end. Programs that copy logs declare channels outside of chunks, and put metadata and
-            // indexes where they like.
-            match (self.record.opcode, self.place()) {
-                (op::MESSAGE, Place::Chunk) => return self.take_message().map(Some),
-                (op::CHANNEL | op::SCHEMA, Place::Chunk) => self.take_declaration()?,
-                (op::CHANNEL | op::SCHEMA, Place::Data)
+            // Accept only records of MCAP: the samples of a chunk whose kind was damaged would be missing silently until the
+            // checksum at the end. Programs that copy logs declare channels outside of chunks, and write metadata and indexes
+            // at any position.
+            match (self.record.opcode, self.section()) {
+                (op::MESSAGE, Section::Chunk) => return self.take_message().map(Some),
+                (op::CHANNEL | op::SCHEMA, Section::Chunk) => self.take_declaration()?,
+                (op::CHANNEL | op::SCHEMA, Section::Data)
                     if is_declaration(self.record.opcode, &self.record.body) =>
                 {
                     self.take_declaration()?;
                 }
-                (op::MESSAGE_INDEX, Place::Data) if is_message_index(&self.record.body) => {}
-                (op::METADATA, Place::Data) if is_declaration(op::METADATA, &self.record.body) => {
-                    self.goes_on |= next_number(&self.record).is_some();
+                (op::MESSAGE_INDEX, Section::Data) if is_message_index(&self.record.body) => {}
+                (op::METADATA, Section::Data) if is_declaration(op::METADATA, &self.record.body) => {
+                    self.continues |= next_number(&self.record).is_some();
                 }
-                (op::DATA_END, Place::Data) => self.is_in_summary = true,
+                (op::DATA_END, Section::Data) => self.is_in_summary = true,
                 (
                     op::CHANNEL
                     | op::SCHEMA
@@ -469,24 +468,24 @@ impl LogReader {
                     | op::METADATA_INDEX
                     | op::SUMMARY_OFFSET
                     | op::FOOTER,
-                    Place::Summary,
+                    Section::Summary,
                 ) => {}
                 (opcode, _) => return Err(self.damaged(format!("a record of kind {opcode} is out of place"))),
             }
         }
     }
 
-    /// Returns where `self.record` stands.
-    fn place(&self) -> Place {
+    /// Returns the section that contains `self.record`.
+    fn section(&self) -> Section {
         match (self.record.is_in_chunk, self.is_in_summary) {
-            (true, false) => Place::Chunk,
-            (false, false) => Place::Data,
-            (false, true) => Place::Summary,
-            (true, true) => Place::Nowhere,
+            (true, false) => Section::Chunk,
+            (false, false) => Section::Data,
+            (false, true) => Section::Summary,
+            (true, true) => Section::Nowhere,
         }
     }
 
-    /// Takes note of the channel or schema in `self.record`.
+    /// Stores the channel or schema in `self.record`.
     fn take_declaration(&mut self) -> Result<(), LogReadError> {
         match records::parse(self.record.opcode, &self.record.body) {
             Ok(Record::Schema { header, .. }) => {
@@ -511,7 +510,7 @@ impl LogReader {
         }
     }
 
-    /// Takes the sample out of the message in `self.record`.
+    /// Copies the sample of the message in `self.record`.
     fn take_message(&mut self) -> Result<(Topic, Header), LogReadError> {
         let (header, data) = match records::parse(op::MESSAGE, &self.record.body) {
             Ok(Record::Message { header, data }) => (header, data),
@@ -568,27 +567,27 @@ fn followed_by(head: &LogHead) -> Option<u64> {
     head.recovery.as_ref().and_then(|recovery| recovery.goes_on_in)
 }
 
-/// Part of a log.
+/// Section of a file.
 #[derive(Clone, Copy)]
-enum Place {
+enum Section {
     /// In a chunk.
     Chunk,
     /// Between chunks.
     Data,
     /// After all data.
     Summary,
-    /// In a chunk after all data, where none may be.
+    /// In a chunk after all data, which is not permitted.
     Nowhere,
 }
 
-/// The facts that precede all samples of a file.
+/// Metadata that precede all samples of a file.
 struct LogHead {
     manifest: Manifest,
     recovery: Option<Recovery>,
     part: Option<Part>,
 }
 
-/// A file whose facts have been read.
+/// File whose metadata have been read.
 struct Opened {
     records: Records<BufReader<File>>,
     head: LogHead,
@@ -610,16 +609,16 @@ impl Opened {
         if let Some(head) = read_head(path, &mut records)? {
             return Ok(Self { records, head });
         }
-        // Another program has moved the facts behind the samples, where the summary names them.
-        let mut gathered = HeadGatherer::new(path);
+        // Another program has moved the metadata behind the samples; the summary has their positions.
+        let mut collector = HeadCollector::new(path);
         let mut head = None;
         for metadata in metadata_by_index(path).map_err(failed)? {
-            head = head.or(gathered.take(&metadata)?);
+            head = head.or(collector.take(&metadata)?);
         }
-        let head = head.ok_or_else(|| gathered.foreign("it holds no manifest of a flight"))?;
+        let head = head.ok_or_else(|| collector.foreign("it holds no manifest of a flight"))?;
         let file = File::open(path).map_err(failed)?;
         let mut records = Records::new(BufReader::with_capacity(1 << 16, file), file_bytes);
-        // Its header, which the first look has found.
+        // Skip the header, which was read before.
         let mut header = RawRecord::default();
         records
             .next(&mut header)
@@ -628,14 +627,14 @@ impl Opened {
     }
 }
 
-/// Gathers the facts of a file from its metadata, in which the manifest comes last.
-struct HeadGatherer<'a> {
+/// Collector of the metadata of a file, of which the manifest is the last.
+struct HeadCollector<'a> {
     path: &'a Path,
     recovery: Option<Recovery>,
     part: Option<Part>,
 }
 
-impl<'a> HeadGatherer<'a> {
+impl<'a> HeadCollector<'a> {
     fn new(path: &'a Path) -> Self {
         Self {
             path,
@@ -651,17 +650,17 @@ impl<'a> HeadGatherer<'a> {
         }
     }
 
-    /// Takes a record, and returns the facts if it is the manifest. Metadata of other programs are passed over.
+    /// Adds a record. Returns the collected metadata if it is the manifest. Ignores metadata of other programs.
     fn take(&mut self, metadata: &Metadata) -> Result<Option<LogHead>, LogReadError> {
         let facts = &metadata.metadata;
         match metadata.name.as_str() {
             Recovery::RECORD_NAME => {
-                let senseless = || self.foreign("what it says of its recovery makes no sense");
-                self.recovery = Some(Recovery::from_metadata(facts).ok_or_else(senseless)?);
+                let invalid = || self.foreign("what it says of its recovery makes no sense");
+                self.recovery = Some(Recovery::from_metadata(facts).ok_or_else(invalid)?);
             }
             Part::RECORD_NAME => {
-                let senseless = || self.foreign("what it says of its place in the log makes no sense");
-                self.part = Some(Part::from_metadata(facts).ok_or_else(senseless)?);
+                let invalid = || self.foreign("what it says of its place in the log makes no sense");
+                self.part = Some(Part::from_metadata(facts).ok_or_else(invalid)?);
             }
             Manifest::RECORD_NAME => {
                 let manifest = Manifest::from_metadata(facts);
@@ -678,9 +677,9 @@ impl<'a> HeadGatherer<'a> {
     }
 }
 
-/// Reads up to the manifest, and what stands before it of a recovery and of a split; none if samples come first.
+/// Reads the manifest and the preceding metadata of a recovery and of a split; `None` if samples come first.
 fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<Option<LogHead>, LogReadError> {
-    let mut gathered = HeadGatherer::new(path);
+    let mut collector = HeadCollector::new(path);
     let mut record = RawRecord::default();
     while records
         .next(&mut record)
@@ -694,11 +693,11 @@ fn read_head(path: &Path, records: &mut Records<BufReader<File>>) -> Result<Opti
             Ok(_) => return Ok(None),
             Err(error) => return Err(explain(path, error, 0, None)),
         };
-        if let Some(head) = gathered.take(&metadata)? {
+        if let Some(head) = collector.take(&metadata)? {
             return Ok(Some(head));
         }
     }
-    Err(gathered.foreign("it holds no manifest of a flight"))
+    Err(collector.foreign("it holds no manifest of a flight"))
 }
 
 fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
@@ -710,8 +709,7 @@ fn explain_manifest(path: &Path, problem: ManifestProblem) -> LogReadError {
     }
 }
 
-/// Explains why a file cannot be opened: it counts as incomplete or damaged if a part of it is one of a flight, and else as
-/// foreign.
+/// Explains why a file cannot be opened: it is incomplete or damaged if it has a part of a flight, and foreign otherwise.
 fn explain_by_origin(path: &Path, error: LogReadError) -> LogReadError {
     use LogReadError::{Damaged, Foreign, Unclosed};
     let foreign = |reason| LogReadError::Foreign {
@@ -734,7 +732,7 @@ fn explain_by_origin(path: &Path, error: LogReadError) -> LogReadError {
     }
 }
 
-/// Explains an error of the MCAP library to the user.
+/// Converts an error of the MCAP library.
 fn explain(path: &Path, error: McapError, samples: u64, last_tick: Option<u64>) -> LogReadError {
     let path = path.to_owned();
     match error {

@@ -1,4 +1,4 @@
-//! The records of an MCAP file in their order, each only after its checksum has been verified.
+//! Records of an MCAP file in order, each returned only after the verification of its checksum.
 
 use std::io::{self, Read};
 
@@ -6,26 +6,26 @@ use mcap::records::{ChunkHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
 
-/// Length of what precedes every record: its kind and the length of the rest.
+/// Length of the frame of every record: its kind and the length of the body.
 pub(super) const FRAME_BYTES: usize = 1 + 8;
 
-/// Largest record that is believed, bytes.
+/// Maximum size of a record, bytes.
 pub(super) const RECORD_BYTES_MAX: usize = 256 << 20;
 
-/// Largest content of a chunk that is unpacked, bytes. The writer's chunks have some megabytes at most.
+/// Maximum uncompressed size of a chunk, bytes. The writer's chunks have at most some megabytes.
 pub(super) const CHUNK_BYTES_MAX: u64 = 16 << 20;
 
-/// The largest ratio of unpacked to packed size, beyond what is unpacked of any file. Logs of flights come to five
-/// times theirs; a file that was made to keep its reader busy comes to thousands.
+/// Maximum ratio of uncompressed to compressed size, above `UNPACKED_BYTES_FREE`. Logs of flights have a ratio of five, a
+/// decompression bomb one of thousands.
 const UNPACKED_RATIO_MAX: u64 = 100;
 const UNPACKED_BYTES_FREE: u64 = 256 << 20;
 
-/// The number of bytes of a file that may still be unpacked.
+/// Remaining number of bytes of a file that may be uncompressed.
 pub(super) struct Budget(u64);
 
 impl Budget {
-    /// That of a file of so many bytes.
-    pub(super) fn of(file_bytes: u64) -> Self {
+    /// Makes the budget of a file of `file_bytes`.
+    pub(super) fn new(file_bytes: u64) -> Self {
         Self(
             file_bytes
                 .saturating_mul(UNPACKED_RATIO_MAX)
@@ -33,7 +33,7 @@ impl Budget {
         )
     }
 
-    /// Takes from it what is about to be unpacked.
+    /// Subtracts the bytes that are about to be uncompressed.
     pub(super) fn spend(&mut self, bytes: u64) -> McapResult<()> {
         self.0 = self.0.checked_sub(bytes).ok_or_else(|| {
             McapError::DecompressionError(format!(
@@ -44,10 +44,10 @@ impl Budget {
     }
 }
 
-/// Reads records from `source`, opening chunks.
+/// Reader of the records of `source`, including those in chunks.
 ///
-/// A chunk goes through a second reader only after what the library takes for granted was checked: that there
-/// is a checksum, and that the lengths of plain records add up to the chunk.
+/// A chunk is passed to a second reader only after checks that the library omits: that it has a checksum, and that the
+/// lengths of uncompressed records add up to the chunk.
 pub(super) struct Records<R> {
     source: R,
     source_bytes: u64,
@@ -56,17 +56,17 @@ pub(super) struct Records<R> {
     pub(super) chunk: ChunkRecords,
 }
 
-/// The records of one chunk after the other, once the chunk's checksum has been verified.
+/// Reader of the records of a chunk, after the verification of its checksum.
 pub(super) struct ChunkRecords {
     reader: LinearReader,
-    /// The chunk that is being read, framed as a record, and how much of it was read.
+    /// The current chunk, framed as a record, and the number of bytes read.
     chunk: Vec<u8>,
     chunk_read: usize,
     /// The compression of the last chunk, as MCAP calls it.
     pub(super) compression: String,
-    /// `true` if nothing of the chunk has been handed out yet.
+    /// `true` before the first record of the chunk.
     is_new: bool,
-    /// Chunks of which something was handed out, so that their checksums hold.
+    /// Number of chunks with a returned record, whose checksums are valid.
     pub(super) chunks: u64,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct ChunkRecords {
 pub(super) struct RawRecord {
     /// One of [`op`].
     pub(super) opcode: u8,
-    /// `true` if it stood in a chunk, under the chunk's checksum.
+    /// `true` if it was in a chunk, under the chunk's checksum.
     pub(super) is_in_chunk: bool,
     /// The bytes after the length.
     pub(super) body: Vec<u8>,
@@ -96,12 +96,12 @@ impl<R: Read> Records<R> {
                     .with_check_finishes_after_end_magic(true)
                     .with_record_length_limit(limit),
             ),
-            budget: Budget::of(source_bytes),
+            budget: Budget::new(source_bytes),
             chunk: ChunkRecords::new(),
         }
     }
 
-    /// Reads the next record into `record`; `false` at the proper end of the file.
+    /// Reads the next record into `record`; `false` at the end of a complete file.
     pub(super) fn next(&mut self, record: &mut RawRecord) -> McapResult<bool> {
         loop {
             record.is_in_chunk = self.chunk.next(record)?;
@@ -114,13 +114,13 @@ impl<R: Read> Records<R> {
             if record.opcode != op::CHUNK {
                 return Ok(true);
             }
-            // Nothing of it is unpacked before.
+            // Nothing of the chunk is uncompressed before this check.
             let unpacked = self.chunk.open(&record.body)?;
             self.budget.spend(unpacked)?;
         }
     }
 
-    /// The next record of the file, chunks in one piece; `false` at its proper end.
+    /// Reads the next record of the file, a chunk as one record; `false` at the end of a complete file.
     fn next_in_file(&mut self, record: &mut RawRecord) -> McapResult<bool> {
         loop {
             match self.file.next_event() {
@@ -132,7 +132,7 @@ impl<R: Read> Records<R> {
                     record.assign(opcode, data);
                     return Ok(true);
                 }
-                // A record that reaches beyond the end of the file was cut, not forged.
+                // A record beyond the end of the file was truncated, not forged.
                 Some(Err(McapError::RecordTooLarge { len, .. })) if len > self.source_bytes => {
                     return Err(McapError::UnexpectedEof);
                 }
@@ -159,8 +159,7 @@ impl ChunkRecords {
         }
     }
 
-    /// Goes on with the chunk of this body, and says how many bytes it unpacks to. After an error this reader is of no more
-    /// use.
+    /// Opens the chunk with this body. Returns its uncompressed size. After an error the reader must not be used.
     pub(super) fn open(&mut self, body: &[u8]) -> McapResult<u64> {
         let header = check_chunk(body)?;
         self.compression = header.compression;
@@ -173,7 +172,7 @@ impl ChunkRecords {
         Ok(header.uncompressed_size)
     }
 
-    /// The next record of the chunk that is being read; `false` if there is none.
+    /// Reads the next record of the chunk; `false` at its end.
     pub(super) fn next(&mut self, record: &mut RawRecord) -> McapResult<bool> {
         loop {
             match self.reader.next_event() {
@@ -181,7 +180,7 @@ impl ChunkRecords {
                     let left = &self.chunk[self.chunk_read..];
                     let count = wanted.min(left.len());
                     if count == 0 {
-                        // Between records it asks for the next frame; within one, the chunk is too short.
+                        // A request for a frame is the end of the records; within a record the chunk is too short.
                         return if wanted == FRAME_BYTES {
                             Ok(false)
                         } else {
@@ -212,7 +211,7 @@ impl RawRecord {
     }
 }
 
-/// Reads at least one byte unless the source has ended.
+/// Reads at least one byte, except at the end of the source.
 fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     loop {
         match source.read(place) {
@@ -222,8 +221,8 @@ fn read_some(source: &mut impl Read, place: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// Parses a record of a kind. Of an attachment only that it is one: logs have none, and the library (0.26) believes
-/// their lengths and panics.
+/// Parses a record of a kind, except the body of an attachment: logs have none, and the library (0.26) trusts their lengths
+/// and panics.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
     match opcode {
         op::ATTACHMENT => Ok(Record::Unknown {
@@ -234,7 +233,7 @@ pub(super) fn parse(opcode: u8, body: &[u8]) -> McapResult<Record<'_>> {
     }
 }
 
-/// Refuses a chunk whose content would have to be believed blindly.
+/// Refuses a chunk without a checksum or with an excessive size.
 fn check_chunk(body: &[u8]) -> McapResult<ChunkHeader> {
     let Record::Chunk { header, data } = parse(op::CHUNK, body)? else {
         return Err(McapError::UnexpectedEoc);
@@ -255,7 +254,7 @@ fn check_chunk(body: &[u8]) -> McapResult<ChunkHeader> {
     Ok(header)
 }
 
-/// Returns whether the lengths of the records in `data` add up to it.
+/// Returns whether the lengths of the records add up to `data`.
 fn holds_whole_records(mut data: &[u8]) -> bool {
     while let Some((frame, rest)) = data.split_first_chunk::<FRAME_BYTES>() {
         let length: [u8; 8] = std::array::from_fn(|index| frame[1 + index]);

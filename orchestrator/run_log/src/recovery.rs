@@ -1,9 +1,9 @@
-//! Makes a proper log of one that was never closed, was cut, or is damaged.
+//! Recovery of a log that was never closed, was truncated, or is damaged.
 //!
-//! Every chunk whose checksum holds is kept, before and behind the damage. A chunk whose checksum does not hold is left out,
-//! for nobody can say which of its bytes are wrong. Of a chunk with which the file breaks off the whole messages are kept, if
-//! it is not compressed, and counted as such that no checksum vouches for. The new log says in its first metadata
-//! that it was recovered and what it lacks ([`Recovery`]).
+//! Every chunk with a valid checksum is kept, before and after the damage. A chunk with an invalid checksum is dropped,
+//! because its wrong bytes are unknown. Of a truncated chunk at the end of the file the complete messages are kept, if it
+//! is not compressed, and counted as unverified. The first metadata of the new log state that it was recovered and what is
+//! missing ([`Recovery`]).
 
 mod channels;
 mod origin;
@@ -43,30 +43,30 @@ pub enum RecoverError {
         /// The error of the system.
         source: io::Error,
     },
-    /// The file was made to keep its reader busy.
+    /// Reading the file would take an excessive amount of work.
     #[error("the log {} is not read to its end: {source}; recover it with another tool if you trust where it is from", .path.display())]
     Implausible {
         /// The file.
         path: PathBuf,
-        /// The sign of it.
+        /// The exceeded limit.
         source: io::Error,
     },
-    /// Something has the name of the recovered log.
+    /// A file with the name of the recovered log exists.
     #[error("{} exists already and is not overwritten; name another file with `--out`, or remove it", .0.display())]
     Exists(PathBuf),
     /// The file is empty.
     #[error("{} is empty: the run ended before its first chunk was written; there is nothing to recover", .0.display())]
     Empty(PathBuf),
-    /// The file is whole, and another program's.
+    /// The file is a complete log of another program.
     #[error(transparent)]
     Other(LogReadError),
-    /// Nothing in the file is of a flight.
+    /// The file has no part of a flight.
     #[error("{} is not a run log: no part of it is one of a flight; give `run.mcap`, `run.mcap.partial` or the folder of a run", .0.display())]
     NoFlight(PathBuf),
-    /// Not a single sample is whole.
+    /// The file has no valid sample.
     #[error("{} holds no sample that is whole: there is nothing to recover; fly its scenario again", .0.display())]
     Nothing(PathBuf),
-    /// The samples are laid out in another way.
+    /// The samples have another layout.
     #[error("the log {} holds samples of another layout of {}; use the program that wrote it", .path.display(), .types.join(", "))]
     Layouts {
         /// The file.
@@ -81,7 +81,7 @@ pub enum RecoverError {
         path: PathBuf,
         /// Reason why the manifest cannot be used.
         source: ManifestProblem,
-        /// Samples that are whole.
+        /// Number of valid samples.
         samples: u64,
     },
     /// The recovered log cannot be written.
@@ -92,13 +92,12 @@ pub enum RecoverError {
 /// Returns whether a log is complete to its last checksum.
 ///
 /// # Errors
-/// [`LogReadError`] if the file cannot be read, or is no log of ours.
+/// [`LogReadError`] if the file cannot be read, or is not a log of this program.
 pub fn is_whole(path: &Path) -> Result<bool, LogReadError> {
     Ok(ending(path)? != Ending::Broken)
 }
 
-/// Returns where the recovered log is put unless another place is named: `run.recovered.mcap` for `run.mcap` and
-/// `run.mcap.partial`.
+/// Returns the default path of the recovered log: `run.recovered.mcap` for `run.mcap` and `run.mcap.partial`.
 #[must_use]
 pub fn recovered_path(log: &Path) -> PathBuf {
     let name = log.file_name().unwrap_or_default().to_string_lossy();
@@ -107,12 +106,12 @@ pub fn recovered_path(log: &Path) -> PathBuf {
     log.with_file_name(format!("{stem}.recovered.mcap"))
 }
 
-/// Makes `target` of what is whole of `source`, a log of a flight or of the machine, and tells what that is.
+/// Writes the valid parts of `source`, a log of a flight or of the machine, to `target`. Returns the report.
 ///
-/// `scenario` replaces the one in a manifest that cannot be read, and only then.
+/// `scenario` replaces only that of an unreadable manifest.
 ///
 /// # Errors
-/// [`RecoverError`]; nothing of the name `target` is left then. The source stays as it is in any case.
+/// [`RecoverError`]; then `target` does not exist. The source is never changed.
 pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<Recovery, RecoverError> {
     if target.symlink_metadata().is_ok() {
         return Err(RecoverError::Exists(target.to_owned()));
@@ -121,7 +120,7 @@ pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Res
     let survey = Survey::of(source, &kinds)?;
     let (part, known) = (survey.part, survey.kinds.len());
     let (manifest, mut recovery) = survey.finish(source, scenario)?;
-    // So that the file is missed if it is lost later: the source's own word may have been in the damage.
+    // Record the next file, so that its later loss is detected: the statement in the source may be damaged.
     let next = part.and_then(|_| files_after(source).into_iter().next());
     recovery.goes_on_in = next.map(|(number, _)| number);
     if let Some(manifest) = &manifest {
@@ -168,19 +167,18 @@ struct Survey<'a> {
     channels: Channels<'a>,
     recovery: Recovery,
     manifest: Result<Manifest, ManifestProblem>,
-    /// The place of the file in a log that was split.
+    /// Position of the file in a split log.
     part: Option<Part>,
-    /// Of each kind of samples, the number that the next one should have.
+    /// Expected number of the next sample of each kind.
     next: Vec<u64>,
-    /// Of each kind of samples, how much the log should have.
+    /// Recorded part of each kind of samples.
     recorded: Vec<Recorded>,
-    /// Of each kind of samples, the gap since its last one.
+    /// Gap since the last sample of each kind.
     open_gap: Vec<Option<usize>>,
 }
 
 impl<'a> Survey<'a> {
-    /// Surveys a file. Of one with parts of a flight only the flight's samples count: no run mixes the machine's into them,
-    /// and no command reads that.
+    /// Surveys a file. In a file with parts of a flight only the flight's samples count: runs do not mix both kinds.
     fn of(source: &Path, kinds: &'a [Kind]) -> Result<Self, RecoverError> {
         let survey = Self::of_kinds(source, kinds)?;
         let is_of_a_flight = survey.part.is_some()
@@ -197,7 +195,7 @@ impl<'a> Survey<'a> {
         Ok(survey)
     }
 
-    /// Surveys a file of which samples of these kinds are known.
+    /// Surveys a file for samples of these kinds.
     fn of_kinds(source: &Path, kinds: &'a [Kind]) -> Result<Self, RecoverError> {
         let mut survey = Self {
             kinds,
@@ -254,7 +252,7 @@ impl<'a> Survey<'a> {
         self.manifest = manifest;
     }
 
-    /// Takes note of the file's place in its log. Of a later file nobody knows the first numbers.
+    /// Records the file's position in its log. The first numbers of a later file are unknown.
     fn take_part(&mut self, part: Option<Part>) {
         self.part = part;
         if self.recovery.kept() == 0 && part.is_some_and(|part| part.number > 0) {
@@ -300,7 +298,7 @@ impl<'a> Survey<'a> {
         recovery.strange += strange;
     }
 
-    /// Records a place that cannot be used.
+    /// Records a damaged range.
     fn lose(&mut self, at: u64, bytes: u64) {
         let kept = self.recovery.kept();
         if let Some(gap) = self
@@ -329,7 +327,7 @@ impl<'a> Survey<'a> {
         topics.any(|topic| self.recovery.samples.contains_key(topic.name()))
     }
 
-    /// The manifest for the new log, if it is one of a flight, and what to say of it.
+    /// Returns the manifest for the new log, if it is one of a flight, and the report.
     fn finish(
         mut self,
         source: &Path,
@@ -372,7 +370,7 @@ fn nothing_in(path: PathBuf) -> RecoverError {
     }
 }
 
-/// Writes what is whole of `source`, chunk by chunk as it was.
+/// Copies the valid parts of `source`, chunk by chunk.
 fn write(source: &Path, target: &Path, kinds: &[Kind], head: &Head<'_>) -> Result<(), RecoverError> {
     let failed = unreadable(source);
     let mut scan = Scan::open(source).map_err(&failed)?;
@@ -406,7 +404,7 @@ fn write(source: &Path, target: &Path, kinds: &[Kind], head: &Head<'_>) -> Resul
     }
 }
 
-/// What the new log says before its samples.
+/// Metadata of the new log before its samples.
 struct Head<'a> {
     part: Option<Part>,
     manifest: Option<&'a Manifest>,
@@ -419,12 +417,12 @@ struct Copy<'a> {
     kinds: &'a [Kind],
     /// The channels of the old one.
     channels: Channels<'a>,
-    /// Its own channels by kind, as far as they are declared.
+    /// Declared channels of the new log, by kind.
     numbers: Vec<Option<u16>>,
 }
 
 impl<'a> Copy<'a> {
-    /// Begins the new log, compressed as its first chunk was.
+    /// Begins the new log, with the compression of the first chunk.
     fn begin(target: &Path, kinds: &'a [Kind], first: &Chunk, head: &Head<'_>) -> Result<Self, LogError> {
         let compression = Compression::of_name(&first.compression);
         let result = ResultFile::create_new(target);
@@ -467,7 +465,7 @@ impl<'a> Copy<'a> {
     }
 }
 
-/// The number of a kind's channel, which is declared at the first call.
+/// Returns the number of a kind's channel; declares it at the first call.
 fn declare(
     file: &mut McapFile,
     kinds: &[Kind],

@@ -1,4 +1,4 @@
-//! Where a run's results go; never over an earlier run's.
+//! Folder of a run's results, which never overwrites those of an earlier run.
 
 use std::fs;
 use std::io::{self, Read};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use crate::{partial_path, recovered_path, written_files};
 
-/// Reason why there is no folder for the results.
+/// Error of the folder for the results.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
-    /// The folder named holds something already.
+    /// The named folder is not empty.
     #[error("{} is not empty; name another folder with `--out`, or leave it out for a new one in `runs/`", .0.display())]
     NotEmpty(PathBuf),
     /// The folder cannot be made or read.
@@ -27,8 +27,7 @@ pub enum RunFolderError {
 pub struct RunFolder(PathBuf);
 
 impl RunFolder {
-    /// Makes the folder that was asked for, which must be empty if it exists, or else the next free
-    /// `runs/<name>-<n>`.
+    /// Creates the requested folder, which must be empty if it exists, or the next free `runs/<name>-<n>`.
     ///
     /// # Errors
     /// [`RunFolderError`].
@@ -86,67 +85,67 @@ impl RunFolder {
 
     /// Removes the folder if nothing was written to it.
     pub fn remove_if_empty(&self) {
-        // It fails for a folder with something in it, which stays.
+        // Fails for a folder that is not empty.
         let _ = fs::remove_dir(&self.0);
     }
 
     /// Removes these files of the folder.
     pub fn remove_files(&self, files: &[PathBuf]) {
         for file in files.iter().filter(|file| file.parent() == Some(self.path())) {
-            // It fails for what is not there.
+            // Fails for a missing file.
             let _ = fs::remove_file(file);
         }
     }
 
-    /// Removes both logs, whole or not.
+    /// Removes both logs, complete or not.
     pub fn remove_logs(&self) {
         let host = self.host_log();
         for log in written_files(&self.run_log())
             .into_iter()
             .chain([partial_path(&host), host])
         {
-            // It fails for what is not there.
+            // Fails for a missing file.
             let _ = fs::remove_file(log);
         }
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.0
     }
 
-    /// The log of the experiment.
+    /// Returns the path of the log of the experiment.
     #[must_use]
     pub fn run_log(&self) -> PathBuf {
         self.0.join("run.mcap")
     }
 
-    /// The log of the machine.
+    /// Returns the path of the log of the machine.
     #[must_use]
     pub fn host_log(&self) -> PathBuf {
         self.0.join("host.mcap")
     }
 
-    /// The summary, for programs.
+    /// Returns the path of `summary.json`.
     #[must_use]
     pub fn summary(&self) -> PathBuf {
         self.0.join("summary.json")
     }
 }
 
-/// The summary beside a log.
+/// Returns the path of the summary beside a log.
 #[must_use]
 pub fn summary_beside(log: &Path) -> PathBuf {
     log.with_file_name("summary.json")
 }
 
-/// The text of the summary beside a log; none if there is none, or if it is too long for one.
+/// Reads the summary beside a log; `None` if it is missing or too long.
 #[must_use]
 pub fn summary_text_beside(log: &Path) -> Option<String> {
     const LONGEST: u64 = 16 << 20;
     let path = summary_beside(log);
-    // A pipe of this name would be waited for without an end.
+    // Reading a pipe with this name could block without a timeout.
     let found = fs::metadata(&path).ok()?;
     if !found.is_file() || found.len() > LONGEST {
         return None;
@@ -160,8 +159,8 @@ pub fn summary_text_beside(log: &Path) -> Option<String> {
     Some(text)
 }
 
-/// The log that a path means: itself, or, if it is the folder of a run, the best that is left of its log. Of a log that was
-/// recovered that is the recovered one: nothing is recovered of a log that is whole.
+/// Resolves a path to a log: the path itself or, for the folder of a run, its best log. A recovered log is preferred, because
+/// only an incomplete log is recovered.
 #[must_use]
 pub fn log_meant_by(path: &Path) -> PathBuf {
     if !path.is_dir() {

@@ -1,13 +1,13 @@
-//! Message definitions as this program writes them, read back: how to decode a sample by its schema alone.
+//! Parser of this program's message definitions, and decoder of samples by their schema.
 //!
-//! Samples have no padding and no alignment to heed, so that a decoder only has to go through the members.
+//! Samples have no implicit padding, so that a decoder only reads the members in order.
 
 use scenario::Scenario;
 use serde_json::{Map, Value};
 use shared_types::Topic;
 use shared_types::samples::ControlTelemetry;
 
-/// Name of members that only fill up a sample.
+/// Name of padding members.
 const PADDING: &str = "pad0";
 
 /// Returns the message definition of a topic in a flight of `scenario`, which names the numbers of telemetry.
@@ -26,7 +26,7 @@ pub fn definition(topic: Topic, scenario: &Scenario) -> String {
     definition.replace(&format!("float64[{NUMBERS}] values\n"), &members)
 }
 
-/// A record type: its members in their order.
+/// Record type: its members in order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Schema {
     members: Vec<Member>,
@@ -43,7 +43,7 @@ struct Member {
 #[derive(Clone, Debug, PartialEq)]
 enum Kind {
     Bool,
-    /// An unsigned integer of so many bytes.
+    /// Unsigned integer with this number of bytes.
     Unsigned(usize),
     Int64,
     Float32,
@@ -65,7 +65,7 @@ impl Schema {
         let nested: Vec<(&str, &str)> = sections
             .map(|section| section.strip_prefix("MSG: ")?.split_once('\n'))
             .collect::<Option<_>>()?;
-        // A type that held itself would have no size: no deeper than there are types.
+        // The depth is limited by the number of types, which excludes recursive types.
         Self::parse_body(root, &nested, nested.len())
     }
 
@@ -78,13 +78,13 @@ impl Schema {
         Some(Self { members })
     }
 
-    /// Names of the numbers and texts in a value, in their order, without padding.
+    /// Returns the names of the numbers and texts in a value, in order, without padding.
     pub(super) fn columns(&self) -> Vec<String> {
         let members = self.members.iter().filter(|member| !member.is_padding());
         members.flat_map(Member::columns).collect()
     }
 
-    /// Takes a value off the front of `bytes`, as the numbers and texts that [`columns`](Self::columns) names.
+    /// Decodes a value from the beginning of `bytes`, as the numbers and texts of [`columns`](Self::columns).
     pub(super) fn cells(&self, bytes: &mut &[u8]) -> Option<Vec<Value>> {
         let mut cells = Vec::new();
         for member in &self.members {
@@ -111,7 +111,7 @@ impl Schema {
         Some(cells)
     }
 
-    /// Takes a value off the front of `bytes`.
+    /// Decodes a value from the beginning of `bytes`.
     pub(super) fn decode(&self, bytes: &mut &[u8]) -> Option<Value> {
         let mut object = Map::new();
         for member in &self.members {
@@ -128,7 +128,7 @@ impl Schema {
 }
 
 impl Member {
-    /// Returns whether it is UTF-8 filled up with zeros: our samples have no other use for so many bytes.
+    /// Returns whether the member is UTF-8 padded with zeros: the only byte arrays of samples.
     fn is_text(&self) -> bool {
         self.kind == Kind::Unsigned(1) && self.name == "text" && self.length.is_some()
     }
@@ -157,7 +157,7 @@ impl Member {
         names.iter().flat_map(of).collect()
     }
 
-    /// Reads `type name` or `type[length] name`.
+    /// Parses `type name` or `type[length] name`.
     fn parse(line: &str, nested: &[(&str, &str)], depth: usize) -> Option<Self> {
         let (kind, name) = line.split_once(' ')?;
         let (element, length) = match kind.split_once('[') {
@@ -214,7 +214,7 @@ fn take<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     Some(*taken)
 }
 
-/// A number so that it is read back to the bit; JSON has no word for the infinite, which becomes a string.
+/// Converts a number with full precision; numbers that are not finite become strings, because JSON lacks them.
 fn float(number: f64) -> Value {
     serde_json::Number::from_f64(number).map_or_else(|| Value::from(number.to_string()), Value::Number)
 }

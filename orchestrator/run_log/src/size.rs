@@ -1,13 +1,12 @@
-//! The size of a flight's log, known before it is flown.
+//! Prediction of the size of a flight's log.
 
 use shared_types::Schedule;
 use shared_types::sample::CDR_HEADER;
 
-/// The size of a message beside its sample, bytes: frame and fields of its record, the mark of CDR, its place in the
-/// index of its chunk.
+/// Overhead of a message, bytes: frame and fields of its record, the CDR header, its entry in the index of its chunk.
 const BESIDE_THE_SAMPLE: u64 = (1 + 8) + (2 + 4 + 8 + 8) + CDR_HEADER.len() as u64 + (8 + 8);
 
-/// Size of the `run.mcap` of a whole flight without compression, bytes, but for some 10 kB of manifest and schemas.
+/// Returns the size of the uncompressed `run.mcap` of a complete flight, bytes, without some 10 kB of manifest and schemas.
 #[must_use]
 pub fn predicted_bytes(schedule: &Schedule) -> u64 {
     schedule

@@ -1,6 +1,6 @@
-//! Splits a log into files.
+//! Splitting of a log into files.
 //!
-//! A file ends with a chunk, so that the samples of a tick are in one file and the chunks are those of a log in one file. The
+//! A file ends with a chunk, so that the samples of a tick are in one file and the chunks equal those of an unsplit log. The
 //! next file begins with its first sample, so that none is empty.
 
 use std::path::{Path, PathBuf};
@@ -13,15 +13,15 @@ use shared_types::Topic;
 use super::compression::Compression;
 use super::framing::{Content, LogError, McapFile, Written};
 use super::manifest::Manifest;
-use super::parts::{GOES_ON, Part, goes_on_in, part_path};
+use super::parts::{CONTINUES, Part, goes_on_in, part_path};
 use super::topic_channels::declare_topics;
 
-/// How the files of a log are made.
+/// Creation of the files of a log.
 #[derive(Clone, Copy)]
 pub(super) enum Making {
-    /// Under the name of an incomplete log, which keeps every chunk of a flight that cannot be repeated.
+    /// With the name of an incomplete log, which keeps every chunk of a flight that cannot be repeated.
     Flight,
-    /// As a result: whole or not there.
+    /// As a result: complete or absent.
     Result,
 }
 
@@ -38,7 +38,7 @@ impl Making {
     }
 }
 
-/// The files of a log up to the one that is written.
+/// Files of a log up to the current one.
 pub(super) struct Splitter {
     first: PathBuf,
     manifest: Manifest,
@@ -46,21 +46,21 @@ pub(super) struct Splitter {
     making: Making,
     bytes: u64,
     ticks: u64,
-    /// How often the files are forced to the disk, if they are.
+    /// Period of the synchronisation to the disk, if any.
     forcing: Option<Duration>,
-    /// The file that is written.
+    /// The current file.
     pub(super) part: Part,
-    /// Its first tick, once it has a sample.
+    /// First tick of the file; `None` before its first sample.
     begins_at: Option<u64>,
     is_full: bool,
-    /// The files that are complete.
+    /// Contents of the complete files.
     ended: Written,
-    /// Waits until the disk has the file before.
+    /// Thread that completes the previous file.
     ending: Option<JoinHandle<Result<Written, LogError>>>,
 }
 
 impl Splitter {
-    /// The splitter of a log with this manifest; none if the scenario does not ask for one.
+    /// Makes the splitter of a log with this manifest; `None` if the scenario does not split it.
     pub(super) fn new(
         first: &Path,
         manifest: &Manifest,
@@ -96,23 +96,23 @@ impl Splitter {
         self.forcing = Some(period);
     }
 
-    /// Takes note that the file has so many bytes and all samples before a tick.
+    /// Records that the file has `bytes` and all samples before a tick.
     pub(super) fn end_chunk_before(&mut self, tick: u64, bytes: u64) {
         let ticks = self.begins_at.map_or(0, |first| tick.saturating_sub(first));
         self.is_full = self.begins_at.is_some() && (bytes >= self.bytes || ticks >= self.ticks);
     }
 
-    /// Returns whether a sample of this tick belongs into the next file.
+    /// Returns whether a sample of this tick belongs to the next file.
     #[inline]
     pub(super) fn is_due(&mut self, tick: u64) -> bool {
         self.begins_at.get_or_insert(tick);
         self.is_full
     }
 
-    /// Goes on in the next file, and says the numbers of its channels.
+    /// Begins the next file. Returns the numbers of its channels.
     ///
-    /// The file before gets its name once the next one is there: whatever happens, no complete file claims a next one that was
-    /// never made.
+    /// The previous file is renamed after the creation of the next one: after a crash at any point, no complete file names a
+    /// successor that was never created.
     #[cold]
     pub(super) fn split(&mut self, file: &mut McapFile) -> Result<[u16; Topic::ALL.len()], LogError> {
         self.collect()?;
@@ -120,7 +120,7 @@ impl Splitter {
             number: self.part.number + 1,
             samples_before: self.part.samples_before + file.messages(),
         };
-        file.write_metadata(GOES_ON, goes_on_in(next.number))?;
+        file.write_metadata(CONTINUES, goes_on_in(next.number))?;
         let (begun, channels) = self.begin(next)?;
         self.end(std::mem::replace(file, begun))?;
         self.part = next;
@@ -129,7 +129,7 @@ impl Splitter {
         Ok(channels)
     }
 
-    /// Begins the file of a part, whose manifest is handed to the system at once.
+    /// Begins the file of a part, and writes its manifest at once.
     fn begin(&self, part: Part) -> Result<(McapFile, [u16; Topic::ALL.len()]), LogError> {
         let path = part_path(&self.first, part.number);
         let mut file = self.making.file(&path, self.compression)?;
@@ -143,7 +143,7 @@ impl Splitter {
         Ok((file, channels))
     }
 
-    /// Completes a file. A thread waits for the disk, if it is to have the file: the flight goes on meanwhile.
+    /// Completes a file. A thread waits for the disk, if requested, so that the flight continues.
     fn end(&mut self, file: McapFile) -> Result<(), LogError> {
         if self.forcing.is_none() {
             self.ended = sum(self.ended, file.finish()?);
@@ -159,7 +159,7 @@ impl Splitter {
         Ok(())
     }
 
-    /// Waits for the file before, if it is not complete yet.
+    /// Waits for the completion of the previous file.
     fn collect(&mut self) -> Result<(), LogError> {
         if let Some(ending) = self.ending.take() {
             self.ended = sum(self.ended, ending.join().expect("it does not panic")?);
@@ -167,14 +167,14 @@ impl Splitter {
         Ok(())
     }
 
-    /// Returns what is in all files, of which the last one is complete.
+    /// Returns the content of all files; `last` is that of the last one.
     pub(super) fn finish(mut self, last: Written) -> Result<Written, LogError> {
         self.collect()?;
         Ok(sum(self.ended, last))
     }
 }
 
-/// Returns the number of whole ticks that are at least so many.
+/// Returns the number of ticks, rounded up.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,4 +1,4 @@
-//! The channels of a run log: one a topic.
+//! Channels of a run log: one per topic.
 
 use scenario::Scenario;
 use shared_types::Topic;
@@ -7,7 +7,7 @@ use super::framing::{LogError, McapFile};
 use super::manifest::topics_of;
 use super::schema::definition;
 
-/// Adds a channel for every topic of a flight of `scenario`, in their order, and says their numbers.
+/// Adds a channel for every topic of a flight of `scenario`, in order. Returns their numbers.
 pub(super) fn declare_topics(
     file: &mut McapFile,
     scenario: &Scenario,

@@ -1,8 +1,9 @@
-//! A copy of a log with what programs need that show a scene in space: Foxglove, Lichtblick and Rerun.
+//! Copy of a log for the 3D views of Foxglove, Lichtblick and Rerun.
 //!
-//! Every message of the log is in it, byte for byte; beside them, on channels `view/…`, frames and poses at the rate of a display,
-//! and once the vehicle's shape and the whole ways. These are messages of Foxglove's, as Protocol Buffers, which alone all three
-//! programs know. The copy is for viewers: no other command of ours takes it for the log of a flight.
+//! It contains every message of the log, byte for byte, and on channels `view/…` frames and poses at the rate of a display,
+//! and once the vehicle's shape and the complete trajectories. These are Foxglove's messages as Protocol Buffers, the only
+//! format that all three programs support. The copy is for viewers only: other commands do not accept it as a log of a
+//! flight.
 
 mod messages;
 mod scene;
@@ -27,22 +28,22 @@ use super::parts::files_of_log;
 use super::reader::{LogReadError, LogReader, LoggedSample};
 use super::topic_channels::declare_topics;
 
-/// Poses a second, of the flight's time.
+/// Poses per second of the flight's time.
 const DISPLAY_RATE: u64 = 30;
 
-/// Points of a way at most: a viewer takes the message that holds them in one piece.
+/// Maximum number of points of a trajectory, which is one message.
 const POINTS_MAX: usize = 20_000;
 
 /// Size at which a chunk is closed, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Reason why there is no copy for viewers.
+/// Error of the copy for viewers.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// The log cannot be read.
     #[error("{0}")]
     Read(#[from] LogReadError),
-    /// Nothing can be shown.
+    /// The log has no position to show.
     #[error("the log {} does not say where the vehicle is: nothing to show in space", .0.display())]
     Nowhere(PathBuf),
     /// The copy would take the log's place.
@@ -53,13 +54,13 @@ pub enum ViewError {
     Write(#[from] LogError),
 }
 
-/// Returns where the copy for viewers is put unless another place is named: `run.view.mcap` for `run.mcap`.
+/// Returns the default path of the copy for viewers: `run.view.mcap` for `run.mcap`.
 #[must_use]
 pub fn view_path(log: &Path) -> PathBuf {
     log.with_extension("view.mcap")
 }
 
-/// Writes a copy of `log` with what viewers need to `target`; what is there is replaced once the copy is complete.
+/// Writes a copy of `log` for viewers to `target`; replaces an existing file when the copy is complete.
 ///
 /// # Errors
 /// [`ViewError`].
@@ -85,14 +86,14 @@ pub fn export_view(log: &Path, target: &Path) -> Result<Written, ViewError> {
     Ok(copy.file.finish()?)
 }
 
-/// Says when the next pose is due.
+/// Clock of a display.
 #[derive(Default)]
 struct Display {
     last_frame: Option<u64>,
 }
 
 impl Display {
-    /// Returns whether a sample of this time is the first in its thirtieth of a second.
+    /// Returns whether a sample of this time is the first in its period.
     fn is_due(&mut self, time_ns: u64) -> bool {
         let frame = u128::from(time_ns) * u128::from(DISPLAY_RATE) / 1_000_000_000;
         let frame = u64::try_from(frame).unwrap_or(u64::MAX);
@@ -100,32 +101,32 @@ impl Display {
     }
 }
 
-/// The places of something, at the rate of a display.
+/// Trajectory at the rate of a display.
 #[derive(Default)]
-struct Way {
+struct Trajectory {
     display: Display,
     places: Vec<[f64; 3]>,
 }
 
-impl Way {
+impl Trajectory {
     fn add(&mut self, time_ns: u64, placed: &Placed) {
         if self.display.is_due(time_ns) {
             self.places.push(placed.position_world);
         }
     }
 
-    /// Some of its places, the first among them.
+    /// Returns a subset of the positions, with the first one.
     fn thinned(&self) -> Vec<[f64; 3]> {
         let stride = self.places.len().div_ceil(POINTS_MAX).max(1);
         self.places.iter().copied().step_by(stride).collect()
     }
 }
 
-/// The facts about a log that must be known before it is copied.
+/// Facts about a log that are needed before the copy.
 struct Survey {
     compression: Compression,
     begin_ns: u64,
-    /// The topic that says where the vehicle is: the truth, or what is estimated where nobody knows that.
+    /// Topic of the vehicle's position: the truth, or the estimate if the truth is unknown.
     vehicle: Topic,
     flown: Vec<[f64; 3]>,
     desired: Vec<[f64; 3]>,
@@ -135,7 +136,7 @@ impl Survey {
     fn of(log: &Path) -> Result<Self, ViewError> {
         let mut reader = LogReader::open(log)?;
         let mut begin_ns = None;
-        let [mut truth, mut state, mut reference] = [(); 3].map(|()| Way::default());
+        let [mut truth, mut state, mut reference] = [(); 3].map(|()| Trajectory::default());
         while let Some(logged) = reader.next_sample()? {
             begin_ns.get_or_insert(logged.header.stamp_ns);
             let way = match logged.topic {
@@ -166,7 +167,7 @@ impl Survey {
     }
 }
 
-/// Returns where a sample says that the vehicle is, or should be; nothing if it does not know.
+/// Returns the actual or desired pose in a sample; `None` if it is unknown.
 fn placed(topic: Topic, bytes: &[u8]) -> Option<Placed> {
     let (position_world, world_from_body) = match topic {
         Topic::VehicleTruth => {
@@ -216,7 +217,7 @@ impl Channel {
     }
 }
 
-/// The copy in the making.
+/// Copy that is being written.
 struct Copy {
     file: McapFile,
     /// Channels of the log's topics.
@@ -230,7 +231,7 @@ struct Copy {
 }
 
 impl Copy {
-    /// Begins the copy with what does not change in it.
+    /// Begins the copy with its constant parts.
     fn begin(mut file: McapFile, reader: &LogReader, survey: &Survey) -> Result<Self, LogError> {
         for facts in facts(reader) {
             file.write_metadata(&facts.name, facts.metadata)?;
@@ -258,7 +259,7 @@ impl Copy {
         })
     }
 
-    /// Copies a sample, and adds what is to be shown of it.
+    /// Copies a sample, and adds its messages for viewers.
     fn take(&mut self, logged: &LoggedSample<'_>) -> Result<(), LogError> {
         let time_ns = logged.header.stamp_ns;
         let channel = self.topics[logged.topic.index()];
@@ -292,7 +293,7 @@ impl Copy {
     }
 }
 
-/// Returns the facts of the copy, and those of the log about the flight.
+/// Returns the metadata of the copy and of the log.
 fn facts(reader: &LogReader) -> Vec<Metadata> {
     let view = Metadata {
         name: COPY_RECORD_NAME.to_owned(),

@@ -1,4 +1,4 @@
-//! Writes `run.mcap`: the log of the experiment, a function of scenario and seed alone.
+//! Writer of `run.mcap`, the log of the experiment: a function of scenario and seed alone.
 
 use std::fs::File;
 use std::path::Path;
@@ -15,31 +15,31 @@ use super::parts::Part;
 use super::splitter::{Making, Splitter};
 use super::topic_channels::declare_topics;
 
-/// Simulated time that a chunk spans, s: what a crash of the recorder may cost.
+/// Simulated time of a chunk, s: the loss by a crash of the recorder.
 const CHUNK_SECONDS: f64 = 0.25;
 
-/// The same in real time, s. There samples wait before they are written until those of their tick have settled, and a crash costs
-/// both: together less than [`CHUNK_SECONDS`].
+/// Time of a chunk in real time, s. There a crash also loses the samples that wait for late ones of their tick; together less
+/// than [`CHUNK_SECONDS`].
 const REAL_TIME_CHUNK_SECONDS: f64 = 0.125;
 
-/// Ticks that a chunk spans at most, whatever the tick: a reader holds a whole chunk in memory.
+/// Maximum number of ticks in a chunk, for any tick: a reader holds a whole chunk in memory.
 const CHUNK_TICKS_MAX: f64 = 1000.0;
 
-/// Writes a flight's samples to `run.mcap`.
+/// Writer of a flight's samples to `run.mcap`.
 ///
-/// Two logs of equal scenario, seed and compression are equal in every byte: order and chunk boundaries are a
-/// function of the ticks, and nothing of the machine is in the file. Where the scenario says so (`[record]`) the log goes on in
-/// further files, always between two ticks.
+/// Two logs of equal scenario, seed and compression are equal in every byte: order and chunk boundaries are a function of
+/// the ticks, and nothing of the machine is in the file. If the scenario states it (`[record]`), the log continues in
+/// further files, split between two ticks.
 pub struct RunLogWriter {
     file: McapFile,
     channels: [u16; Topic::ALL.len()],
     recorded: [Recorded; Topic::ALL.len()],
     chunk_ticks: u64,
-    /// Tick at which the next chunk begins, whether there are samples just before it or not.
+    /// Tick at which the next chunk begins, with or without samples just before it.
     next_chunk: u64,
-    /// The tick that has ended last.
+    /// The last completed tick.
     last_tick: u64,
-    /// How the log is split, if it is.
+    /// Splitter, if the log is split.
     splitter: Option<Splitter>,
 }
 
@@ -52,8 +52,7 @@ impl RunLogWriter {
         Self::begin_as(Making::Flight, path, manifest, compression)
     }
 
-    /// Creates a log that is whole or not there, for a flight that can be flown or written again: what has its name is
-    /// replaced in the end.
+    /// Creates a log that is complete or absent, for a flight that can be repeated: replaces an existing file at the end.
     ///
     /// # Errors
     /// [`LogError::NotMade`].
@@ -118,7 +117,7 @@ impl RunLogWriter {
         })
     }
 
-    /// Ends chunks as often as a flight in real time needs it.
+    /// Sets the length of chunks for a flight in real time.
     #[must_use]
     pub fn in_real_time(mut self, manifest: &Manifest) -> Self {
         self.chunk_ticks = chunk_ticks(manifest.scenario.schedule.tick, REAL_TIME_CHUNK_SECONDS);
@@ -126,7 +125,7 @@ impl RunLogWriter {
         self
     }
 
-    /// Forces what is recorded to the disk in every `period`, if there is one: a power failure costs that and a chunk.
+    /// Synchronises to the disk in every `period`, if stated: a power failure loses at most that and a chunk.
     ///
     /// # Errors
     /// [`LogError::Create`].
@@ -140,10 +139,9 @@ impl RunLogWriter {
         Ok(self)
     }
 
-    /// Writes a sample of a topic, if the scenario does not leave it out (`[record]`). The caller keeps the order (tick, topic).
+    /// Writes a sample of a topic, unless the scenario omits the topic (`[record]`). Call in the order (tick, topic).
     ///
-    /// The message's sequence number is the header's `seq` modulo 2³²: MCAP has no room for more. The sample
-    /// itself keeps all of it.
+    /// The message's sequence number is the header's `seq` modulo 2³², the limit of MCAP; the sample has the full number.
     ///
     /// # Errors
     /// [`LogError::Write`] once, [`LogError::Closed`] from then on.
@@ -166,7 +164,7 @@ impl RunLogWriter {
             .write(self.channels[topic.index()], sequence, header.stamp_ns, bytes)
     }
 
-    /// Says that all samples of a tick are written, which ends a chunk now and then.
+    /// Completes a tick, and the chunk if it ends there.
     ///
     /// # Errors
     /// [`LogError::Write`] once, [`LogError::Closed`] from then on.
@@ -183,10 +181,10 @@ impl RunLogWriter {
         Ok(())
     }
 
-    /// Ends the chunk before a tick, so that none spans a time of which nothing was recorded.
+    /// Ends the chunk before a tick, so that no chunk spans a time without recorded samples.
     #[cold]
     fn end_chunk_before(&mut self, tick: u64) -> Result<(), LogError> {
-        // A sample states its tick, and may be damaged.
+        // Saturating: the tick of a damaged sample can have any value.
         let chunk = (tick / self.chunk_ticks).saturating_add(1);
         self.next_chunk = chunk.saturating_mul(self.chunk_ticks);
         self.file.flush()?;
@@ -196,9 +194,9 @@ impl RunLogWriter {
         Ok(())
     }
 
-    /// Completes the log and gives it its name. To be called at the end of a whole tick.
+    /// Completes the log and renames it. Call it after a complete tick.
     ///
-    /// Without it, the log keeps the name `<path>.partial` and the chunks that were written.
+    /// Without this call the log keeps the name `<path>.partial` and the written chunks.
     ///
     /// # Errors
     /// [`LogError`].
@@ -211,7 +209,7 @@ impl RunLogWriter {
     }
 }
 
-/// Returns the number of ticks of `tick` seconds that a chunk of so many seconds spans.
+/// Returns the number of ticks of `tick` seconds in a chunk of `seconds`.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -2,13 +2,13 @@
 
 use std::f64::consts::TAU;
 
-/// Relative change of the continued fraction at which it has converged.
+/// Relative tolerance of the continued fraction.
 const TOLERANCE: f64 = f64::EPSILON;
 
 /// Replaces zero in the denominators of Lentz's recurrence.
 const TINY: f64 = 1e-300;
 
-/// Terms of the continued fraction at most; it needs some √max(a, b).
+/// Maximum number of terms of the continued fraction; about √max(a, b) are needed.
 const TERMS: u32 = 1_000_000;
 
 /// Returns I_x(a, b) for a, b ≥ 1: the probability that a binomial variable of a + b − 1 trials with success rate x is at
@@ -19,8 +19,8 @@ const TERMS: u32 = 1_000_000;
 /// ```
 ///
 /// A. R. DiDonato and A. H. Morris: Algorithm 708, significant digit computation of the incomplete beta function ratios,
-/// ACM Transactions on Mathematical Software 18 (1992), 360–373, (9). The fraction is that of the tail beyond the mean, whose
-/// error is below 1e-12 of itself.
+/// ACM Transactions on Mathematical Software 18 (1992), 360–373, (9). The fraction is evaluated
+/// for the tail beyond the mean, with a relative error below 1e-12.
 pub fn regularised(a: f64, b: f64, x: f64) -> f64 {
     debug_assert!(a >= 1.0 && b >= 1.0, "a = {a}, b = {b}");
     if x <= 0.0 {
@@ -30,7 +30,7 @@ pub fn regularised(a: f64, b: f64, x: f64) -> f64 {
         return 1.0;
     }
     let factor = power_by_beta(a, b, x);
-    // λ = a − (a + b) x, from x or 1 − x, the one of them with all its digits.
+    // λ = a − (a + b) x, from x or 1 − x, whichever has no cancellation.
     let lambda = if x < 0.5 {
         a - (a + b) * x
     } else {
@@ -44,7 +44,7 @@ pub fn regularised(a: f64, b: f64, x: f64) -> f64 {
     value.clamp(0.0, 1.0)
 }
 
-/// Returns x^a (1 − x)^b/B(a, b), without the difference of large logarithms that its definition has:
+/// Returns x^a (1 − x)^b/B(a, b), without the difference of large logarithms in the definition:
 ///
 /// ```text
 /// √(ab/(2πs)) exp(δ(s) − δ(a) − δ(b) − D(a, sx) − D(b, s(1 − x)))        s = a + b
@@ -75,7 +75,8 @@ fn stirling_error(n: f64) -> f64 {
     series.fold(0.0, |sum, coefficient| sum * square + coefficient) / n
 }
 
-/// Returns D(value, mean) = value ln(value/mean) + mean − value ≥ 0, near 0 by the series in v = (value − mean)/(value + mean):
+/// Returns D(value, mean) = value ln(value/mean) + mean − value ≥ 0, near 0 by the series in v = (value − mean)/(value +
+/// mean):
 ///
 /// ```text
 /// D = (value − mean) v + 2 value (v³/3 + v⁵/5 + …)

@@ -1,4 +1,4 @@
-//! Points of the unit cube [0, 1)^d at which a sweep samples.
+//! Sample points of a sweep in the unit cube [0, 1)^d.
 //!
 //! The point of a sample is a pure function of the seed, the method, its number of samples, the dimensions and the index:
 //! any sample can be computed alone, in any order, on any machine.
@@ -7,19 +7,19 @@ use std::fmt;
 
 use crate::random::{Generator, Purpose};
 
-/// Samples that a Sobol sequence has at most: the limit of `sobol_burley`.
+/// Maximum number of samples of a Sobol sequence: the limit of `sobol_burley`.
 pub const SOBOL_SAMPLES_MAX: u64 = 1 << 16;
 
-/// Dimensions that a Sobol sequence has at most.
+/// Maximum number of dimensions of a Sobol sequence.
 pub const SOBOL_DIMENSIONS_MAX: usize = sobol_burley::NUM_DIMENSIONS as usize;
 
-/// Samples that a Latin hypercube has at most: the order of its strata is kept for every dimension.
+/// Maximum number of samples of a Latin hypercube, whose permutation of strata is stored for every dimension.
 pub const LATIN_SAMPLES_MAX: u64 = 1 << 20;
 
-/// Rule that places the points.
+/// Sampling method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Independent points, evenly distributed.
+    /// Independent, uniformly distributed points.
     Random,
     /// Scrambled Sobol sequence: its first 2^k points fill the cube evenly.
     Sobol,
@@ -29,7 +29,7 @@ pub enum Method {
     Grid,
 }
 
-/// Reason why there is no such design.
+/// Error of the parameters of a design.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DesignError {
     /// A Sobol sequence of more than [`SOBOL_SAMPLES_MAX`] samples.
@@ -96,9 +96,9 @@ enum Points {
 }
 
 impl Design {
-    /// Makes a design of independent points, as many as are asked for.
+    /// Makes an unlimited design of independent points.
     ///
-    /// The first dimensions of a point do not depend on how many follow.
+    /// A coordinate of a point does not depend on the number of dimensions.
     #[must_use]
     pub fn random(seed: u64, dimensions: usize) -> Self {
         Self {
@@ -147,7 +147,7 @@ impl Design {
         Ok(Self { dimensions, points })
     }
 
-    /// Makes a design of all combinations of levels, so many in each dimension; the last dimension changes fastest.
+    /// Makes a design of all combinations of `levels` in each dimension; the last dimension changes fastest.
     ///
     /// # Errors
     /// If a dimension has no levels, or if there are 2^64 combinations or more.
@@ -166,7 +166,7 @@ impl Design {
         })
     }
 
-    /// Returns the rule that places the points.
+    /// Returns the sampling method.
     #[must_use]
     pub const fn method(&self) -> Method {
         match self.points {
@@ -177,13 +177,12 @@ impl Design {
         }
     }
 
-    /// Returns the number of dimensions.
     #[must_use]
     pub const fn dimensions(&self) -> usize {
         self.dimensions
     }
 
-    /// Returns the number of samples; none of independent points, which have no end.
+    /// Returns the number of samples; `None` for independent points, which are unlimited.
     #[must_use]
     pub const fn samples(&self) -> Option<u64> {
         match self.points {
@@ -196,7 +195,7 @@ impl Design {
 
     /// Returns the point of a sample, each coordinate in [0, 1).
     ///
-    /// A level k of n on a grid is the middle (k + ½)/n of its share.
+    /// On a grid, level k of n has the coordinate (k + ½)/n.
     ///
     /// # Panics
     /// If the design has no such sample.
@@ -216,7 +215,7 @@ impl Design {
                 samples,
                 strata,
             } => {
-                let mut places = Generator::new(*seed, Purpose::Place, index);
+                let mut places = Generator::new(*seed, Purpose::Offset, index);
                 let strata = strata.iter().map(|strata| strata[index as usize]);
                 strata
                     .map(|stratum| in_stratum(stratum, *samples, places.bits32()))
@@ -228,7 +227,7 @@ impl Design {
         }
     }
 
-    /// Returns the level of each dimension at a sample of a grid, from 0 on; none of other methods.
+    /// Returns the index of the level in each dimension of a sample of a grid; `None` for other methods.
     ///
     /// # Panics
     /// If the design has no such sample.
@@ -248,7 +247,7 @@ impl Design {
     }
 }
 
-/// Returns the seed of a sample's flight, of 53 bits so that every reader of numbers holds it exactly.
+/// Returns the seed of a sample's flight, of 53 bits so that a double represents it exactly.
 ///
 /// It is independent of the sample's point.
 #[must_use]
@@ -256,14 +255,14 @@ pub fn sample_seed(seed: u64, index: u64) -> u64 {
     Generator::new(seed, Purpose::SampleSeed, index).bits53()
 }
 
-/// Returns a coordinate of a point of the scrambled Sobol sequence: the middle of its cell of 2⁻²³, hence not 0.
+/// Returns a coordinate of a point of the scrambled Sobol sequence: the centre of its cell of 2⁻²³, hence not 0.
 fn sobol(index: u32, dimension: u32, scramble: u32) -> f64 {
     const HALF_A_CELL: f64 = 0.5 / (1_u64 << 23) as f64;
     f64::from(sobol_burley::sample(index, dimension, scramble)) + HALF_A_CELL
 }
 
-/// Returns (stratum + u)/samples with u the middle of a random one of 2²⁴ cells: few enough that the sum is exact for
-/// [`LATIN_SAMPLES_MAX`] strata, and that no rounding of the quotient leaves the stratum.
+/// Returns (stratum + u)/samples with u the centre of a random one of 2²⁴ cells: with more cells the sum would not be exact
+/// for [`LATIN_SAMPLES_MAX`] strata, and the rounded quotient could leave the stratum.
 fn in_stratum(stratum: u32, samples: u64, bits: u32) -> f64 {
     let place = (f64::from(bits >> 8) + 0.5) / f64::from(1_u32 << 24);
     (f64::from(stratum) + place) / samples as f64

@@ -4,56 +4,56 @@ use std::fmt;
 
 use crate::normal;
 
-/// Coordinates nearest to 0 and 1 at which a normal distribution is evaluated: its ends are infinite.
+/// Range of coordinates at which a normal distribution is evaluated: at 0 and 1 it is infinite.
 const UNIT: [f64; 2] = [0.5 / (1_u64 << 53) as f64, 1.0 - 0.5 / (1_u64 << 52) as f64];
 
 /// Distribution of a parameter, in the parameter's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distribution {
-    /// Every value between the limits is equally probable.
+    /// Uniform distribution.
     Uniform {
-        /// Least value.
+        /// Minimum.
         low: f64,
-        /// Largest value.
+        /// Maximum.
         high: f64,
     },
-    /// The logarithm is uniformly distributed.
+    /// Uniform distribution of the logarithm.
     LogUniform {
-        /// Least value, > 0.
+        /// Minimum, > 0.
         low: f64,
-        /// Largest value.
+        /// Maximum.
         high: f64,
     },
-    /// Normal distribution, truncated at the limits that are given.
+    /// Normal distribution, truncated at the stated limits.
     Normal {
         /// Mean before truncation.
         mean: f64,
         /// Standard deviation before truncation, > 0.
         deviation: f64,
-        /// Least value.
+        /// Minimum.
         low: Option<f64>,
-        /// Largest value.
+        /// Maximum.
         high: Option<f64>,
     },
 }
 
-/// Reason why there is no such distribution.
+/// Error of the parameters of a distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DistributionError {
     /// This number, or the width of the range, is not finite.
     NotFinite(f64),
     /// The least value is not below the largest.
     Reversed {
-        /// Least value.
+        /// Minimum.
         low: f64,
-        /// Largest value.
+        /// Maximum.
         high: f64,
     },
     /// The least value of a log-uniform distribution is not positive.
     LowNotPositive(f64),
     /// The standard deviation is not positive.
     DeviationNotPositive(f64),
-    /// The limits of a normal distribution leave nothing that a double can resolve.
+    /// The probability between the limits of a normal distribution is below the resolution of a double.
     NothingLeft,
 }
 
@@ -92,8 +92,8 @@ impl Distribution {
     /// low + u (high − low)        exp(ln low + u (ln high − ln low))        μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α)))
     /// ```
     ///
-    /// with α = (low − μ)/σ and β = (high − μ)/σ. The value lies within the limits to the last bit. It has a meaning only for
-    /// a distribution that passes [`check`](Self::check).
+    /// with α = (low − μ)/σ and β = (high − μ)/σ. The value lies exactly within the limits. Valid only for
+    /// distributions that pass [`check`](Self::check).
     #[must_use]
     pub fn at(&self, unit: f64) -> f64 {
         debug_assert!((0.0..=1.0).contains(&unit), "a coordinate of {unit}");
@@ -114,8 +114,8 @@ impl Distribution {
         }
     }
 
-    /// Returns the k-th of n levels, k from 0 on: from the least value to the largest in equal steps of the value, or of its
-    /// logarithm; of a normal distribution the quantiles (k + ½)/n. A single level is the median.
+    /// Returns level k of n, from 0: from the minimum to the maximum in equal steps of the value, or of its logarithm; for a
+    /// normal distribution the quantile (k + ½)/n. A single level is the median.
     ///
     /// # Panics
     /// If there is no such level.
@@ -133,7 +133,7 @@ impl Distribution {
         }
     }
 
-    /// Checks that the distribution exists.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// If a parameter is not finite, the range is empty, or a parameter that must be positive is not.
@@ -177,7 +177,7 @@ impl Distribution {
         } else {
             [alpha, beta].map(normal::cumulative)
         };
-        // A probability that is small, or small beside where it begins, has too few digits to be divided.
+        // A probability that is small, absolutely or relative to its lower end, has too few digits.
         if up_to - below >= (1e-9 * up_to).max(f64::MIN_POSITIVE) {
             Ok(())
         } else {
@@ -185,7 +185,7 @@ impl Distribution {
         }
     }
 
-    /// Returns the least and the largest value, infinite without truncation.
+    /// Returns the limits, infinite without truncation.
     fn limits(&self) -> [f64; 2] {
         match *self {
             Self::Uniform { low, high } | Self::LogUniform { low, high } => [low, high],
@@ -198,12 +198,12 @@ impl Distribution {
 
 /// Returns the quantile of the standard normal distribution truncated to [α, β].
 fn truncated_quantile(unit: f64, alpha: f64, beta: f64) -> f64 {
-    // Only the lower tail has digits: probabilities near 1 are rounded.
+    // Use the lower tail: probabilities near 1 have no resolution.
     if alpha > 0.0 {
         return -truncated_quantile(1.0 - unit, -beta, -alpha);
     }
     let (below, up_to) = (normal::cumulative(alpha), normal::cumulative(beta));
-    // A coordinate next to 1 must not round to a probability of 1, whose quantile is infinite.
+    // A coordinate near 1 must not round to probability 1, whose quantile is infinite.
     let probability = below + unit * (up_to - below);
     normal::quantile(probability.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON / 2.0))
 }
@@ -224,7 +224,7 @@ fn check_range(low: f64, high: f64) -> Result<(), DistributionError> {
     check_finite(high - low)
 }
 
-/// Returns a value to 15 digits: a level of 0.2 is what people write, and not 0.19999999999999998.
+/// Rounds a value to 15 digits: a level is shown as 0.2 instead of 0.19999999999999998.
 fn rounded(value: f64) -> f64 {
     format!("{value:.14e}").parse().unwrap_or(value)
 }

@@ -1,13 +1,13 @@
 //! The Dvoretzky–Kiefer–Wolfowitz band around an empirical distribution.
 
-/// Returns the half width ε of the band that holds a whole distribution function with a confidence, around the empirical
-/// one of n independent values:
+/// Returns the half-width ε of the band around the empirical distribution function of n independent values that contains the
+/// distribution function with a confidence:
 ///
 /// ```text
 /// P(sup |F_n − F| > ε) ≤ 2 e^(−2nε²)        ε = √(ln(2/(1 − confidence))/(2n))
 /// ```
 ///
-/// At most 1, which is what no values say. P. Massart: The tight constant in the Dvoretzky–Kiefer–Wolfowitz inequality,
+/// At most 1, also for no values. P. Massart: The tight constant in the Dvoretzky–Kiefer–Wolfowitz inequality,
 /// Annals of Probability 18 (1990), 1269–1283.
 ///
 /// # Panics

@@ -1,12 +1,12 @@
-//! What a number of successes says of the success rate.
+//! Confidence intervals of a success rate.
 //!
 //! L. D. Brown, T. T. Cai and A. DasGupta: Interval estimation for a binomial proportion, Statistical Science 16 (2001),
-//! 101–133, compare the intervals: that of Wilson holds the rate as often as stated on average, that of Clopper and Pearson
-//! at least as often for every rate.
+//! 101–133, compare the intervals: the coverage of Wilson's is the stated one on average, that of Clopper's and Pearson's is
+//! at least the stated one for every rate.
 
 use crate::{assert_confidence, beta, normal};
 
-/// Steps of a bisection at most: more than the digits of a double that is not tiny.
+/// Maximum number of bisections: more than the bits of a double that is not subnormal.
 const BISECTIONS: u32 = 200;
 
 /// Returns the interval of E. B. Wilson (1927) around the success rate after k successes in n trials:
@@ -15,7 +15,7 @@ const BISECTIONS: u32 = 200;
 /// (p̂ + z²/2n ± z √(p̂(1 − p̂)/n + z²/4n²))/(1 + z²/n)        p̂ = k/n        z = Φ⁻¹((1 + confidence)/2)
 /// ```
 ///
-/// It holds k/n; of no trials it is [0, 1].
+/// It contains k/n; for n = 0 it is [0, 1].
 ///
 /// # Panics
 /// If k > n, or if the confidence is not between 0 and 1.
@@ -35,14 +35,14 @@ pub fn wilson(k: u64, n: u64, confidence: f64) -> [f64; 2] {
     [bound(-half).clamp(0.0, rate), bound(half).clamp(rate, 1.0)]
 }
 
-/// Returns the exact interval of C. J. Clopper and E. S. Pearson (1934) around the success rate after k successes in n
-/// trials: the rates p at which neither k or more nor k or fewer successes are rarer than (1 − confidence)/2:
+/// Returns the exact interval of C. J. Clopper and E. S. Pearson (1934) for the success rate after k successes in n trials:
+/// the rates p at which both k or more and k or fewer successes have at least the probability (1 − confidence)/2:
 ///
 /// ```text
 /// I_low(k, n − k + 1) = (1 − confidence)/2 = I_{1−high}(n − k, k + 1)
 /// ```
 ///
-/// It holds k/n; of no trials it is [0, 1].
+/// It contains k/n; for n = 0 it is [0, 1].
 ///
 /// # Panics
 /// If k > n, or if the confidence is not between 0 and 1.
@@ -66,8 +66,8 @@ pub fn lower_bound(k: u64, n: u64, confidence: f64) -> f64 {
     lower(k, n, 1.0 - confidence)
 }
 
-/// Returns the least number of flights whose exact [`lower_bound`] supports a success rate although so many failed: the
-/// least n with P(X ≤ failures) ≤ 1 − confidence for X binomial of n trials with the rate 1 − `rate`.
+/// Returns the minimum number of flights whose exact [`lower_bound`] supports a success rate despite `failures`: the
+/// minimum n with P(X ≤ failures) ≤ 1 − confidence for X binomial of n trials with the rate 1 − `rate`.
 ///
 /// # Panics
 /// If the rate or the confidence is not between 0 and 1.
@@ -78,7 +78,7 @@ pub fn flights_needed(rate: f64, confidence: f64, failures: u64) -> u64 {
         rate > 0.0 && rate < 1.0,
         "a rate of {rate} is not between 0 and 1"
     );
-    // A claim that holds exactly is not to be lost to rounding.
+    // Rounding must not refuse a claim that holds exactly.
     let tail = (1.0 - confidence) * (1.0 + 1e-12);
     let supports = |n: u64| beta::regularised((n - failures) as f64, (failures + 1) as f64, rate) <= tail;
     let mut enough = failures + 1;
@@ -97,8 +97,8 @@ pub fn flights_needed(rate: f64, confidence: f64, failures: u64) -> u64 {
     enough
 }
 
-/// Returns the rate p at which k or more successes in n trials have the probability `tail`, by bisection of I_p(k, n − k + 1),
-/// which rises with p.
+/// Returns the rate p at which k or more successes in n trials have the probability `tail`, by bisection of I_p(k, n − k +
+/// 1), which increases with p.
 fn lower(k: u64, n: u64, tail: f64) -> f64 {
     if k == 0 {
         return 0.0;

@@ -1,14 +1,14 @@
-//! Samples of a sweep, and what can be said of its results.
+//! Samples of a sweep, and statistics of its results.
 //!
-//! * [`design`]: the points of a sample space at which a sweep flies;
+//! * [`design`]: sample points of a sweep;
 //! * [`distribution`]: the value of a parameter at a coordinate of such a point;
-//! * [`interval`]: what a number of successes says of the success rate, and the number of flights that a claim needs;
+//! * [`interval`]: confidence intervals of a success rate, and the number of flights that a claim requires;
 //! * [`quantile`]: quantiles of sorted values;
-//! * [`student`]: the half-width of an interval whose standard error was estimated;
-//! * [`paired`]: two laws compared over the same samples;
-//! * [`dkw`]: the band around an empirical distribution.
+//! * [`student`]: half-widths of intervals with an estimated standard error;
+//! * [`paired`]: comparison of two laws over the same samples;
+//! * [`dkw`]: confidence band of an empirical distribution.
 //!
-//! All of it is a pure function of its arguments, seeds among them, and gives the same bits on every machine:
+//! All functions are pure functions of their arguments, including seeds, with the same bits on every machine:
 //! random numbers are ChaCha8's, transcendental functions those of `libm`.
 
 mod beta;
@@ -22,7 +22,7 @@ pub mod quantile;
 mod random;
 pub mod student;
 
-/// Panics unless a confidence can be reached and says something: 0 < confidence < 1.
+/// Panics unless 0 < confidence < 1.
 fn assert_confidence(confidence: f64) {
     assert!(
         confidence > 0.0 && confidence < 1.0,

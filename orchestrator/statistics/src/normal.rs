@@ -79,7 +79,7 @@ pub fn cumulative(z: f64) -> f64 {
     0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
-/// Returns Φ⁻¹(p) to 1e-16 of itself for 0 < p < 1, −∞ for 0 and ∞ for 1.
+/// Returns Φ⁻¹(p) with a relative error of 1e-16 for 0 < p < 1, −∞ for 0 and ∞ for 1.
 ///
 /// M. J. Wichura: Algorithm AS 241, the percentage points of the normal distribution, Applied Statistics 37 (1988),
 /// 477–484, routine PPND16: a rational function of q² with q = p − ½ near the median, and of √(−ln min(p, 1 − p))
@@ -103,7 +103,7 @@ pub fn quantile(p: f64) -> f64 {
     size.copysign(q)
 }
 
-/// Returns the polynomial in x of coefficients in rising order, by Horner's rule.
+/// Returns the polynomial in x with coefficients in ascending order, by Horner's rule.
 fn polynomial(coefficients: &[f64], x: f64) -> f64 {
     coefficients
         .iter()

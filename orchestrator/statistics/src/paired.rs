@@ -1,8 +1,8 @@
-//! Two laws compared over the same samples: statistics of the differences a − b.
+//! Comparison of two laws over the same samples: statistics of the differences a − b.
 //!
-//! * [`sign_test`]: whether one of them wins more often than by chance, whatever the size of the differences;
-//! * [`signed_rank`]: whether the differences are symmetric around 0;
-//! * [`bootstrap`]: how well the median of the differences is known.
+//! * [`sign_test`]: test whether one law wins more often than by chance;
+//! * [`signed_rank`]: test whether the differences are symmetric about 0;
+//! * [`bootstrap`]: confidence interval of the median difference.
 
 pub mod bootstrap;
 pub mod sign_test;
@@ -16,9 +16,9 @@ pub const CONFIDENCE: f64 = 0.95;
 /// Comparison of paired values a and b, such as errors of two laws; the smaller value wins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paired {
-    /// Pairs that are compared.
+    /// Compared pairs.
     pub pairs: u64,
-    /// Pairs that are left out because a value is not finite.
+    /// Pairs without a finite value in both, which are ignored.
     pub left_out: u64,
     /// Pairs with a < b.
     pub won: u64,
@@ -39,7 +39,7 @@ pub struct Paired {
 }
 
 impl Paired {
-    /// Compares pairs (a, b); the seed is that of the bootstrap. Returns none if no pair is finite.
+    /// Compares pairs (a, b); `seed` is for the bootstrap. `None` if no pair is finite.
     #[must_use]
     pub fn of(pairs: &[(f64, f64)], seed: u64) -> Option<Self> {
         let differences = pairs.iter().map(|(a, b)| a - b);

@@ -1,6 +1,6 @@
 //! Quantiles of sorted values.
 
-/// Returns the values in rising order, without those that are no number.
+/// Returns the values in ascending order, without NaN.
 #[must_use]
 pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut sorted: Vec<_> = values.into_iter().filter(|value| !value.is_nan()).collect();
@@ -8,9 +8,9 @@ pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     sorted
 }
 
-/// Returns the quantile at a share in [0, 1] of values in rising order; none of no values.
+/// Returns the quantile at a share in [0, 1] of values in ascending order; `None` without values.
 ///
-/// Between neighbours it is linear, with h = share (n − 1) the place among the values from 0 on: type 7 of R. J. Hyndman
+/// Linear interpolation at the index h = share (n − 1): type 7 of R. J. Hyndman
 /// and Y. Fan: Sample quantiles in statistical packages, The American Statistician 50 (1996), 361–365.
 ///
 /// # Panics
@@ -25,7 +25,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     Some(between(low, high, place - place.floor()))
 }
 
-/// Returns the median of values in rising order; none of no values.
+/// Returns the median of values in ascending order; `None` without values.
 #[must_use]
 pub fn median(sorted: &[f64]) -> Option<f64> {
     quantile(sorted, 0.5)
@@ -37,13 +37,13 @@ pub fn median_of(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     median(&sorted(values))
 }
 
-/// Returns the least and the largest of values in rising order; none of no values.
+/// Returns minimum and maximum of values in ascending order; `None` without values.
 #[must_use]
 pub fn range(sorted: &[f64]) -> Option<[f64; 2]> {
     Some([*sorted.first()?, *sorted.last()?])
 }
 
-/// Returns the value at a share of the way from `low` to `high`, which may be infinite.
+/// Interpolates linearly from `low` to `high`, which may be infinite.
 pub(crate) fn between(low: f64, high: f64, share: f64) -> f64 {
     if share <= 0.0 || low == high {
         low

@@ -15,13 +15,13 @@ pub enum Purpose {
     Scramble = 3,
     /// Order of the strata of a Latin hypercube; the stream is the dimension.
     Permutation = 4,
-    /// Places within the strata of a Latin hypercube; the stream is the sample.
-    Place = 5,
+    /// Offsets within the strata of a Latin hypercube; the stream is the sample.
+    Offset = 5,
     /// Resamples of a bootstrap.
     Bootstrap = 6,
 }
 
-/// Generator of the random numbers of a stream, from the first.
+/// Generator of the random numbers of a stream.
 #[derive(Debug)]
 pub struct Generator(ChaCha8Rng);
 
@@ -41,17 +41,17 @@ impl Generator {
         self.0.next_u32()
     }
 
-    /// Returns the next 53 bits, which a double holds.
+    /// Returns the next 53 bits, which a double represents exactly.
     pub fn bits53(&mut self) -> u64 {
         self.0.next_u64() >> 11
     }
 
-    /// Returns a number evenly distributed over [0, 1).
+    /// Returns a uniformly distributed number in [0, 1).
     pub fn uniform(&mut self) -> f64 {
         self.bits53() as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
-    /// Returns a number below a bound > 0, evenly distributed but for bound/2⁶⁴: the high word of bits · bound.
+    /// Returns a number below a bound > 0, uniformly distributed up to bound/2⁶⁴: the high word of bits · bound.
     pub fn below(&mut self, bound: usize) -> usize {
         ((u128::from(self.0.next_u64()) * bound as u128) >> 64) as usize
     }

@@ -4,11 +4,11 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 use crate::assert_confidence;
 
-/// Halvings of an interval: more than the digits of a double.
+/// Number of bisections: more than the bits of a double.
 const BISECTIONS: u32 = 60;
 
-/// Returns the t with P(|T| ≤ t) = confidence: the half-width of an interval in standard errors, if the standard error was
-/// estimated with that number of degrees of freedom. To about 1e-12/(1 − confidence) of itself.
+/// Returns the t with P(|T| ≤ t) = confidence: the half-width of an interval in standard errors, for a standard error
+/// estimated with that number of degrees of freedom. The relative error is about 1e-12/(1 − confidence).
 ///
 /// # Panics
 /// If there are no degrees of freedom, or if the confidence is not between 0 and 1.

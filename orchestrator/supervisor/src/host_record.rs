@@ -146,7 +146,7 @@ impl SupervisionObserver for HostRecord {
                 steps: cell.steps.load(Ordering::Relaxed),
                 waits_by_yield: cell.yields.load(Ordering::Relaxed),
                 waits_by_blocking: cell.blocks.load(Ordering::Relaxed),
-                cpu_time_ns: Activity::of(pid).map_or(0, |activity| activity.cpu_time_ns),
+                cpu_time_ns: Activity::read(pid).map_or(0, |activity| activity.cpu_time_ns),
             };
             self.write(&sample);
         }

@@ -577,7 +577,7 @@ impl<'a> Flight<'a> {
     {
         self.supervisor.stop();
         for service in ServiceId::ALL {
-            self.supervisor.step_log().finish_for_the_dead(service);
+            self.supervisor.step_log().finish_abandoned(service);
         }
         self.observe_steps();
         let flown = ServiceId::ALL.map(|service| {

@@ -116,7 +116,7 @@ impl Reserve {
     /// # Errors
     pub fn settle(&mut self) -> Result<(), Shortage> {
         let mut size = 0;
-        for segment in shared_memory::of(&self.prefix) {
+        for segment in shared_memory::segments(&self.prefix) {
             if segment != self.path {
                 size += allocate(&segment).map_err(|bytes| self.shortage(bytes))?;
             }

@@ -347,7 +347,7 @@ impl<'a> Supervisor<'a> {
     /// Returns the activity of a service's process, if the kernel reports it.
     #[must_use]
     pub fn activity(&self, service: ServiceId) -> Option<Activity> {
-        Activity::of(self.members[service.index()].process.id())
+        Activity::read(self.members[service.index()].process.id())
     }
 
     /// Replaces the process of a service, which has hung for `hung_for`.

@@ -1,11 +1,11 @@
 //! Estimator: from the cameras' captures to the vehicle's state.
 //!
-//! * [`source`]: sources of a state;
-//! * [`kalman`]: the error-state Kalman filter, which makes the state from poses and the frames already sent;
+//! * [`source`]: sources of the state;
+//! * [`kalman`]: the error-state Kalman filter, which estimates the state from poses and the sent frames;
 //! * [`EstimatorService`]: the step function.
 //!
-//! When the body is not seen, the state says so and is otherwise the last one: every consumer decides for itself how
-//! long it uses such a state.
+//! Without captures the estimator repeats the last state and marks it as not tracked: every consumer decides how long to use
+//! it.
 
 pub mod kalman;
 mod service;

@@ -1,9 +1,9 @@
 //! Step function of the estimator.
 //!
 //! Failure policy of ideal captures; for that of the filter see [`crate::kalman::filter`]:
-//! * a capture that claims to show the body and holds no pose, or an impossible number, is refused and counted; the
-//!   last good one stays in use;
-//! * with a policy the state no longer counts as tracked when the last good capture is too old.
+//! * a tracked capture with an invalid pose or an impossible number is refused and counted; the last valid one remains in
+//!   use;
+//! * with a policy the state does not count as tracked when the last valid capture is too old.
 
 use scenario::{Problem, Scenario};
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
@@ -30,23 +30,21 @@ shared_types::sample! {
     }
 }
 
-/// Estimator as a service.
 #[derive(Clone, Debug)]
 pub struct EstimatorService {
     source: EstimateSource,
     last: Estimate,
     /// Captures of ideal cameras.
     captures: InputValidator<MocapPose>,
-    /// Age up to which such a capture is used, ns.
+    /// Maximum age of such a capture, ns.
     max_age_ns: u64,
 }
 
 impl EstimatorService {
-    /// Makes the estimator of a checked scenario: with a filter if it states one, else for the ideal cameras that it
-    /// then has.
+    /// Makes the estimator of a checked scenario: with a filter if the scenario states one, else for ideal cameras.
     ///
     /// # Errors
-    /// More frames under way than the filter can remember, see [`KalmanFilter::new`].
+    /// See [`KalmanFilter::new`].
     pub fn new(scenario: &Scenario) -> Result<Self, Problem> {
         Ok(Self {
             source: match &scenario.estimator {
@@ -63,9 +61,14 @@ impl EstimatorService {
         })
     }
 
-    /// Takes the captures of ideal cameras without change.
+    /// Publishes the captures of ideal cameras without change.
     #[inline]
-    fn take(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
+    fn publish_capture(
+        &mut self,
+        now: &Now,
+        inputs: &EstimatorInputs<'_>,
+        outputs: &mut EstimatorOutputs<'_>,
+    ) {
         self.captures.look(&inputs.pose, LARGEST, |capture, _| {
             if !capture.tracked.is_set() || is_pose(capture) {
                 Validity::Good
@@ -91,17 +94,16 @@ impl Service for EstimatorService {
     type Outputs<'a> = EstimatorOutputs<'a>;
     type State = EstimatorState;
 
-    /// Without a source of a state the last one is published again, as not tracked; until the first one it is a level
-    /// attitude at the origin, at rest.
+    /// Without a state the last one is repeated as not tracked; before the first one it is level at the origin and at rest.
     fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
         match &mut self.source {
-            EstimateSource::IdealCapture => self.take(now, inputs, outputs),
+            EstimateSource::IdealCapture => self.publish_capture(now, inputs, outputs),
             EstimateSource::Kalman(filter) => {
                 if let Some(frame) = inputs.frame.fresh() {
-                    filter.hear(now.time_ns, frame);
+                    filter.add_frame(now.time_ns, frame);
                 }
                 if let Some(pose) = inputs.pose.fresh() {
-                    filter.see(now.time_ns, pose);
+                    filter.add_capture(now.time_ns, pose);
                 }
                 if let Some(state) = outputs.state.due() {
                     self.last = filter.estimate(now.time_ns).unwrap_or(self.last);

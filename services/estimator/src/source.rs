@@ -1,4 +1,4 @@
-//! Sources of a state.
+//! Sources of the state.
 
 use shared_types::input_validator::LARGEST;
 use shared_types::rotation::{defect, from_row_major};
@@ -30,7 +30,7 @@ shared_types::sample! {
 }
 
 impl Estimate {
-    /// State before the first measurement, with which consumers can compute: level at the origin and at rest.
+    /// State before the first measurement, valid for computations: level at the origin and at rest.
     pub const UNMEASURED: Self = Self {
         state_time_ns: 0,
         position_world: [0.0; 3],
@@ -42,7 +42,7 @@ impl Estimate {
         position_sigma: 0.0,
     };
 
-    /// Writes the estimate into the sample that carries it.
+    /// Writes the estimate to a sample.
     #[inline]
     pub fn write(&self, state: &mut VehicleState) {
         state.state_time_ns = self.state_time_ns;
@@ -56,10 +56,10 @@ impl Estimate {
     }
 }
 
-/// Distance from SO(3) up to which nine numbers count as an attitude: single precision passes.
+/// Maximum distance of an attitude from SO(3): single precision passes.
 const ATTITUDE_DEFECT: f64 = 1e-3;
 
-/// Returns whether a capture that claims to show the body holds a pose.
+/// Returns whether a tracked capture has a valid pose.
 #[must_use]
 pub fn is_pose(capture: &MocapPose) -> bool {
     capture.position_world.is_within(LARGEST)
@@ -71,13 +71,13 @@ pub fn is_pose(capture: &MocapPose) -> bool {
 pub enum EstimateSource {
     /// Uses captures without change: pose and velocities are exact, and the state's time is their exposure.
     ///
-    /// It cannot use a capture without velocities; cameras that measure none need a filter.
+    /// Captures without velocities need a filter.
     IdealCapture,
-    /// Filters poses, with the frames already sent as its input; boxed, being a hundred times as large.
+    /// Filters poses, with the sent frames as its input; boxed, because it is a hundred times as large.
     Kalman(Box<KalmanFilter>),
 }
 
-/// Returns the state of an ideal capture; `None` if it gives none.
+/// Returns the state of an ideal capture; `None` if it has none.
 #[must_use]
 #[inline]
 pub fn as_captured(capture: Option<&MocapPose>) -> Option<Estimate> {

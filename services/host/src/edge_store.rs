@@ -1,8 +1,7 @@
-//! Store of samples of an edge until they are due: for a restarted service, and for planned faults.
+//! Store of samples of an edge until they are due, for a restarted service and for planned faults.
 //!
-//! Ordinarily an input holds one sample, in shared memory. With late, lost or altered samples, copies of all that will
-//! ever be due are kept, and the delivered one may be altered. Only such edges have that cost, a copy and an allocation
-//! a sample.
+//! Ordinarily an input holds one sample, in shared memory. With planned late, lost or altered samples, the store holds copies
+//! of all samples that will be due, and may alter the delivered one. Only such edges pay a copy and an allocation a sample.
 
 use std::collections::BTreeMap;
 
@@ -27,12 +26,12 @@ impl EdgeStore {
     pub fn new(edge: Edge) -> Self {
         Self {
             samples: BTreeMap::new(),
-            altered: OwnedSample::of(edge.topic),
+            altered: OwnedSample::zeroed(edge.topic),
             edge,
         }
     }
 
-    /// Keeps a sample, unless it never arrives.
+    /// Stores a sample, unless the plan loses it.
     pub fn keep(&mut self, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
         if !self.edge.is_lost(tick) {
@@ -41,7 +40,7 @@ impl EdgeStore {
         }
     }
 
-    /// Drops samples that are not needed any more when the sample of tick `due` is due.
+    /// Drops the samples that are not needed once that of tick `due` is due.
     pub fn forget_before(&mut self, due: u64) {
         let oldest = self.oldest_needed(due);
         if self
@@ -53,20 +52,20 @@ impl EdgeStore {
         }
     }
 
-    /// Returns whether the sample of tick `due` is here, and the one that it repeats.
+    /// Returns whether the store has the sample of tick `due`, and the one that it repeats.
     #[must_use]
     pub fn has(&self, due: u64) -> bool {
         let repeated = self.edge.repeated_by(due);
         self.samples.contains_key(&due) && repeated.is_none_or(|tick| self.samples.contains_key(&tick))
     }
 
-    /// Returns the oldest sample that is needed when that of tick `due` is due, and after it.
+    /// Returns the tick of the oldest sample that is needed once that of tick `due` is due.
     #[must_use]
     pub fn oldest_needed(&self, due: u64) -> u64 {
         self.edge.oldest_needed(due)
     }
 
-    /// Returns the tick of the newest sample that is not newer than `due`.
+    /// Returns the tick of the newest sample up to `due`.
     #[must_use]
     pub fn newest_at_or_before(&self, due: u64) -> Option<u64> {
         self.samples.range(..=due).next_back().map(|(&tick, _)| tick)
@@ -78,7 +77,7 @@ impl EdgeStore {
         self.samples.last_key_value().map(|(&tick, _)| tick)
     }
 
-    /// Returns the consumer's input at its step at `tick`, when the sample of tick `due` is due and here.
+    /// Returns the consumer's input at its step at `tick`, for which the sample of tick `due` is due; empty if it is missing.
     pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
         let Some(sample) = self.samples.get(&due) else {
             return InputView::default();

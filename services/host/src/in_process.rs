@@ -15,35 +15,35 @@ use crate::step::NonFinite;
 use history::History;
 use service_slot::{ServiceSlot, state_of};
 
-/// Ticks of a batch. Their samples stay in the nearest cache of the processor.
+/// Ticks of a batch, whose samples fit into the first-level cache.
 const BATCH: u64 = 8;
 
 /// Sink of all published samples, in the order of the log: (tick, topic).
 pub trait TickSink {
-    /// Error of a sample that could not be taken.
+    /// Error of a sample that could not be stored.
     type Error;
 
-    /// Returns whether samples of a topic are to be handed over; by default all are. It does not change in a flight.
+    /// Returns whether the sink receives the samples of a topic, by default of all. Constant during a flight.
     fn wants(&self, _topic: Topic) -> bool {
         true
     }
 
-    /// Takes one sample.
+    /// Receives one sample.
     ///
     /// # Errors
-    /// If it cannot be kept.
+    /// If it cannot be stored.
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), Self::Error>;
 
-    /// Ends a tick, whose samples have all been handed over; `Break` ends the flight here. By default it goes on.
+    /// Ends a tick after its last sample; `Break` ends the flight. By default the flight continues.
     ///
     /// # Errors
-    /// If the tick cannot be kept.
+    /// If the tick cannot be stored.
     fn end_tick(&mut self, _tick: u64) -> Result<ControlFlow<()>, Self::Error> {
         Ok(ControlFlow::Continue(()))
     }
 
     /// Records an event at a tick that no service publishes: its kind and text are those of a
-    /// [`RunEvent`](shared_types::samples::RunEvent). Sinks that keep no events ignore it.
+    /// [`RunEvent`](shared_types::samples::RunEvent). By default it is ignored.
     fn event(&mut self, _tick: u64, _kind: u32, _text: &str) {}
 }
 
@@ -52,35 +52,35 @@ pub trait TickSink {
 pub enum FlightError<E> {
     /// A service computed a number that is not finite.
     NonFinite(NonFinite),
-    /// The sink could not take a sample.
+    /// The sink could not store a sample.
     Sink(E),
 }
 
 /// A flight in one process.
 pub struct InProcess {
     schedule: Schedule,
-    /// In the order of a tick.
+    /// Services in the order of their steps in a tick.
     services: Vec<ServiceSlot>,
-    /// Of each output of each slot, in their order.
+    /// Samples of each output of each service, in this order.
     histories: Vec<History>,
-    /// Places of the histories, in the order of the log.
+    /// Indices of the histories, in the order of the log.
     published: Vec<usize>,
     /// `true` if any input has planned faults.
     has_stores: bool,
-    /// `true` if every service steps at every tick and gets what the others then publish.
+    /// `true` if every service steps, and every output is published, at every tick.
     is_steady: bool,
-    /// Number of ticks that are flown before they are handed over.
+    /// Number of ticks between two hand-overs to the sink.
     batch: u64,
     next_tick: u64,
-    /// The slot before which the flight has paused, within the next tick.
+    /// Index of the service before which the flight is paused, within the next tick.
     paused: Option<usize>,
 }
 
-/// State of a flight between two steps of a service, from which it can go on any number of times.
+/// State of a flight between two steps, from which it can be continued any number of times.
 #[derive(Clone)]
 pub struct FlightState {
     services: Vec<Vec<u8>>,
-    /// Of the feeds of each service.
+    /// Stored samples of the inputs of each service.
     stores: Vec<Vec<Option<Box<EdgeStore>>>>,
     rings: Vec<SampleRing>,
     next_tick: u64,
@@ -110,7 +110,7 @@ impl InProcess {
             .map(|service| ServiceSlot::new(service, &schedule, &histories))
             .collect();
         let mut published: Vec<_> = (0..histories.len()).collect();
-        published.sort_by_key(|&place| histories[place].publication.topic);
+        published.sort_by_key(|&index| histories[index].publication.topic);
         Self {
             has_stores: services.iter().any(|slot| slot.has_stores),
             is_steady: services.iter().all(ServiceSlot::is_steady)
@@ -127,11 +127,11 @@ impl InProcess {
         }
     }
 
-    /// Lets the flight be handed over several ticks at a time. That is quicker: a tick runs through more code than the
-    /// processor keeps at hand, and that of the sink is then fetched once for all of them.
+    /// Hands over several ticks at a time. This is faster: the code of a tick exceeds the instruction cache, and the sink's
+    /// code is then fetched once a batch.
     ///
-    /// It is for flights that end where the sink says `Break`, because the services have stepped on by then; and for
-    /// services that neither panic nor wait for ever, or the last ticks before it would be lost.
+    /// After a `Break` of the sink the flight cannot continue, because the services have stepped beyond that tick. If a
+    /// service panics or hangs, the last ticks before that are lost.
     ///
     /// # Panics
     /// After the first step.
@@ -145,7 +145,7 @@ impl InProcess {
         self
     }
 
-    /// Returns the flown schedule.
+    /// Returns the schedule of the flight.
     #[must_use]
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
@@ -163,7 +163,7 @@ impl InProcess {
         slot.expect("one of each service").service.as_mut()
     }
 
-    /// Replaces a service before the flight. A planned cold start begins with the state that it has now.
+    /// Replaces a service before the flight. A planned cold start restores its present state.
     pub fn replace(&mut self, service: Box<dyn ErasedService>) {
         for slot in &mut self.services {
             if slot.timetable.service == service.id() {
@@ -173,10 +173,10 @@ impl InProcess {
         }
     }
 
-    /// Flies on to the last tick, or until the sink says `Break`.
+    /// Flies to the last tick, or until the sink returns `Break`.
     ///
     /// # Errors
-    /// [`FlightError`]; the sink then has every tick before the failure whole.
+    /// [`FlightError`]; the sink then has received every tick before the failure completely.
     pub fn fly<S: TickSink>(&mut self, sink: &mut S) -> Result<(), FlightError<S::Error>> {
         let (wanted, count) = self.wanted(sink);
         let wanted = &wanted[..count];
@@ -191,8 +191,8 @@ impl InProcess {
         Ok(())
     }
 
-    /// Flies on to the next step of a service, which has all its inputs then; `false` if none is left, or if the sink says
-    /// `Break`.
+    /// Flies to the next step of a service, and pauses before it, when all its inputs are published. Returns `false` if no
+    /// step is left, or if the sink returns `Break`.
     ///
     /// # Errors
     /// [`FlightError`], as [`fly`](Self::fly).
@@ -203,18 +203,18 @@ impl InProcess {
     ) -> Result<bool, FlightError<S::Error>> {
         let (wanted, count) = self.wanted(sink);
         let wanted = &wanted[..count];
-        let mut places = self.services.iter();
-        let place = places
+        let mut slots = self.services.iter();
+        let index = slots
             .position(|slot| slot.timetable.service == service)
             .expect("one of each service");
         while self.next_tick <= self.schedule.last_tick() {
             let tick = self.next_tick;
             let from = self.paused.take();
-            let is_due = self.services[place].timetable.steps.occurs_at(tick);
-            if is_due && from.is_none_or(|from| from < place) {
-                self.step_services(tick, from.unwrap_or(0)..place)
+            let is_due = self.services[index].timetable.steps.occurs_at(tick);
+            if is_due && from.is_none_or(|from| from < index) {
+                self.step_services(tick, from.unwrap_or(0)..index)
                     .map_err(FlightError::NonFinite)?;
-                self.paused = Some(place);
+                self.paused = Some(index);
                 return Ok(true);
             }
             if self.fly_ticks(from, tick..tick + 1, wanted, sink)?.is_break() {
@@ -224,13 +224,13 @@ impl InProcess {
         Ok(false)
     }
 
-    /// Returns the places of the histories that a sink wants, in the order of the log, and their number.
+    /// Returns the indices of the histories that a sink receives, in the order of the log, and their number.
     fn wanted<S: TickSink>(&self, sink: &S) -> ([usize; Topic::ALL.len()], usize) {
         let mut wanted = [0; Topic::ALL.len()];
         let mut count = 0;
-        for &place in &self.published {
-            if sink.wants(self.histories[place].publication.topic) {
-                wanted[count] = place;
+        for &index in &self.published {
+            if sink.wants(self.histories[index].publication.topic) {
+                wanted[count] = index;
                 count += 1;
             }
         }
@@ -240,14 +240,14 @@ impl InProcess {
     /// Returns the newest sample of a topic, if one has been published.
     #[must_use]
     pub fn newest(&self, topic: Topic) -> Option<&[u8]> {
-        let place = self
+        let index = self
             .histories
             .iter()
             .position(|history| history.publication.topic == topic)?;
-        let history = &self.histories[place];
+        let history = &self.histories[index];
         let mut slots = self.services.iter();
-        let publisher = slots.position(|slot| slot.own.contains(&place))?;
-        // Within a tick the services before the pause have published its samples.
+        let publisher = slots.position(|slot| slot.own.contains(&index))?;
+        // In a pause the services before the paused one have published the samples of the tick.
         let has_stepped = self.paused.is_some_and(|paused| publisher < paused);
         let newest = if has_stepped {
             Some(self.next_tick)
@@ -258,7 +258,7 @@ impl InProcess {
         Some(history.bytes(tick))
     }
 
-    /// Returns the tick that is flown next, or in which the flight has paused.
+    /// Returns the next tick, or the one in which the flight is paused.
     #[must_use]
     pub fn next_tick(&self) -> u64 {
         self.next_tick
@@ -281,7 +281,7 @@ impl InProcess {
         }
     }
 
-    /// Goes back, or forth, to a state of this flight.
+    /// Restores a state of this flight.
     pub fn restore(&mut self, state: &FlightState) {
         for (slot, (own, stores)) in self
             .services
@@ -297,7 +297,7 @@ impl InProcess {
         (self.next_tick, self.paused) = (state.next_tick, state.paused);
     }
 
-    /// Flies some ticks, of the first one the services from a place on, and hands over those that are whole.
+    /// Flies some ticks, the first one from the service at an index on, and hands over the complete ones.
     #[inline]
     fn fly_ticks<S: TickSink>(
         &mut self,
@@ -314,8 +314,8 @@ impl InProcess {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Steps the services at some ticks, at the first one from a place on. Returns the ticks that are whole, and what ended
-    /// them.
+    /// Steps the services at some ticks, at the first one from the service at an index on. Returns the complete ticks, and
+    /// the failure that ended them.
     #[inline]
     fn step_ticks(
         &mut self,
@@ -354,8 +354,8 @@ impl InProcess {
         }
     }
 
-    /// Finds the first service, in the order of steps, that made a number that is not finite: later ones may have
-    /// stepped on it.
+    /// Finds the first service, in the order of steps, that computed a number that is not finite: later ones may have used
+    /// that number.
     #[cold]
     fn examine(&self, tick: u64) -> Result<(), NonFinite> {
         for slot in &self.services {
@@ -370,7 +370,7 @@ impl InProcess {
         Ok(())
     }
 
-    /// Keeps the samples of a tick for every input with planned faults.
+    /// Stores the samples of a tick for every input with planned faults.
     #[cold]
     fn keep_published(&mut self, tick: u64) {
         for slot in &mut self.services {
@@ -380,7 +380,7 @@ impl InProcess {
         }
     }
 
-    /// Hands over ticks that are whole.
+    /// Hands over complete ticks.
     #[inline]
     fn hand_over<S: TickSink>(
         &mut self,
@@ -389,8 +389,8 @@ impl InProcess {
         sink: &mut S,
     ) -> Result<ControlFlow<()>, FlightError<S::Error>> {
         for tick in ticks {
-            for &place in wanted {
-                let history = &self.histories[place];
+            for &index in wanted {
+                let history = &self.histories[index];
                 if history.publication.is_due(tick) {
                     let bytes = history.bytes(tick);
                     debug_assert_eq!(header_of(bytes), history.publication.header(tick));

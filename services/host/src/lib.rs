@@ -4,9 +4,10 @@
 //! * [`step`]: one step, the same in every host;
 //! * [`in_process`]: all services in one thread, and the [`TickSink`](in_process::TickSink) that receives their
 //!   samples;
-//! * [`watchdog`]: the watch over work in code of others that does not end;
-//! * [`edge_store`], [`sample_ring`], [`owned_sample`]: samples that are kept for later.
+//! * [`watchdog`]: detection of work in third-party code that does not end;
+//! * [`edge_store`], [`sample_ring`], [`owned_sample`]: storage of samples.
 
+#![warn(missing_docs)]
 #![warn(missing_docs)]
 
 pub mod edge_store;

@@ -1,18 +1,18 @@
-//! Sample in separate memory: whole words, because samples are read in place.
+//! Sample in private memory, aligned to words, because samples are read in place.
 
 use shared_types::Topic;
 use zerocopy::IntoBytes;
 
-/// Place of one sample of a topic, laid out once.
+/// Memory of one sample of a topic.
 #[derive(Clone, Debug)]
 pub struct OwnedSample {
     words: Box<[u64]>,
 }
 
 impl OwnedSample {
-    /// Makes a place for samples of `topic`; zeroed.
+    /// Makes a zeroed sample of `topic`.
     #[must_use]
-    pub fn of(topic: Topic) -> Self {
+    pub fn zeroed(topic: Topic) -> Self {
         // Samples are whole words: see `SampleKind::of`.
         let words = topic.kind().size / size_of::<u64>();
         Self {
@@ -23,7 +23,7 @@ impl OwnedSample {
     /// Copies a sample of `topic`.
     #[must_use]
     pub fn copy_of(topic: Topic, bytes: &[u8]) -> Self {
-        let mut copy = Self::of(topic);
+        let mut copy = Self::zeroed(topic);
         copy.bytes_mut().copy_from_slice(bytes);
         copy
     }
@@ -35,7 +35,7 @@ impl OwnedSample {
         self.words.as_bytes()
     }
 
-    /// Returns the sample, to be written.
+    /// Returns the sample for writing.
     #[must_use]
     #[inline]
     pub fn bytes_mut(&mut self) -> &mut [u8] {

@@ -5,27 +5,27 @@ use shared_types::schedule::{Edge, MAX_PORTS, OperatorPlan, OutageKind, OutageSc
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, Schedule, ServiceId, Topic};
 
-/// A number that is not finite, stopped at the service that made it.
+/// A number that is not finite, found before its publication.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, serde::Serialize, serde::Deserialize)]
 #[error(
     "`{service}` computed a number that is not finite at tick {tick}: `{field}` of `{topic}`; \
      it was not published. Look at the last ticks of the log for what led to it"
 )]
 pub struct NonFinite {
-    /// Name of the service that made it.
+    /// Name of the service that computed the number.
     pub service: String,
     /// Tick of the step.
     pub tick: u64,
     /// Name of the topic.
     pub topic: String,
-    /// Member of the sample.
+    /// Field of the sample.
     pub field: String,
 }
 
-/// Inputs of a service during a step, as the host holds them.
+/// Inputs of a service during a step.
 pub type Views<'a> = [InputView<'a>; MAX_PORTS];
 
-/// Outputs of a service during a step, as the host holds them.
+/// Outputs of a service during a step.
 pub type Slots<'a> = [OutputSlot<'a>; MAX_PORTS];
 
 /// Schedule of one service, looked up once before the flight.
@@ -33,18 +33,18 @@ pub type Slots<'a> = [OutputSlot<'a>; MAX_PORTS];
 pub struct Timetable {
     /// The service.
     pub service: ServiceId,
-    /// Its steps.
+    /// Ticks of the steps.
     pub steps: OutageSchedule,
-    /// Its inputs, in the order of the wiring table.
+    /// Inputs, in the order of the wiring table.
     pub inputs: Vec<Edge>,
-    /// Its outputs, in the order of the wiring table.
+    /// Outputs, in the order of the wiring table.
     pub outputs: Vec<Publication>,
-    /// `true` if it catches up with steps that were late: the simulated plant does, because its time does not stand
+    /// `true` if the service executes late steps instead of skipping them: the simulated plant, whose time does not stand
     /// still.
-    pub makes_up: bool,
-    /// `true` if it takes in every sample, also those that came while it was late: the estimator does, because its state is
-    /// that of all frames that were sent. Others use the newest one only.
-    pub takes_in_all: bool,
+    pub catches_up: bool,
+    /// `true` if the service reads every sample, also those that arrived while it was late: the estimator, whose state
+    /// depends on all sent frames. Other services read only the newest one.
+    pub reads_every_sample: bool,
     tick_ns: u64,
     operator: OperatorPlan,
 }
@@ -61,22 +61,22 @@ impl Timetable {
                 .map(|input| schedule.edge(service, input))
                 .collect(),
             outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
-            makes_up: service.is_the_world() && schedule.simulates_the_world(),
-            takes_in_all: service == ServiceId::Estimator,
+            catches_up: service.is_the_world() && schedule.simulates_the_world(),
+            reads_every_sample: service == ServiceId::Estimator,
             tick_ns: schedule.tick_ns(),
             operator: schedule.operator(),
         }
     }
 
-    /// Returns the oldest sample of an input that a process needs whose first step is at `next_tick` or after it, and
-    /// whose state includes the steps before, if it is to see more than the newest sample. `seen` is the sample that the last
-    /// of these steps saw, which may be older than the one that was due there: what came late has been seen by none.
+    /// Returns the tick of the oldest sample of an input that a process needs whose state includes all steps before
+    /// `next_tick`; `None` if the newest sample suffices. `seen` is the sample that the last of these steps read. It may be
+    /// older than the due one, which may have arrived late.
     #[must_use]
     pub fn first_needed(&self, edge: &Edge, next_tick: u64, seen: Option<u64>) -> Option<u64> {
-        if self.makes_up {
+        if self.catches_up {
             return edge.due_sample(next_tick);
         }
-        self.takes_in_all.then(|| seen.map_or(0, |seen| seen + 1))
+        self.reads_every_sample.then(|| seen.map_or(0, |seen| seen + 1))
     }
 
     /// Returns the time of the step at `tick`, with the time since the previous step.
@@ -97,8 +97,8 @@ impl Timetable {
         }
     }
 
-    /// Returns the time of the step at `tick` in real time: `previous` is the tick of the step before, if the service's
-    /// state includes it.
+    /// Returns the time of the step at `tick` in real time. `previous` is the tick of the last step that the service's state
+    /// includes.
     #[must_use]
     #[inline]
     pub fn now_after(&self, previous: Option<u64>, tick: u64) -> Now {
@@ -109,7 +109,7 @@ impl Timetable {
         }
     }
 
-    /// Returns the ticks since the previous step that the service's state includes.
+    /// Returns the number of ticks since the last step that the service's state includes.
     #[cold]
     fn elapsed_ticks(&self, tick: u64) -> u64 {
         let previous = tick
@@ -142,21 +142,21 @@ impl Timetable {
     /// Returns whether the step at `tick` is a cold start.
     #[must_use]
     #[inline]
-    pub fn begins_anew_at(&self, tick: u64) -> bool {
+    pub fn is_cold_start_at(&self, tick: u64) -> bool {
         !self.steps.is_unbroken() && tick > 0 && self.elapsed_ticks(tick) == 0
     }
 
-    /// Restores the state of `service` from a checkpoint, unless its next step is a cold start. Returns whether it did.
+    /// Restores the state of `service` from a checkpoint, unless the next step is a cold start. Returns whether it did.
     pub fn resume(&self, service: &mut dyn ErasedService, checkpoint: &Checkpoint) -> bool {
         let next = self.steps.first_at_or_after(checkpoint.next_tick);
-        let is_warm = !next.is_some_and(|next| self.begins_anew_at(next));
+        let is_warm = !next.is_some_and(|next| self.is_cold_start_at(next));
         if is_warm {
             service.restore(&checkpoint.state);
         }
         is_warm
     }
 
-    /// Steps `service` at `tick` and checks its outputs.
+    /// Steps `service` at `tick` and checks the outputs.
     ///
     /// # Errors
     /// [`NonFinite`] if an output holds a number that is not finite.
@@ -171,7 +171,7 @@ impl Timetable {
         self.step_at(service, &self.now(tick), views, slots)
     }
 
-    /// Steps `service` at a time that a host has given, and checks its outputs.
+    /// Steps `service` at a time that the host determines, and checks the outputs.
     ///
     /// # Errors
     /// [`NonFinite`] if an output holds a number that is not finite.
@@ -187,7 +187,7 @@ impl Timetable {
         debug_assert!(
             slots.iter().enumerate().all(|(at, slot)| slot.bytes.is_some()
                 == self.outputs.get(at).is_some_and(|output| output.is_due(now.tick))),
-            "one slot for each output that is due, and no other"
+            "exactly the due outputs have memory"
         );
         service.step(now, &views[..inputs], &mut slots[..outputs]);
         for (slot, output) in slots.iter().zip(&self.outputs) {
@@ -221,15 +221,15 @@ impl Timetable {
     }
 }
 
-/// Returns the order in which a step waits for its inputs: the publisher that steps last comes first. Once its sample
-/// is here, those of the others are too, so that a step sleeps once and not once an input.
+/// Returns the order in which a step waits for its inputs: the publisher that steps last comes first. When its sample has
+/// arrived, the other ones have too, so that a step sleeps once and not once an input.
 #[must_use]
 pub fn waiting_order(schedule: &Schedule, edge: &Edge, publisher: ServiceId) -> impl Ord + use<> {
     let place = schedule.order().iter().position(|&service| service == publisher);
     std::cmp::Reverse((edge.latency == 0, place))
 }
 
-/// Prepares the place of a due output: zeroed, its header filled in.
+/// Prepares a due output: zeroes the memory and writes the header.
 #[inline]
 pub fn prepared(topic: Topic, header: Header, bytes: &mut [u8]) -> OutputSlot<'_> {
     topic.kind().prepare(bytes, header);

@@ -1,37 +1,37 @@
-//! Watchdog over work in code of others that takes too long: a plug-in may never return from a step, and iceoryx2 waits
-//! without an end for shared memory that was truncated, and may never return from memory that was overwritten.
+//! Watchdog over third-party code that takes too long: a plug-in may never return from a step, and iceoryx2 waits without a
+//! timeout for truncated shared memory, and may never return after other programs have overwritten it.
 //!
-//! The working thread names its current work. A second thread checks now and then whether that is still the same piece.
-//! It counts its checks and not the time: a process that was stopped, or a machine that slept, has not worked too long.
-//! A thread that only waits, on its doorbell or for a message, does not work.
+//! The working thread records its current piece of work. A second thread checks periodically whether it has changed. It
+//! counts checks instead of time, so that neither a stopped process nor a suspended machine triggers it. A thread that
+//! waits on its doorbell or for a message is idle.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Pause between two checks.
-const LOOK: Duration = Duration::from_millis(500);
+/// Period of the checks.
+const CHECK_PERIOD: Duration = Duration::from_millis(500);
 
-/// Checks in a row that may find the same piece of work.
-const LOOKS: u32 = 40;
+/// Number of successive checks with the same piece of work that count as a hang.
+const MAX_CHECKS: u32 = 40;
 
-/// Stack of the second thread, bytes: it may be locked in memory.
+/// Stack of the second thread, bytes: small, because it may be locked in memory.
 const STACK: usize = 128 << 10;
 
 /// Kind of work of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Work {
-    /// It joins the run's shared memory.
+    /// Joining the run's shared memory.
     Join = 1,
-    /// It opens or makes topics.
+    /// Opening or creating topics.
     Topics = 2,
-    /// It makes its ports or connects them.
+    /// Making or connecting ports.
     Ports = 3,
-    /// It frees what dead processes held.
+    /// Freeing the resources of dead processes.
     CleanUp = 4,
-    /// It receives, computes and publishes.
+    /// Receiving, computing and publishing.
     Step = 5,
-    /// It receives what others have published.
+    /// Receiving the samples of other processes.
     Receive = 6,
 }
 
@@ -45,7 +45,7 @@ impl Work {
         Self::Receive,
     ];
 
-    /// Returns its name in messages.
+    /// Returns the name in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,14 +58,14 @@ impl Work {
         }
     }
 
-    /// Returns the reason for giving it up, in words.
+    /// Returns the message of the hang.
     #[must_use]
     pub fn complaint(self) -> String {
         format!(
             "{} has taken longer than {} s: the run's shared memory was damaged or truncated by another program, or the \
              machine is overloaded",
             self.name(),
-            LOOK.as_secs_f64() * f64::from(LOOKS)
+            CHECK_PERIOD.as_secs_f64() * f64::from(MAX_CHECKS)
         )
     }
 }
@@ -81,8 +81,8 @@ impl WorkCell {
         Self(AtomicU64::new(0))
     }
 
-    /// Begins another piece of work, of this kind or none. Returns the kind before. Only one thread writes a cell, and
-    /// the watchdog reads nothing but this word: relaxed order suffices.
+    /// Begins another piece of work of this kind, or none. Returns the previous kind. Only one thread writes a cell, and the
+    /// watchdog reads only this word: relaxed order suffices.
     #[inline]
     fn begin(&self, kind: u8) -> u8 {
         let before = self.0.load(Ordering::Relaxed);
@@ -97,25 +97,25 @@ impl WorkCell {
 #[derive(Debug, Default)]
 struct WorkLimits {
     seen: u64,
-    looks: u32,
+    checks: u32,
 }
 
 impl WorkLimits {
     /// Checks a cell. Returns the work that has taken too long, if any.
-    fn look(&mut self, cell: &WorkCell) -> Option<Work> {
+    fn check(&mut self, cell: &WorkCell) -> Option<Work> {
         let now = cell.0.load(Ordering::Relaxed);
         let kind = usize::from(now as u8);
         if kind == 0 || now != self.seen {
-            (self.seen, self.looks) = (now, 0);
+            (self.seen, self.checks) = (now, 0);
             return None;
         }
-        self.looks += 1;
+        self.checks += 1;
         let work = Work::ALL.get(kind - 1).copied();
-        work.filter(|_| self.looks >= LOOKS)
+        work.filter(|_| self.checks >= MAX_CHECKS)
     }
 }
 
-/// Work of the thread that does the work of this process.
+/// Current work of this process's working thread.
 static CURRENT_WORK: WorkCell = WorkCell::new();
 
 /// Records that this process begins another piece of work.
@@ -124,13 +124,13 @@ pub fn work(work: Work) {
     CURRENT_WORK.begin(work as u8);
 }
 
-/// Records that this process waits, which may take any time.
+/// Records that this process waits, for any time.
 #[inline]
-pub fn rest() {
+pub fn idle() {
     CURRENT_WORK.begin(0);
 }
 
-/// Does a piece of work, as a part of another one or alone.
+/// Does a piece of work, alone or as a part of another one.
 #[inline]
 pub fn during<T>(work: Work, act: impl FnOnce() -> T) -> T {
     let before = CURRENT_WORK.begin(work as u8);
@@ -139,32 +139,31 @@ pub fn during<T>(work: Work, act: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Waits in the middle of some work, if any.
+/// Waits, also in the middle of a piece of work.
 #[inline]
-pub fn while_resting<T>(act: impl FnOnce() -> T) -> T {
+pub fn while_idle<T>(act: impl FnOnce() -> T) -> T {
     let before = CURRENT_WORK.begin(0);
     let result = act();
     CURRENT_WORK.begin(before);
     result
 }
 
-/// Watches over the work of this process from a thread of its own: calls `check` now and then with the work that has taken too
-/// long, if any.
+/// Starts a thread that calls `check` periodically, with the work that has taken too long, if any.
 ///
 /// # Errors
 /// If the system has no thread left.
 pub fn watch(mut check: impl FnMut(Option<Work>) + Send + 'static) -> std::io::Result<()> {
     let mut limits = WorkLimits::default();
-    let check_now_and_then = move || {
+    let check_periodically = move || {
         loop {
-            std::thread::sleep(LOOK);
-            check(limits.look(&CURRENT_WORK));
+            std::thread::sleep(CHECK_PERIOD);
+            check(limits.check(&CURRENT_WORK));
         }
     };
     let thread = std::thread::Builder::new()
         .name("watchdog".to_owned())
         .stack_size(STACK);
-    thread.spawn(check_now_and_then).map(drop)
+    thread.spawn(check_periodically).map(drop)
 }
 
 #[cfg(test)]
@@ -176,8 +175,8 @@ mod tests {
         let (cell, mut limits) = (WorkCell::new(), WorkLimits::default());
         for work in Work::ALL {
             cell.begin(work as u8);
-            // The first look sees that it is another piece of work.
-            let found = (0..=LOOKS).map(|_| limits.look(&cell)).collect::<Vec<_>>();
+            // The first check finds another piece of work.
+            let found = (0..=MAX_CHECKS).map(|_| limits.check(&cell)).collect::<Vec<_>>();
             assert_eq!(found.iter().flatten().copied().collect::<Vec<_>>(), [work]);
             assert_eq!(found.last(), Some(&Some(work)));
         }
@@ -186,12 +185,12 @@ mod tests {
     #[test]
     fn repeated_work_and_rest_are_not_endless_work() {
         let (cell, mut limits) = (WorkCell::new(), WorkLimits::default());
-        for _ in 0..3 * LOOKS {
+        for _ in 0..3 * MAX_CHECKS {
             cell.begin(Work::Step as u8);
-            assert_eq!(limits.look(&cell), None);
+            assert_eq!(limits.check(&cell), None);
         }
         cell.begin(0);
-        assert!((0..3 * LOOKS).all(|_| limits.look(&cell).is_none()));
+        assert!((0..3 * MAX_CHECKS).all(|_| limits.check(&cell).is_none()));
     }
 
     #[test]

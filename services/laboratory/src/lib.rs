@@ -1,12 +1,11 @@
-//! Laboratory of a flight in real time: cameras, or recorded captures, in place of the simulated plant; a radio link
-//! behind the transmitter.
+//! Laboratory hardware of a flight in real time: cameras, or recorded captures, in place of the simulated plant, and a radio
+//! link behind the transmitter.
 //!
-//! Only a flight in real time has one. A service's process connects itself to its part of the laboratory once it has
-//! its role.
+//! A service's process connects to its hardware after it has received its role.
 //!
-//! Failure policy: hardware that is missing before the flight ends the run before it, with the fix. In flight nothing
-//! ends it: a lost connection is retried in the background. Meanwhile services receive no poses or receivers no frames,
-//! and the scenario's `[safety]` applies. A process that replaces a dead one tolerates missing hardware too.
+//! Failure policy: hardware that is missing before the flight ends the run, with the fix. In flight a lost connection does
+//! not end the run and is retried in the background; meanwhile there are no poses or no frames, and the scenario's
+//! `[safety]` applies. A restarted process tolerates missing hardware as well.
 
 mod motion_capture_driver;
 mod radio_link_driver;
@@ -24,8 +23,8 @@ use motion_capture_driver::MotionCaptureDriver;
 use radio_link_driver::RadioLinkDriver;
 use recorded_captures::RecordedCaptures;
 
-/// Connects step logic to the hardware that a scenario names, or replaces the step logic by it. The error names the
-/// missing hardware, with the fix.
+/// Connects step logic to the hardware that a scenario names, or replaces the step logic. The error names the missing
+/// hardware, with the fix.
 pub type Connect = fn(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built;
 
 /// Makes a motion-capture system in place of the plant.
@@ -61,7 +60,7 @@ pub fn radio_link(service: Box<dyn ErasedService>, scenario: &Scenario, page: &A
     Ok(Box::new(RadioLinkDriver::open(service, link, Arc::clone(page))?))
 }
 
-/// Returns whether the flight is under way: another process had this role before.
+/// Returns whether the flight has started, so that this process is a restart.
 fn is_under_way(page: &SharedPage) -> bool {
     page.control_block().start_ns.load(Ordering::Acquire) != 0
 }

@@ -1,10 +1,10 @@
 //! Cameras of a laboratory in place of the simulated plant.
 //!
-//! A step takes the poses that have arrived, and waits for none. A sample of `mocap/pose` holds the newest accepted
-//! pose that was captured by its tick; between two captures it says that the body was not seen, which the estimator
-//! ignores. `vehicle/truth` is never due: the truth is not known.
+//! A step reads the poses that have arrived and never waits. A sample of `mocap/pose` has the newest accepted pose captured
+//! up to its tick; between two captures it is marked as not tracked, which the estimator ignores. `vehicle/truth` is never
+//! due: the truth is unknown.
 //!
-//! A restarted driver goes on with the clock, the order of frames and the pose of the one before it, if they are recent.
+//! A restarted driver resumes with the clock, the frame order and the pose of its predecessor, if they are recent.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -25,29 +25,29 @@ use super::is_under_way;
 use run_log::CaptureFigures;
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Pause between two attempts to open a socket that a dead process had, ns.
+/// Period of attempts to reopen the socket of a dead process, ns.
 const RETRY_NS: u64 = 500_000_000;
 
-/// Time between two texts about refusals, ns.
+/// Period of the texts about refusals, ns.
 const REASON_NS: u64 = 100_000_000;
 
 /// Cameras of a laboratory.
 pub(super) struct MotionCaptureDriver {
     address: Address,
-    /// `None` while it cannot be opened again.
+    /// `None` while it cannot be reopened.
     source: Option<CaptureSource>,
     retry_at_ns: u64,
     feed: Feed,
     diagnosis: Diagnosis,
     reason: Reason,
-    hand: Hand,
+    pending: PendingPoses,
     /// Arrival of the last accepted pose, ns of `CLOCK_MONOTONIC`.
     believed_at_ns: Option<u64>,
     page: Arc<SharedPage>,
 }
 
 impl MotionCaptureDriver {
-    /// Begins to listen. A server that does not exist yet is awaited in flight.
+    /// Opens the sockets. In flight the driver waits for a missing server.
     ///
     /// # Errors
     /// If a socket cannot be opened before the flight, with the fix.
@@ -69,16 +69,16 @@ impl MotionCaptureDriver {
             feed: Feed::new(system, stated)?,
             diagnosis: Diagnosis::new(system, stated)?,
             reason: Reason::default(),
-            hand: Hand::default(),
+            pending: PendingPoses::default(),
             believed_at_ns: None,
             page,
         })
     }
 
-    /// Takes the captures that have arrived by now; `tick_ns` is the begin of the step's tick. Both are ns of
+    /// Reads the captures that have arrived; `tick_ns` is the beginning of the step's tick. Both times are ns of
     /// `CLOCK_MONOTONIC`.
-    fn listen(&mut self, now_ns: u64, tick_ns: u64) {
-        self.hand.advance(tick_ns);
+    fn poll(&mut self, now_ns: u64, tick_ns: u64) {
+        self.pending.advance(tick_ns);
         if self.source.is_none() && now_ns >= self.retry_at_ns {
             self.retry_at_ns = now_ns + RETRY_NS;
             self.source = CaptureSource::open(&self.address).ok();
@@ -88,7 +88,7 @@ impl MotionCaptureDriver {
             feed,
             diagnosis,
             reason,
-            hand,
+            pending,
             believed_at_ns,
             ..
         } = self
@@ -98,7 +98,7 @@ impl MotionCaptureDriver {
         source.poll(now_ns, &mut |frame| {
             diagnosis.take(frame);
             if let Some(pose) = feed.take(frame, now_ns) {
-                hand.take(pose, tick_ns);
+                pending.take(pose, tick_ns);
                 if pose.parts == PoseParts::Both {
                     *believed_at_ns = Some(pose.arrived_ns);
                 }
@@ -154,14 +154,14 @@ impl ErasedService for MotionCaptureDriver {
 
     fn step(&mut self, now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
         let start_ns = self.page.control_block().start_ns.load(Ordering::Relaxed);
-        self.listen(monotonic_ns(), start_ns + now.time_ns);
+        self.poll(monotonic_ns(), start_ns + now.time_ns);
         let mut outputs = PlantOutputs::from_slots(outputs);
         if let Some(sample) = outputs.pose.due()
-            && let Some(pose) = self.hand.ready.take()
+            && let Some(pose) = self.pending.ready.take()
         {
             pose.write(start_ns, sample);
         }
-        self.page.control_block().notices[ServiceId::Plant.index()].tell(&self.figures(start_ns));
+        self.page.control_block().hardware_status[ServiceId::Plant.index()].write(&self.figures(start_ns));
     }
 
     fn state_size(&self) -> usize {
@@ -173,12 +173,12 @@ impl ErasedService for MotionCaptureDriver {
     }
 
     fn restore(&mut self, bytes: &[u8]) {
-        let memory = FeedMemory::read_from_bytes(bytes).expect("a state of this service has this size");
-        self.feed.restore(&memory, monotonic_ns());
+        let state = FeedMemory::read_from_bytes(bytes).expect("a state of this service has this size");
+        self.feed.restore(&state, monotonic_ns());
     }
 }
 
-/// Text about refusals, without an allocation.
+/// Text about refusals, without allocations.
 struct Reason {
     bytes: [u8; 200],
     length: usize,
@@ -196,7 +196,7 @@ impl Default for Reason {
 }
 
 impl Reason {
-    /// Writes what is known now, a few times a second.
+    /// Updates the text, if its period is over.
     fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &CaptureSource, feed: &Feed) {
         if now_ns < self.due_ns {
             return;
@@ -222,16 +222,16 @@ impl Write for Reason {
     }
 }
 
-/// Poses that wait for delivery.
+/// Poses before their publication.
 #[derive(Debug, Default)]
-struct Hand {
-    /// The newest one that was captured by the tick of the step.
+struct PendingPoses {
+    /// Newest pose captured up to the tick of the step.
     ready: Option<VehiclePose>,
-    /// One that a late step has found: of a time for which the estimator is not ready yet.
+    /// Pose captured after the tick of a late step, published at a later step.
     early: Option<VehiclePose>,
 }
 
-impl Hand {
+impl PendingPoses {
     /// Advances to a step whose tick begins at this time.
     fn advance(&mut self, tick_ns: u64) {
         if let Some(pose) = self.early.take_if(|pose| pose.captured_ns <= tick_ns) {
@@ -239,7 +239,7 @@ impl Hand {
         }
     }
 
-    /// Takes a pose at a step whose tick began at this time.
+    /// Adds a pose at a step whose tick began at this time.
     fn take(&mut self, pose: VehiclePose, tick_ns: u64) {
         if pose.captured_ns <= tick_ns {
             self.ready = Some(pose);
@@ -267,32 +267,32 @@ mod tests {
         }
     }
 
-    fn ready(hand: &mut Hand) -> Option<u64> {
-        hand.ready.take().map(|pose| pose.captured_ns)
+    fn ready(pending: &mut PendingPoses) -> Option<u64> {
+        pending.ready.take().map(|pose| pose.captured_ns)
     }
 
     #[test]
     fn a_pose_is_handed_out_once_and_never_before_it_was_captured() {
-        let mut hand = Hand::default();
-        hand.advance(100);
+        let mut pending = PendingPoses::default();
+        pending.advance(100);
         for at in [80, 90, 105] {
-            hand.take(captured_at(at), 100);
+            pending.take(captured_at(at), 100);
         }
-        assert_eq!((ready(&mut hand), ready(&mut hand)), (Some(90), None));
-        hand.advance(104);
-        assert_eq!(ready(&mut hand), None);
-        hand.advance(110);
-        assert_eq!((ready(&mut hand), ready(&mut hand)), (Some(105), None));
+        assert_eq!((ready(&mut pending), ready(&mut pending)), (Some(90), None));
+        pending.advance(104);
+        assert_eq!(ready(&mut pending), None);
+        pending.advance(110);
+        assert_eq!((ready(&mut pending), ready(&mut pending)), (Some(105), None));
     }
 
     #[test]
     fn poses_that_are_always_early_come_a_step_later() {
-        let mut hand = Hand::default();
+        let mut pending = PendingPoses::default();
         for step in 1..100 {
             let tick_ns = 10 * step;
-            hand.advance(tick_ns);
-            assert_eq!(ready(&mut hand), (step > 1).then_some(tick_ns - 5));
-            hand.take(captured_at(tick_ns + 5), tick_ns);
+            pending.advance(tick_ns);
+            assert_eq!(ready(&mut pending), (step > 1).then_some(tick_ns - 5));
+            pending.take(captured_at(tick_ns + 5), tick_ns);
         }
     }
 

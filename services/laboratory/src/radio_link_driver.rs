@@ -1,6 +1,6 @@
-//! Transmitter with a radio link behind it: every frame leaves on the link, from a separate thread of the link.
+//! Transmitter with a radio link: a separate thread sends every frame on the link.
 //!
-//! Step logic and published samples are those of the simulated transmitter: nothing of the link comes back to it.
+//! Step logic and published samples are those of the simulated transmitter: the link has no feedback to it.
 
 use std::sync::Arc;
 
@@ -20,11 +20,11 @@ use zerocopy::FromZeros;
 use super::is_under_way;
 use run_log::LinkFigures;
 
-/// Step logic of the transmitter, and the sender of its frames. Only the end of the flight stops the motors: a receiver keeps the
-/// last sticks of a process that ends before it, and the next process goes on from there.
+/// Step logic of the transmitter, and the sender of its frames. Only the end of the flight stops the motors: after the
+/// death of a process the receiver holds the last sticks until the next process sends.
 pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
-    /// Present until it is stopped.
+    /// `None` after it was stopped.
     sender: Option<Sender>,
     page: Arc<SharedPage>,
 }
@@ -56,12 +56,12 @@ impl RadioLinkDriver {
             sender: Some(sender),
             page,
         };
-        transmitter.tell(&figures);
+        transmitter.write_status(&figures);
         Ok(transmitter)
     }
 
-    fn tell(&self, figures: &LinkFigures) {
-        self.page.control_block().notices[ServiceId::RcOutput.index()].tell(figures);
+    fn write_status(&self, figures: &LinkFigures) {
+        self.page.control_block().hardware_status[ServiceId::RcOutput.index()].write(figures);
     }
 }
 
@@ -80,7 +80,7 @@ impl ErasedService for RadioLinkDriver {
                 sender.put(&Sticks::of(frame));
             }
         }
-        self.tell(&in_flight(&sender.condition()));
+        self.write_status(&in_flight(&sender.condition()));
     }
 
     fn has_trials(&self) -> bool {
@@ -113,7 +113,7 @@ impl ErasedService for RadioLinkDriver {
 impl Drop for RadioLinkDriver {
     fn drop(&mut self) {
         if let Some(Ok(report)) = self.sender.take().map(Sender::stop) {
-            self.tell(&at_the_end(&report));
+            self.write_status(&at_the_end(&report));
         }
     }
 }
@@ -194,8 +194,8 @@ mod tests {
         fn restore(&mut self, _bytes: &[u8]) {}
     }
 
-    /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts, whose process is there at the end
-    /// of the flight or not.
+    /// Returns the last frame that a receiver gets of a transmitter with frames of these thrusts, whose process is there at
+    /// the end of the flight or not.
     fn last_frame(thrusts: &[f64], reversed: &str, until_the_end: bool) -> radio_link::ChannelCodes {
         let receiver = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&receiver).unwrap();
@@ -231,7 +231,7 @@ mod tests {
             transmitter.finish();
         }
         drop(transmitter);
-        let figures: LinkFigures = page.control_block().notices[ServiceId::RcOutput.index()].look();
+        let figures: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
         let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
         let mut filled = 0;
         while filled < bytes.len() {

@@ -1,11 +1,9 @@
-//! Cameras of a recorded flight in place of the simulated plant: the same captures at the same times since the start of
-//! the flight.
+//! Recorded captures in place of the simulated plant: the same captures at the same times since the start of the flight.
 //!
-//! The vehicle does not follow the commands of this flight. It serves to test the chain behind the cameras, in real
-//! time and without hardware: the estimator, the controller, the radio link. `vehicle/truth` is never due: the recorded
-//! one is not this flight's.
+//! The vehicle does not follow the commands of this flight. This tests the chain after the cameras, in real time and without
+//! hardware: estimator, controller, radio link. `vehicle/truth` is never due: the recorded truth is not that of this flight.
 //!
-//! After the end of the recording the body is not seen any more.
+//! After the end of the recording the body is not tracked.
 
 use std::path::Path;
 
@@ -17,11 +15,11 @@ use shared_types::{Now, ServiceId};
 use run_log::LogReader;
 use run_log::run_folder::log_meant_by;
 
-/// Cameras of a recorded flight.
+/// Captures of a recorded flight.
 pub(super) struct RecordedCaptures {
-    /// Captures that have seen the vehicle, as they were published.
+    /// Tracked captures, as published.
     captures: Vec<MocapPose>,
-    /// Number of captures that this flight has passed.
+    /// Number of captures before the current time.
     passed: usize,
 }
 
@@ -29,7 +27,7 @@ impl RecordedCaptures {
     /// Reads the captures of a log, or of the log in a run's folder.
     ///
     /// # Errors
-    /// If the log cannot be read to its end, or its cameras never saw the vehicle, with the fix.
+    /// If the log cannot be read to its end, or has no tracked capture, with the fix.
     pub(super) fn open(recording: &Path) -> Result<Self, BuildError> {
         let log = log_meant_by(recording);
         let mut captures: Vec<MocapPose> = LogReader::open(&log)?.samples().collect::<Result<_, _>>()?;

@@ -27,14 +27,14 @@ impl BumpPoint {
         }
     }
 
-    /// Returns whether ψ′ = ψ″ = 0: outside of the transition, and so close to its ends that both round to zero.
+    /// Returns whether ψ′ = ψ″ = 0: outside of the transition, and near its ends, where both round to zero.
     #[must_use]
     pub fn is_flat(&self) -> bool {
         self.slope == 0.0 && self.curvature == 0.0
     }
 }
 
-/// Error: there is no transition from α1 to α2.
+/// Error of the limits α1 and α2.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "the path cannot slow down between alpha1 = {alpha1} and alpha2 = {alpha2}: choose 0 ≤ alpha1 < alpha2; the paper uses 0.5 and 1.5"

@@ -32,7 +32,7 @@ pub struct CurvePoint {
 }
 
 impl CurvePoint {
-    /// Returns a point at which the curve stands still.
+    /// Returns a point with all derivatives zero.
     pub(crate) fn at_rest(position: Vector3<f64>) -> Self {
         Self {
             position,
@@ -43,7 +43,7 @@ impl CurvePoint {
         }
     }
 
-    /// Returns the same point of the curve turned about the origin.
+    /// Returns the point of the curve rotated about the origin.
     fn turned(&self, rotation: &Matrix3<f64>) -> Self {
         Self {
             position: rotation * self.position,
@@ -66,19 +66,19 @@ pub enum CurveError {
         /// Number of waypoints that an open or a closed curve needs.
         needed: usize,
     },
-    /// A waypoint is not a point of space.
+    /// A waypoint is not finite.
     #[error("waypoint {index} is not finite: give three numbers in metres")]
     PointNotFinite {
-        /// Its position in the list, from 0.
+        /// Index in the list.
         index: usize,
     },
-    /// Two waypoints in a row are the same point.
+    /// Two successive waypoints coincide.
     #[error("waypoint {index} and the one after it are the same point: leave one of them out")]
     CoincidentPoints {
-        /// Position of the first of the two in the list, from 0.
+        /// Index of the first one in the list.
         index: usize,
     },
-    /// The way in γ from one waypoint to the next is not a positive number.
+    /// The interval of γ between waypoints is not positive.
     #[error("the interval {0} between waypoints is not positive: choose one above 0")]
     Interval(f64),
 }
@@ -92,7 +92,7 @@ pub enum Curve {
     Hover(Hover),
     /// A tilted circle.
     Circle(Circle),
-    /// A straight line without end.
+    /// An infinite straight line.
     Line(Line),
     /// An oscillation along each axis.
     Lissajous(Lissajous),
@@ -104,7 +104,7 @@ impl Curve {
     /// Makes the curve of a scenario.
     ///
     /// # Errors
-    /// [`CurveError`] if the parameters make no curve.
+    /// [`CurveError`] if the parameters are invalid.
     pub fn new(parameters: &scenario::Curve) -> Result<Self, CurveError> {
         Ok(match parameters {
             scenario::Curve::TiltedEight(parameters) => Self::TiltedEight(TiltedEight::new(parameters)),

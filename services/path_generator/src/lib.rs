@@ -1,9 +1,9 @@
-//! Path and timing law: the desired place of the vehicle, and the rate at which the path moves on.
+//! Path and timing law: the desired position of the vehicle, and the speed along the path.
 //!
-//! A [`curve`] is pd(γ) with its γ-derivatives. The [`timing_law`] of the paper, (22)–(25), moves γ: at full speed
-//! while the vehicle is close, not at all while it is far, by a smooth [`bump`] between. The [`service`] joins both at
-//! every tick. A flight with [`phases`] leads from the ground to the path and back on straight [`transition_segments`],
-//! with a [`speed_profile`] from rest to rest.
+//! A [`curve`] is pd(γ) with its γ-derivatives. The [`timing_law`] of the paper, (22)–(25), moves γ: at full speed while
+//! the vehicle is close, not at all while it is far, with a smooth [`bump`] between. The [`service`] evaluates both at
+//! every tick. In a flight with [`phases`] the reference moves from the ground to the path and back along straight
+//! [`transition_segments`], with a [`speed_profile`] from rest to rest.
 //!
 //! Failure policy: without a tracked vehicle the path stands still. A scenario without a valid path is refused at
 //! construction; a step never fails.

@@ -1,17 +1,17 @@
-//! Service `path_generator`: the newest state in, the reference of the same tick out.
+//! Service `path_generator`: from the newest state to the reference of the same tick.
 //!
-//! At tick k it holds γₖ and γ̇ₖ, and evaluates curve and timing law there. γ and γ̇ advance by explicit Euler at the
-//! next step, over the time that has then passed: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
+//! At tick k its state is γₖ and γ̇ₖ, at which it evaluates curve and timing law. At the next step γ and γ̇ advance by
+//! explicit Euler over the elapsed time: γₖ₊₁ = γₖ + hγ̇ₖ, γ̇ₖ₊₁ = γ̇ₖ + hγ̈ₖ.
 //!
-//! Failure policy: while the place of the vehicle is not known, the path stands still: γ̇ = γ̈ = 0 from that step on,
-//! in both modes, and the reference says so. When the vehicle is known again, the timing law starts γ̇ from 0, as at
-//! the start of a flight; trajectory tracking goes on at full speed from where it stood.
-//! * An impossible state is refused and counted ([`StateValidator`]); the last good one stays in use.
-//! * Without a policy the vehicle is known while that state is `tracked`, however old it is.
-//! * With one it is known until the last good state, which was tracked, is too old.
+//! Failure policy: while the position of the vehicle is unknown, the path stands still: γ̇ = γ̈ = 0 from that step on, in
+//! both modes, and the reference states it. When the position is known again, the timing law starts γ̇ from 0, as at the
+//! start of a flight; trajectory tracking resumes at full speed.
+//! * An impossible state is refused and counted ([`StateValidator`]); the last valid one remains in use.
+//! * Without a policy the position is known while that state is `tracked`, at any age.
+//! * With a policy it is known until the last valid tracked state is too old.
 //!
-//! In a flight with phases ([`crate::phases`]) γ is constant until the vehicle has come to the path, and after it has
-//! left it.
+//! In a flight with phases ([`crate::phases`]) γ is constant until the vehicle has reached the path, and after it has left
+//! it.
 
 use nalgebra::Vector3;
 use scenario::{EdgeName, PathMode, Scenario};
@@ -61,15 +61,15 @@ shared_types::sample! {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(transparent)]
 pub enum PathGeneratorError {
-    /// The parameters give no curve.
+    /// The parameters of the curve are invalid.
     Curve(#[from] CurveError),
-    /// There is no room between α1 and α2 to slow down.
+    /// α1 and α2 are invalid.
     Transition(#[from] TransitionError),
 }
 
-/// Law by which γ moves.
+/// Law of γ̇.
 #[derive(Clone, Copy, Debug)]
-enum Mover {
+enum ParameterLaw {
     /// The path waits for the vehicle.
     TimingLaw(TimingLaw),
     /// The path does not wait: γ̇ = vd, 1/s.
@@ -80,33 +80,31 @@ enum Mover {
 #[derive(Clone, Debug)]
 pub struct PathGeneratorService {
     states: StateValidator,
-    /// Oldest age of a state without faults, ns.
+    /// Maximum age of a state without faults, ns.
     ordinary_age_ns: u64,
-    /// Longest time that a step takes for the time since the last one, ns.
+    /// Maximum time over which a step integrates, ns.
     longest_gap_ns: u64,
-    /// Time between two steps above which the controller has moved the path meanwhile, ns.
+    /// Time between two steps above which the controller has moved the path, ns.
     ordinary_gap_ns: u64,
-    /// Time for which it then goes on before its stop, s.
+    /// Time for which the controller continues before its stop, s.
     goes_on_for: Option<f64>,
-    leader: PathLeader,
-    /// ψd, rad, with the tick from which it holds, in the order of ticks; the first from the start.
+    generator: ReferenceGenerator,
+    /// ψd (rad) with the tick from which it holds, in ascending order; the first one holds from the start.
     yaws: Vec<(u64, f64)>,
 }
 
-/// Source of the vehicle's references.
 #[derive(Clone, Debug)]
-struct PathLeader {
+struct ReferenceGenerator {
     curve: Curve,
-    mover: Mover,
+    law: ParameterLaw,
     motion: PathMotion,
-    /// `None` if the vehicle is in the air from the start.
+    /// `None` if the flight starts in the air.
     phases: Option<Phases>,
-    /// Used by the phases only.
+    /// Used only by the phases.
     frames: InputValidator<RcFrame>,
 }
 
-/// Reference of a step.
-struct Led {
+struct StepReference {
     point: CurvePoint,
     /// Parameter of the path or the segment.
     gamma: f64,
@@ -124,9 +122,9 @@ impl PathGeneratorService {
         });
         let path = &scenario.path;
         let curve = Curve::new(&path.curve)?;
-        let leader = PathLeader {
+        let generator = ReferenceGenerator {
             curve,
-            mover: Mover::new(path)?,
+            law: ParameterLaw::new(path)?,
             motion: PathMotion {
                 gamma: path.initial_gamma,
                 gamma_dot: path.initial_gamma_dot,
@@ -136,7 +134,7 @@ impl PathGeneratorService {
             frames: InputValidator::default(),
         };
         Ok(Self {
-            leader,
+            generator,
             yaws: std::iter::once((0, path.yaw))
                 .chain(
                     path.yaw_step
@@ -168,16 +166,17 @@ impl PathGeneratorService {
     }
 }
 
-impl PathLeader {
+impl ReferenceGenerator {
     /// Advances by the time since the last step.
     fn advance(&mut self, elapsed: f64) {
         self.motion.advance(elapsed);
         if let Some(phases) = &mut self.phases {
-            phases.go_on(elapsed);
+            phases.advance_segment(elapsed);
         }
     }
 
-    /// Goes on from where the controller has brought the path without references, `elapsed` s after the last one.
+    /// Resumes from the position to which the controller has moved the path without references, `elapsed` s after the last
+    /// one.
     fn coast(&mut self, now: &Now, elapsed: f64, goes_on_for: f64) {
         let coasted = self.motion.coast(elapsed, goes_on_for);
         if let Some(phases) = &mut self.phases {
@@ -185,32 +184,31 @@ impl PathLeader {
         }
     }
 
-    /// Returns the reference on the path, at its place and by the timing law; it stands still while the vehicle's place
-    /// is not known.
-    fn along_path(&mut self, vehicle: Option<&VehicleState>, profile: &SpeedProfile) -> Led {
+    /// Returns the reference on the path, by the timing law; it stands still while the vehicle's position is unknown.
+    fn along_path(&mut self, vehicle: Option<&VehicleState>, profile: &SpeedProfile) -> StepReference {
         let point = self.curve.at(self.motion.gamma);
         let rates = match vehicle {
-            Some(vehicle) => self.mover.rates(vehicle, &point, self.motion.gamma_dot, profile),
+            Some(vehicle) => self.law.rates(vehicle, &point, self.motion.gamma_dot, profile),
             None => PathRates::steady(0.0),
         };
         self.motion.take(&rates);
-        Led {
+        StepReference {
             point,
             gamma: self.motion.gamma,
             rates,
         }
     }
 
-    /// Returns the source of the reference, the path or the segments of the flight's phase, for a last good `state` of this
-    /// age (ns), which is that of the `vehicle` if its place is known.
-    fn lead(
+    /// Returns the reference, on the path or on a segment of the flight's phase. `state` is the last valid state, with its
+    /// age in ns; it is also the state of the `vehicle` if the position is known.
+    fn reference(
         &mut self,
         now: &Now,
         frame: &Input<'_, RcFrame>,
         vehicle: Option<&VehicleState>,
         state: Option<&VehicleState>,
         vehicle_age_ns: Option<u64>,
-    ) -> Led {
+    ) -> StepReference {
         let Some(phases) = &mut self.phases else {
             return self.along_path(vehicle, &SpeedProfile::FULL);
         };
@@ -233,12 +231,12 @@ impl PathLeader {
             path_rates: [self.motion.gamma_dot, self.motion.gamma_ddot],
         };
         phases.advance(now, &sight);
-        match phases.lead(now, vehicle.is_some()) {
+        match phases.reference_source(now, vehicle.is_some()) {
             PathRateCommand::Path(profile) => self.along_path(vehicle, &profile),
             PathRateCommand::PathAt(rates) => {
                 let rates = PathRates::stated(rates);
                 self.motion.take(&rates);
-                Led {
+                StepReference {
                     point: path,
                     gamma: self.motion.gamma,
                     rates,
@@ -246,7 +244,7 @@ impl PathLeader {
             }
             PathRateCommand::Line(point, gamma, rates) => {
                 self.motion.take(&PathRates::steady(0.0));
-                Led { point, gamma, rates }
+                StepReference { point, gamma, rates }
             }
         }
     }
@@ -266,7 +264,7 @@ impl PathLeader {
     }
 }
 
-impl Mover {
+impl ParameterLaw {
     fn new(path: &scenario::Path) -> Result<Self, TransitionError> {
         Ok(match path.mode {
             PathMode::Following => Self::TimingLaw(TimingLaw::new(path)?),
@@ -304,7 +302,7 @@ impl PathMotion {
         self.gamma_dot += h * self.gamma_ddot;
     }
 
-    /// Moves as the controller has it move that gets no references.
+    /// Moves as the controller without references has moved it.
     fn coast(&mut self, elapsed: f64, goes_on_for: f64) -> Coasted {
         let coasted = Coasted::after(elapsed, [self.gamma_dot, self.gamma_ddot], goes_on_for);
         self.gamma += coasted.way;
@@ -332,14 +330,16 @@ impl Service for PathGeneratorService {
             ..*now
         };
         match gap {
-            Some(goes_on_for) => self.leader.coast(now, elapsed, goes_on_for),
-            None => self.leader.advance(elapsed),
+            Some(goes_on_for) => self.generator.coast(now, elapsed, goes_on_for),
+            None => self.generator.advance(elapsed),
         }
         self.states.look(now, &inputs.state);
         let newest = self.states.held();
         let age_ns = self.states.age_ns(now);
         let known = newest.filter(|vehicle| vehicle.tracked.is_set() && !self.states.is_too_old(now));
-        let Led { point, gamma, rates } = self.leader.lead(now, &inputs.frame, known, newest, age_ns);
+        let StepReference { point, gamma, rates } =
+            self.generator
+                .reference(now, &inputs.frame, known, newest, age_ns);
         // The path does not wait for a late state.
         let late_ns = age_ns.unwrap_or(0).saturating_sub(self.ordinary_age_ns);
         if let Some(reference) = outputs.reference.due() {
@@ -362,34 +362,34 @@ impl Service for PathGeneratorService {
                 yaw_rate: 0.0,
                 states_refused: self.states.refused(),
                 vehicle_known: known.is_some().into(),
-                phase: self.leader.phase().code(),
-                airborne: self.leader.is_airborne().into(),
-                cause: self.leader.cause(),
+                phase: self.generator.phase().code(),
+                airborne: self.generator.is_airborne().into(),
+                cause: self.generator.cause(),
             };
         }
     }
 
     fn save(&self) -> PathGeneratorState {
-        let (frames, frame) = self.leader.frames.save();
+        let (frames, frame) = self.generator.frames.save();
         PathGeneratorState {
-            motion: self.leader.motion,
+            motion: self.generator.motion,
             states: self.states.save(),
             frame,
             frames,
             phases: self
-                .leader
+                .generator
                 .phases
                 .as_ref()
-                .map_or_else(PhasesMemory::new_zeroed, |phases| phases.memory),
+                .map_or_else(PhasesMemory::new_zeroed, |phases| phases.persistent),
         }
     }
 
     fn restore(&mut self, state: &PathGeneratorState) {
-        self.leader.motion = state.motion;
+        self.generator.motion = state.motion;
         self.states.restore(&state.states);
-        self.leader.frames.restore(&state.frames, &state.frame);
-        if let Some(phases) = &mut self.leader.phases {
-            phases.memory = state.phases;
+        self.generator.frames.restore(&state.frames, &state.frame);
+        if let Some(phases) = &mut self.generator.phases {
+            phases.persistent = state.phases;
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Speed profile: growth of a rate from rest, without a jump for the law.
+//! Speed profile: smooth increase of a rate from rest.
 //!
-//! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ leads from 0 at x = 0 to 1 at x = 1. Its first three derivatives are 0 at
-//! both ends, so that motion by it is C³. It is never steeper than 35/16.
+//! The step s(x) = 35x⁴ − 84x⁵ + 70x⁶ − 20x⁷ increases from 0 at x = 0 to 1 at x = 1. Its first three derivatives are 0 at
+//! both ends, so that the motion is C³. Its maximum slope is 35/16.
 
-/// s and its first three derivatives at a place; flat before 0 and after 1.
+/// s and its first three derivatives at a point; constant before 0 and after 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// s.
@@ -51,7 +51,7 @@ impl Step {
     }
 }
 
-/// w, the share of its speed at which a path moves, from 0 at rest to 1.
+/// w, the share of full speed, from 0 at rest to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedProfile {
     /// w.
@@ -70,7 +70,7 @@ impl SpeedProfile {
         acceleration: 0.0,
     };
 
-    /// Returns the profile some seconds after the start, when full speed is reached `duration` seconds after it.
+    /// Returns the profile `since_start` s after the start, for full speed `duration` s after it.
     #[must_use]
     pub fn from_rest(since_start: f64, duration: f64) -> Self {
         let step = Step::at(since_start / duration);

@@ -1,6 +1,6 @@
 //! Taylor arithmetic for tests: a function's value and first four derivatives, exact to rounding.
 //!
-//! A law written in these numbers exactly as in the paper gives its derivatives without a derivation by hand.
+//! A law written in these numbers exactly as in the paper yields its derivatives without a derivation by hand.
 
 use std::ops::{Add, Div, Mul, Sub};
 

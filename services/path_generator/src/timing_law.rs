@@ -1,4 +1,4 @@
-//! Timing law (22)–(25): the path moves by ‖z1‖, so that it waits for a vehicle that is far away.
+//! Timing law (22)–(25): the speed of the path depends on ‖z1‖, so that the path waits for a distant vehicle.
 //!
 //! ```text
 //! γ̇d = vd ψ(‖z1‖)
@@ -8,15 +8,15 @@
 //! γ⃛  = vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨) − k4 (γ̈ − γ̈d)  =  c0 + c1 ‖z1‖¨
 //! ```
 //!
-//! From rest, the path reaches its speed by a [`SpeedProfile`] w: vd is w(t) vd then, and
+//! From rest, a [`SpeedProfile`] w replaces vd by w(t) vd, and
 //!
 //! ```text
 //! γ̈d = ẇ vd ψ + w vd ψ′ ‖z1‖˙
 //! γ⃛d = ẅ vd ψ + 2ẇ vd ψ′ ‖z1‖˙ + w vd (ψ″ (‖z1‖˙)² + ψ′ ‖z1‖¨)
 //! ```
 //!
-//! ‖z1‖¨ holds the unknown acceleration of the vehicle, which only the controller estimates: γ⃛ is published as c0 and
-//! c1. Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which avoids the division by ‖z1‖ = 0.
+//! ‖z1‖¨ contains the unknown acceleration of the vehicle, which only the controller estimates: γ⃛ is published as c0 and c1.
+//! Where ψ is flat the terms in ‖z1‖˙ are not evaluated, which avoids a division by ‖z1‖ = 0.
 
 use nalgebra::Vector3;
 
@@ -91,7 +91,7 @@ impl TimingLaw {
         self.paced(&SpeedProfile::FULL, z1, z1_dot, gamma_dot)
     }
 
-    /// Evaluates the law of a path that speeds up from rest.
+    /// Evaluates the law with a speed profile.
     #[must_use]
     pub fn paced(
         &self,

@@ -1,4 +1,4 @@
-//! Transition segments: the straight lines between the ground and the path. Their parameter is the time on them, s.
+//! Transition segments: the straight lines between the ground and the path. Their parameter is time, s.
 
 use nalgebra::Vector3;
 use scenario::{STEEPEST, leg_duration};
@@ -6,30 +6,29 @@ use scenario::{STEEPEST, leg_duration};
 use crate::curve::CurvePoint;
 use crate::speed_profile::Step;
 
-/// Largest deceleration of a vehicle that is met in motion, m/s².
+/// Maximum deceleration of a moving vehicle at the beginning of a segment, m/s².
 const DECELERATION: f64 = 2.5;
-/// Time in which a descent reaches its speed, s.
+/// Time in which a descent reaches full speed, s.
 pub const DESCENT_BEGIN: f64 = 1.0;
 
 /// Straight segment from one point to another, from rest to rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
-    /// Its begin in {I}, m.
+    /// Start in {I}, m.
     pub from: Vector3<f64>,
-    /// Its end in {I}, m.
+    /// End in {I}, m.
     pub to: Vector3<f64>,
-    /// Largest speed, m/s.
+    /// Maximum speed, m/s.
     pub speed: f64,
 }
 
 impl Leg {
-    /// Returns its duration, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
         leg_duration((self.to - self.from).norm(), self.speed)
     }
 
-    /// Returns the point at a time on it, s.
+    /// Returns the point at a time, s.
     #[must_use]
     pub fn at(&self, time: f64) -> CurvePoint {
         let duration = self.duration();
@@ -48,27 +47,26 @@ impl Leg {
     }
 }
 
-/// Way on which a vehicle that is met in motion comes to rest, beside the segment that begins at its end.
+/// Deceleration of a moving vehicle, superposed on the segment that begins at its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlowDown {
-    /// The vehicle's velocity when it was met, in {I}, m/s.
+    /// Initial velocity of the vehicle in {I}, m/s.
     pub velocity: Vector3<f64>,
 }
 
 impl SlowDown {
-    /// Returns its duration, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
         STEEPEST * self.velocity.norm() / DECELERATION
     }
 
-    /// Returns the whole way, m.
+    /// Returns the stopping distance, m.
     #[must_use]
     pub fn way(&self) -> Vector3<f64> {
         self.velocity * (0.5 * self.duration())
     }
 
-    /// Returns a point of a segment with the rest of the way before it, some seconds after the begin of both.
+    /// Returns a point of a segment shifted by the remaining stopping distance, `time` s after the beginning of both.
     #[must_use]
     pub fn before(&self, point: CurvePoint, time: f64) -> CurvePoint {
         let duration = self.duration();
@@ -88,17 +86,17 @@ impl SlowDown {
     }
 }
 
-/// Straight descent from a point without an end: the ground ends it.
+/// Straight descent from a point, ended by the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
-    /// Its begin in {I}, m.
+    /// Start in {I}, m.
     pub from: Vector3<f64>,
-    /// Its speed after [`DESCENT_BEGIN`], m/s.
+    /// Speed after [`DESCENT_BEGIN`], m/s.
     pub speed: f64,
 }
 
 impl Descent {
-    /// Returns the point at a time on it, s.
+    /// Returns the point at a time, s.
     #[must_use]
     pub fn at(&self, time: f64) -> CurvePoint {
         let (down, rate) = (Vector3::z() * self.speed, 1.0 / DESCENT_BEGIN);

@@ -28,7 +28,7 @@ pub struct Now {
     pub armed: u8,
     /// Not 0 if the vehicle must land.
     pub land: u8,
-    /// Not 0 if the motors stop for ever.
+    /// Not 0 if the motors stop until the end of the run.
     pub killed: u8,
     /// Number of requests to arm so far, modulo 32.
     pub arm_count: u8,
@@ -46,11 +46,11 @@ pub struct Input {
     pub fresh: u64,
 }
 
-/// `gerono_output`: the place for a sample of a topic.
+/// `gerono_output`: memory for a sample of a topic.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Output {
-    /// The place, zero but for its header; null if no sample is due.
+    /// The sample, zero except for its header; null if none is due.
     pub sample: *mut c_void,
 }
 
@@ -58,13 +58,13 @@ pub struct Output {
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Parameter {
-    /// Its name, UTF-8.
+    /// Name, UTF-8.
     pub name: *const c_char,
-    /// Its value.
+    /// Value.
     pub value: f64,
 }
 
-/// `gerono_setup`: what a service may know when it is made.
+/// `gerono_setup`: input of the creation of a service.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Setup {
@@ -74,10 +74,10 @@ pub struct Setup {
     pub parameters: *const Parameter,
     /// Number of parameters.
     pub parameter_count: usize,
-    /// Marks that the library makes: 1 for each parameter that it has asked for, and last for having asked at all. A
-    /// library that was built before they were there makes none.
+    /// Marks set by the library: 1 for each requested parameter, and the last one for any request. A library that was built
+    /// before this field existed sets none.
     pub asked: *const Cell<u8>,
-    /// Functions with the same results on every machine; a library that was built before they were there takes none.
+    /// Functions with the same results on every machine; not used by a library that was built before this field existed.
     pub math: *const Math,
 }
 
@@ -95,20 +95,20 @@ pub struct Plugin {
     pub layouts: *const *const c_char,
     /// Number of layout hashes.
     pub layout_count: usize,
-    /// Makes a service; null if it cannot, with the reason as a text of at most `size` bytes with its zero.
+    /// Creates a service; null on failure, with the reason as a text of at most `size` bytes including the final zero.
     pub create: Option<unsafe extern "C" fn(*const Setup, *mut c_char, usize) -> *mut c_void>,
-    /// Advances to a time and writes the outputs that are due; 0 if all is well.
+    /// Executes a step and writes the due outputs; 0 on success.
     pub step: Option<unsafe extern "C" fn(*mut c_void, *const Now, *const Input, *const Output) -> c_int>,
-    /// Returns the size of the state, bytes: the same at all times.
+    /// Returns the size of the state, bytes, which is constant.
     pub state_size: Option<unsafe extern "C" fn(*const c_void) -> usize>,
     /// Writes the state after the last step.
     pub save: Option<unsafe extern "C" fn(*const c_void, *mut c_void)>,
-    /// Continues from a saved state as if nothing had happened.
+    /// Restores a saved state, from which later steps are identical.
     pub restore: Option<unsafe extern "C" fn(*mut c_void, *const c_void)>,
     /// Frees the service.
     pub destroy: Option<unsafe extern "C" fn(*mut c_void)>,
 }
 
-// SAFETY: a `Plugin` is a constant of a library: its pointers lead to constants too, which nobody writes.
+// SAFETY: a `Plugin` is a constant of a library, and its pointers point to constants.
 #[expect(unsafe_code, reason = "raw pointers to constants")]
 unsafe impl Sync for Plugin {}

@@ -1,5 +1,5 @@
-//! Calls of a library's functions: one that ends the whole process (`exit`) or changes the floating-point mode is an
-//! error with a name, and one that does not return from `destroy` holds nothing up for long.
+//! Calls of a library's functions: a call of `exit` and a change of the floating-point mode are reported as errors, and
+//! `destroy` has a timeout.
 
 use std::cell::Cell;
 use std::ffi::c_int;
@@ -12,23 +12,23 @@ use shared_types::ServiceId;
 
 use crate::float_mode::FloatMode;
 
-/// Time within which `destroy` must return: that of a step (`host::watchdog`).
+/// Timeout of `destroy`: that of a step (`host::watchdog`).
 const DESTROY_LIMIT: Duration = Duration::from_secs(20);
 
 /// Exit codes of `gerono` (`gerono --help`): a scenario that cannot be flown, and a flight that failed.
 const BAD_INPUT: c_int = 2;
 const FLIGHT_FAILED: c_int = 3;
 
-/// Function of a library that this thread is in.
+/// Library function that this thread executes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Call {
     /// The library's file name.
     pub library: &'static str,
-    /// The service that it is.
+    /// Role of the service.
     pub role: ServiceId,
     /// The function, as in "called `exit` in its step".
     pub function: &'static str,
-    /// `true` before the library has made its service.
+    /// `true` before the creation of the service.
     pub is_set_up: bool,
 }
 
@@ -45,10 +45,10 @@ unsafe extern "C" {
     safe fn gettid() -> c_int;
 }
 
-/// Services of libraries that have not been freed.
+/// Number of live services of libraries.
 static SERVICES: AtomicUsize = AtomicUsize::new(0);
 
-/// Counts a service of a library while it lives.
+/// Counts a live service of a library.
 pub(crate) struct Living;
 
 impl Living {
@@ -64,13 +64,13 @@ impl Drop for Living {
     }
 }
 
-/// Ends the process with a code of Gerono's own, from any thread: `exit` in a thread other than the main one counts as a
-/// library's.
+/// Ends the process with an exit code of Gerono, from any thread: `exit` in a thread other than the main one would be
+/// attributed to a library.
 pub fn end_process(code: u8) -> ! {
     _exit(code.into())
 }
 
-/// A function of a library has changed the floating-point mode; it was set back.
+/// Change of the floating-point mode by a library function; the mode was restored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FloatModeChanged {
     /// The function, as [`Call::function`].
@@ -78,10 +78,10 @@ pub(crate) struct FloatModeChanged {
 }
 
 impl Call {
-    /// Calls a function of the library, after which the floating-point mode is what it was.
+    /// Calls a function of the library, and restores the floating-point mode.
     ///
     /// # Errors
-    /// If the function has changed the mode: the numbers of every other service of this thread would depend on it.
+    /// If the function has changed the mode, on which the numbers of all other services of this thread would depend.
     #[inline]
     pub(crate) fn make<R>(self, act: impl FnOnce() -> R) -> Result<R, FloatModeChanged> {
         let mode = FloatMode::current();
@@ -97,36 +97,35 @@ impl Call {
         })
     }
 
-    /// Calls `destroy` in a thread of its own. Returns `false` if it has not returned in time; then the thread is left
-    /// to itself.
+    /// Calls `destroy` in a separate thread. Returns `false` after the timeout; the thread then continues detached.
     pub(crate) fn make_within_limit(self, act: impl FnOnce() + Send + 'static) -> bool {
         let (done, ends) = mpsc::channel();
         let started = std::thread::Builder::new()
             .name("destroy".to_owned())
             .spawn(move || {
-                // The mode is that of this thread, which ends.
+                // A changed mode affects only this thread, which ends.
                 let _ = self.make(act);
-                // It fails after the limit, when the receiver is gone.
+                // Fails after the timeout, without a receiver.
                 let _ = done.send(());
             });
-        // Without a thread the instance is not freed, which the end of the process does.
+        // Without a thread the instance is freed by the end of the process.
         started.is_err() || ends.recv_timeout(DESTROY_LIMIT) != Err(mpsc::RecvTimeoutError::Timeout)
     }
 }
 
-/// Threads that may call `exit` at once: the C library takes a callback away before it calls it, so that the second
-/// thread of two would end the process with its own code.
-const MOST_EXITS: usize = 256;
+/// Number of registered callbacks: the C library removes a callback before the call, so that with one callback the second of
+/// two threads that call `exit` at the same time would end the process with its own code.
+const CALLBACKS: usize = 256;
 
-/// Makes `exit` and `quick_exit` an error while a thread is in a library, and in threads that libraries have started: the
-/// exit code 0 would claim a flight that has not ended. `_exit` and the system call `exit_group` run no code of the
-/// process, so nothing can be said there.
+/// Reports `exit` and `quick_exit` as errors while a thread executes a library, and in threads of libraries: the exit code
+/// 0 would signal a completed flight. `_exit` and the system call `exit_group` run no code of the process and cannot be
+/// detected.
 pub(crate) fn guard_exit() {
     static GUARD: Once = Once::new();
     #[expect(unsafe_code, reason = "functions of the C library")]
-    // SAFETY: the callback is a plain function, and never unwinds. Without room for it the guard is missing.
+    // SAFETY: the callback is a plain function that never unwinds. If the registration fails, `exit` is not detected.
     GUARD.call_once(|| unsafe {
-        for _ in 0..MOST_EXITS {
+        for _ in 0..CALLBACKS {
             let _ = atexit(at_exit);
             let _ = at_quick_exit(at_exit);
         }

@@ -22,34 +22,34 @@ pub trait Plugin: Service {
     /// Makes the service of a flight.
     ///
     /// # Errors
-    /// Why it cannot fly this scenario.
+    /// The reason why the scenario is not supported.
     fn create(setup: &Setup<'_>) -> Result<Self, BuildError>
     where
         Self: Sized;
 }
 
-/// A service as the host holds it. No panic may leave a function of the interface.
+/// Service behind the interface. No panic may cross a function of the interface.
 struct Exported<S> {
     service: S,
-    /// `true` once `save` or `restore` has panicked: `state_size` then says that there is no state.
+    /// `true` after a panic in `save` or `restore`: `state_size` then returns [`BROKEN`].
     is_broken: Cell<bool>,
 }
 
-/// Size of the state of a service that has none any more: the host refuses it.
+/// Size of the state after a panic, which the host refuses.
 const BROKEN: usize = usize::MAX;
 
-/// What a service may know when it is made.
+/// Input of the creation of a service.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a>(&'a abi::Setup);
 
 impl<'a> Setup<'a> {
-    /// Wraps what a host hands over.
+    /// Wraps the setup of a host.
     #[must_use]
     pub fn new(setup: &'a abi::Setup) -> Self {
         Self(setup)
     }
 
-    /// Returns a number of the scenario's table `plugins.parameters`, or `default` if it is not there.
+    /// Returns a number of the scenario's table `plugins.parameters`, or `default` if it is missing.
     #[must_use]
     #[expect(unsafe_code, reason = "the host's C strings")]
     pub fn parameter(&self, name: &str, default: f64) -> f64 {
@@ -75,7 +75,7 @@ impl<'a> Setup<'a> {
     /// Returns the scenario.
     ///
     /// # Errors
-    /// If this library knows other scenarios than the host.
+    /// If library and host have different versions of the scenario.
     #[expect(unsafe_code, reason = "the host's C string")]
     pub fn scenario(&self) -> Result<Scenario, BuildError> {
         // SAFETY: the host hands a text over.
@@ -100,7 +100,7 @@ macro_rules! export {
     };
 }
 
-/// Returns the interface of a service, which is never freed.
+/// Returns the interface of a service, allocated for the life of the process.
 #[must_use]
 pub fn plugin<S: Plugin>() -> &'static abi::Plugin {
     let inputs = S::ID.inputs().iter().map(|input| input.topic);
@@ -188,7 +188,7 @@ unsafe extern "C" fn step<S: Plugin>(
     for ((slot, output), spec) in slots.iter_mut().zip(outputs).zip(S::ID.outputs()) {
         if !output.sample.is_null() {
             let size = spec.topic.kind().size;
-            // SAFETY: as above; nobody else has this place.
+            // SAFETY: as above; the memory is not aliased.
             slot.bytes = Some(unsafe { std::slice::from_raw_parts_mut(output.sample.cast(), size) });
         }
     }
@@ -196,7 +196,7 @@ unsafe extern "C" fn step<S: Plugin>(
         let views = &views[..S::ID.inputs().len()];
         ErasedService::step(service, &now, views, &mut slots[..S::ID.outputs().len()]);
     }));
-    // The panic has been told on standard error.
+    // The panic hook has printed the message to standard error.
     stepped.is_err().into()
 }
 
@@ -237,8 +237,8 @@ unsafe extern "C" fn restore<S: Plugin>(service: *mut c_void, from: *const c_voi
 
 #[expect(unsafe_code, reason = "the interface is in C")]
 unsafe extern "C" fn destroy<S: Plugin>(service: *mut c_void) {
-    // SAFETY: what `create` made; nobody uses it any more.
+    // SAFETY: what `create` made; no other reference is left.
     let exported = unsafe { Box::from_raw(service.cast::<Exported<S>>()) };
-    // The flight is over; a panic has been told on standard error.
+    // The flight is over; the panic hook has printed the message to standard error.
     let _ = catch_unwind(AssertUnwindSafe(|| drop(exported)));
 }

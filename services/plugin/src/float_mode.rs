@@ -1,24 +1,24 @@
 //! Floating-point mode of a thread: rounding, and whether subnormal numbers count as zero.
 //!
-//! A library that was linked with `-ffast-math` sets flush-to-zero in every thread that loads it, which would change
-//! the last bits of everything that this thread computes afterwards.
+//! A library that was linked with `-ffast-math` sets flush-to-zero in every thread that loads it, which would change the last
+//! bits of all later results of the thread.
 
 /// The mode of the calling thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FloatMode(u64);
 
-/// Sticky flags that record exceptions: no part of the mode.
+/// Sticky exception flags, which are not part of the mode.
 #[cfg(target_arch = "x86_64")]
 const FLAGS: u64 = 0x3f;
 
-/// The mode with which processes begin: rounding to nearest, subnormal numbers as they are, no traps.
+/// Initial mode of processes: rounding to nearest, subnormal numbers, no traps.
 #[cfg(target_arch = "x86_64")]
 const STANDARD: u64 = 0x1f80;
 #[cfg(not(target_arch = "x86_64"))]
 const STANDARD: u64 = 0;
 
-/// Lets a thread compute in the standard mode until it is dropped: other code of its process, such as a library that an
-/// interpreter has loaded, may have set another one.
+/// Sets the standard mode of a thread until it is dropped: other code of the process, such as a library loaded by an
+/// interpreter, may have set another mode.
 #[derive(Debug)]
 pub struct StandardFloatMode(FloatMode);
 
@@ -87,7 +87,7 @@ fn set_register(mode: u64) {
     unsafe { std::arch::asm!("msr fpcr, {}", in(reg) mode, options(nostack, preserves_flags)) };
 }
 
-/// On other machines the mode cannot be read, and is taken to be the same at all times.
+/// On other architectures the mode cannot be read, and is assumed constant.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 fn register() -> u64 {
     0

@@ -1,9 +1,9 @@
-//! Memory that a plug-in writes to, between guard words that tell whether it wrote beyond.
+//! Memory for writes of a plug-in, between guard words that detect writes out of bounds.
 
 /// Words before and after the memory.
 const GUARDS: usize = 4;
 
-/// Content of a guard word: no number that a program is likely to write.
+/// Content of a guard word: a number that programs are unlikely to write.
 const GUARD: u64 = 0x6765_726f_6e6f_a55a;
 
 /// Memory of whole words, aligned to 8 bytes.
@@ -14,7 +14,7 @@ pub(crate) struct Guarded {
 }
 
 impl Guarded {
-    /// Makes zeroed memory of `size` bytes. What is missing to a whole word belongs to the guard behind it.
+    /// Makes zeroed memory of `size` bytes. Padding to a whole word is part of the guard.
     pub(crate) fn new(size: usize) -> Self {
         let mut words = vec![GUARD; size.div_ceil(size_of::<u64>()) + 2 * GUARDS];
         let end = words.len() - GUARDS;
@@ -37,18 +37,18 @@ impl Guarded {
         &mut zerocopy::IntoBytes::as_mut_bytes(&mut self.words[GUARDS..])[..self.size]
     }
 
-    /// Returns whether nobody wrote beyond the memory.
+    /// Returns whether no write was out of bounds.
     #[inline]
     pub(crate) fn is_intact(&self) -> bool {
         let guards = [GUARD; GUARDS];
         let is_guarded =
             self.words.first_chunk() == Some(&guards) && self.words.last_chunk() == Some(&guards);
-        is_guarded && self.rest_of_last_word().iter().all(|&byte| byte == 0)
+        is_guarded && self.padding().iter().all(|&byte| byte == 0)
     }
 
-    /// Returns the bytes behind the memory that are missing to a whole word.
+    /// Returns the padding to a whole word.
     #[inline]
-    fn rest_of_last_word(&self) -> &[u8] {
+    fn padding(&self) -> &[u8] {
         &zerocopy::IntoBytes::as_bytes(&self.words[GUARDS..self.words.len() - GUARDS])[self.size..]
     }
 }

@@ -1,17 +1,18 @@
-//! Services from shared libraries, in C or any language that can be called from it: **plug-ins**.
+//! Services from shared libraries, in C or any language with a C interface: **plug-ins**.
 //!
-//! A plug-in is the image of the contract [`Service`](shared_types::Service) in C: create, step, save, restore,
-//! destroy. It flies wherever a built-in service does: in lock step, in real time, in one process, in a replay and in a
-//! sweep. Its state is in the checkpoints, so that it is restarted and replayed as the others.
+//! A plug-in implements the contract [`Service`](shared_types::Service) in C: create, step, save, restore, destroy. It runs
+//! wherever a built-in service does: in lock step, in real time, in one process, in a replay and in a sweep. Its state is in
+//! the checkpoints, so that it is restarted and replayed as other services.
 //!
 //! * [`abi`]: the interface, version 1;
-//! * [`header`]: the same as `gerono.h`, with the samples of all topics;
-//! * [`mod@export`]: the interface of a Rust library, made from a [`Service`](shared_types::Service);
+//! * [`header`]: the interface as `gerono.h`, with the samples of all topics;
+//! * [`mod@export`]: the interface of a [`Service`](shared_types::Service) in Rust;
 //! * `float_mode`: the floating-point mode, which no library may change;
-//! * [`loader`]: loads a library, checks it, and makes a service of it;
+//! * [`loader`]: loads and checks a library, and makes its service;
 //! * [`mod@math`]: elementary functions with the same bytes on every machine;
-//! * [`library_file`]: where the library of a scenario is, and whether it is the one that was flown.
+//! * [`library_file`]: path and hash of a scenario's library.
 
+#![warn(missing_docs)]
 #![warn(missing_docs)]
 
 pub mod abi;

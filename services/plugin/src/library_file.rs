@@ -1,4 +1,4 @@
-//! The file of a plug-in: where it is, and whether it is the one that a scenario means.
+//! File of a plug-in: its path, and its hash compared with the scenario's.
 
 use std::ffi::OsString;
 use std::io;
@@ -23,7 +23,7 @@ pub enum FileError {
         /// The error of the system.
         source: io::Error,
     },
-    /// Its copy beside the log cannot be written.
+    /// The copy beside the log cannot be written.
     #[error("the plug-in cannot be copied to {}; name a writable folder with `--out`", path.display())]
     NotKept {
         /// The copy.
@@ -31,7 +31,7 @@ pub enum FileError {
         /// The error of the system.
         source: io::Error,
     },
-    /// It is another file than the scenario means.
+    /// The file differs from the one in the scenario.
     #[error(
         "the plug-in `{}` has the SHA-256 {found}, and the scenario means {stated}: it was built again since. Name the \
          folder of the other one with `plugins.folder`, or leave `plugins.sha256` out",
@@ -40,9 +40,9 @@ pub enum FileError {
     Other {
         /// The file.
         path: PathBuf,
-        /// Its SHA-256.
+        /// SHA-256 of the file.
         found: String,
-        /// That of the scenario.
+        /// SHA-256 in the scenario.
         stated: String,
     },
 }
@@ -56,12 +56,12 @@ fn sha256_of(path: &Path) -> Result<String, FileError> {
     Ok(hex(&Sha256::digest(bytes)))
 }
 
-/// A plug-in's file, which is the one that the scenario means.
+/// Verified file of a plug-in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LibraryFile {
-    /// Its path.
+    /// Path.
     pub path: PathBuf,
-    /// Its SHA-256.
+    /// SHA-256.
     pub sha256: String,
 }
 
@@ -88,10 +88,10 @@ pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<LibraryFile>,
     }
 }
 
-/// States the SHA-256 of every plug-in of a scenario that does not state it.
+/// Adds the missing SHA-256 of plug-ins to a scenario.
 ///
 /// # Errors
-/// [`FileError`] of the first that cannot be read, or is another one than stated.
+/// [`FileError`] of the first plug-in that cannot be read or differs from the stated one.
 pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
     for role in ServiceId::ALL {
         if let Some(LibraryFile { sha256, .. }) = find(scenario, role)? {
@@ -102,7 +102,7 @@ pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Returns the name of a library's copy: its own, after that of its role if a library in another folder has the same.
+/// Returns the name of a library's copy: the file name, with the role as a prefix if another library has the same name.
 fn copy_name(scenario: &Scenario, role: ServiceId, path: &Path) -> OsString {
     let name = path.file_name().unwrap_or_default();
     let plugins = scenario.plugins.iter();
@@ -118,12 +118,12 @@ fn copy_name(scenario: &Scenario, role: ServiceId, path: &Path) -> OsString {
     own
 }
 
-/// Copies the plug-ins of a scenario into a folder, by `write`, and lets the scenario mean the copies, so that a log keeps what
-/// was flown, and a build during the flight changes nothing.
+/// Copies the plug-ins of a scenario into a folder, by `write`, and changes the scenario to the copies: the log then keeps
+/// the flown plug-ins, and a build during the flight has no effect.
 ///
 /// # Errors
-/// [`FileError`] if one cannot be read or written.
-pub fn keep_in(
+/// [`FileError`] if a file cannot be read or written.
+pub fn copy_to(
     scenario: &mut Scenario,
     folder: &Path,
     write: impl Fn(&Path, &[u8]) -> io::Result<()>,

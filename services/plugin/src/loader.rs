@@ -1,10 +1,9 @@
-//! Makes a service of a shared library.
+//! Loader of services from shared libraries.
 //!
-//! The library runs in the process of its service, or in that of the host. It is called with copies of the samples, so
-//! that it cannot alter what others see, and writes between guard words. After each call the floating-point mode is what
-//! it was. What it does wrong ends its process, which is restarted as after any other death, or the flight in one
-//! process; nothing of that step is published. A second instance tries now and then whether the saved state is the whole
-//! state (`Trial`).
+//! The library runs in the process of its service, or in that of the host. It is called with copies of the samples, so that
+//! it cannot alter those of others, and writes between guard words. After each call the floating-point mode is restored. A
+//! violation ends the process, which is restarted as after any other death, or the flight in one process; that step
+//! publishes nothing. A second instance verifies periodically that the saved state is complete (`Trial`).
 
 mod trial;
 
@@ -25,7 +24,7 @@ use crate::guarded::Guarded;
 use crate::setup_texts::SetupTexts;
 use trial::Trial;
 
-/// Room for the reason why a service cannot be made, bytes.
+/// Size of the buffer for the reason of a failed creation, bytes.
 const REASON: usize = 512;
 
 /// Error of a library that cannot fly.
@@ -56,12 +55,12 @@ pub enum LoadError {
     Interface {
         /// The library.
         path: PathBuf,
-        /// The service that it should be.
+        /// The expected role.
         role: ServiceId,
         /// What is wrong, with the fix.
         reason: String,
     },
-    /// It does not make a service of this scenario.
+    /// It does not support the scenario.
     #[error("`{}` refuses the scenario: {reason}", path.display())]
     Refused {
         /// The library.
@@ -71,7 +70,7 @@ pub enum LoadError {
     },
 }
 
-/// Functions of a library; none is missing.
+/// Functions of a library, checked to exist.
 #[derive(Clone, Copy)]
 struct Functions {
     state_size: unsafe extern "C" fn(*const c_void) -> usize,
@@ -87,13 +86,13 @@ struct Functions {
 }
 
 thread_local! {
-    /// What was said of the last service of this thread whose `destroy` did not return.
+    /// Report on the last service of this thread whose `destroy` did not return.
     static HUNG: RefCell<Option<String>> = const { RefCell::new(None) };
-    /// Of each service that this thread has made, the parameters that its library has not asked for.
+    /// Parameters that its library has not requested, for each service created by this thread.
     static UNASKED: RefCell<Vec<Vec<String>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Returns the parameters that no library has asked for, of those that this thread has loaded since the last call.
+/// Returns the parameters that none of the libraries loaded by this thread since the last call has requested.
 #[must_use]
 pub fn take_unasked() -> Vec<String> {
     let unasked = UNASKED.take();
@@ -104,13 +103,13 @@ pub fn take_unasked() -> Vec<String> {
     first.iter().filter(is_unasked).cloned().collect()
 }
 
-/// Takes the report of a service that this thread has dropped and whose `destroy` did not return, if there is one.
+/// Takes the report on a dropped service of this thread whose `destroy` did not return, if any.
 #[must_use]
 pub fn take_hung_destroy() -> Option<String> {
     HUNG.take()
 }
 
-/// A library's own service on its way to the thread that frees it.
+/// Instance of a library, sent to the thread that frees it.
 struct Instance(*mut c_void);
 
 // SAFETY: as for [`PluginService`].
@@ -123,19 +122,19 @@ struct PluginService {
     /// The library and its role, for messages.
     call: Call,
     functions: Functions,
-    /// The library's own service.
+    /// Instance of the library.
     instance: *mut c_void,
     inputs: Vec<Guarded>,
     outputs: Vec<Guarded>,
     state: RefCell<Guarded>,
     state_size: usize,
-    /// Trial of the saved state; none in the second instance itself.
+    /// Verification of the saved state; `None` in the second instance.
     trial: Option<Box<Trial>>,
-    /// Counts it, for the end of the process.
+    /// Counts the service, for the detection of `exit`.
     _living: Living,
 }
 
-/// Which inputs and outputs of a step have a sample; bit i stands for port i.
+/// Inputs and outputs of a step with a sample: bit i for port i.
 #[derive(Clone, Copy, Default)]
 struct Ports {
     delivered: u32,
@@ -155,7 +154,7 @@ unsafe impl Send for PluginService {}
 pub fn load(role: ServiceId, path: &Path, scenario: &Scenario) -> Built {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let call = Call {
-        // A library stays loaded, too.
+        // A library is never unloaded either.
         library: name.into_owned().leak(),
         role,
         function: "initialisation",
@@ -178,14 +177,14 @@ fn float_mode(path: &Path, FloatModeChanged { function }: FloatModeChanged) -> L
     }
 }
 
-/// Loads a library, for the life of the process: code of a library may not go while a thread of it is left.
+/// Loads a library for the life of the process: its code must not be unloaded while one of its threads runs.
 #[expect(unsafe_code, reason = "the library's code runs")]
 fn open(path: &Path) -> Result<&'static abi::Plugin, LoadError> {
     let not_loaded = |error: libloading::Error| LoadError::NotLoaded {
         path: path.to_owned(),
         reason: error.to_string(),
     };
-    // SAFETY: its initialisers run; that they do no harm is the user's choice, who names the library.
+    // SAFETY: the initialisers run; the user trusts the library by naming it.
     let library = unsafe { Library::new(path) };
     let library: &'static Library = Box::leak(Box::new(library.map_err(not_loaded)?));
     // SAFETY: the interface gives the function this type.
@@ -223,7 +222,7 @@ fn topics(role: ServiceId) -> impl Iterator<Item = Topic> {
     inputs.chain(role.outputs().iter().map(|output| output.topic))
 }
 
-/// Checks what a library says of itself.
+/// Checks version, role and layouts of a library.
 fn check(role: ServiceId, plugin: &abi::Plugin) -> Result<(), String> {
     if plugin.abi != abi::VERSION || plugin.size as usize != size_of::<abi::Plugin>() {
         return Err(format!(
@@ -328,7 +327,7 @@ impl PluginService {
             return Err(interface(format!(
                 "its state has {} bytes, and a checkpoint holds 0 to {CAPACITY}: let `state_size` return the size of the \
                  state",
-                // A library that returns a negative number means no size of 18 digits.
+                // Shown as signed: a library may return a negative number.
                 state_size.cast_signed()
             )));
         }
@@ -350,7 +349,7 @@ impl PluginService {
         }
     }
 
-    /// Ends the step, and with it the process or the flight.
+    /// Ends the process or the flight by a panic.
     #[cold]
     fn fail(&self, reason: &str) -> ! {
         panic!("{}", self.complaint(reason))
@@ -363,9 +362,9 @@ impl PluginService {
         )
     }
 
-    /// Copies what a step sees, and what it is to write, into this service's memory.
+    /// Copies inputs and outputs of a step into this service's memory.
     #[inline]
-    fn take_in(&mut self, inputs: &[InputView<'_>], outputs: &[OutputSlot<'_>]) -> Ports {
+    fn copy_ports(&mut self, inputs: &[InputView<'_>], outputs: &[OutputSlot<'_>]) -> Ports {
         let mut ports = Ports::default();
         for (index, (view, copy)) in inputs.iter().zip(&mut self.inputs).enumerate() {
             if let Some(bytes) = view.bytes {
@@ -383,7 +382,7 @@ impl PluginService {
         ports
     }
 
-    /// Steps in this service's memory.
+    /// Executes a step in this service's memory.
     #[inline]
     #[expect(unsafe_code, reason = "the library steps")]
     fn step_in_memory(&mut self, now: &abi::Now, ports: Ports) {
@@ -418,7 +417,7 @@ impl PluginService {
         }
     }
 
-    /// Compares the size of the state with the one before the flight: a Rust library says so that it has panicked.
+    /// Checks that the size of the state is unchanged: a Rust library reports a panic by another size.
     #[expect(unsafe_code, reason = "the library tells the size of its state")]
     fn check_state_size(&self, function: &str) {
         // SAFETY: the library made the instance.
@@ -455,11 +454,11 @@ impl ErasedService for PluginService {
             trial.prepare(self, &now, inputs, outputs);
             self.trial = Some(trial);
         }
-        let ports = self.take_in(inputs, outputs);
+        let ports = self.copy_ports(inputs, outputs);
         self.step_in_memory(&now, ports);
         for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
             if let Some(bytes) = &mut slot.bytes {
-                // The header is the host's.
+                // Only the host writes the header.
                 bytes[size_of::<Header>()..].copy_from_slice(&place.bytes()[size_of::<Header>()..]);
             }
         }
@@ -486,7 +485,7 @@ impl ErasedService for PluginService {
     fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
         let mut state = self.state.borrow_mut();
         let place = state.bytes_mut().as_mut_ptr().cast();
-        // SAFETY: the place has the size that the library told.
+        // SAFETY: the memory has the size that the library stated.
         self.make("`save`", || unsafe {
             (self.functions.save)(self.instance, place);
         });
@@ -525,9 +524,9 @@ impl Drop for PluginService {
         if self.instance.is_null() {
             return;
         }
-        // The second instance is freed with the first, within one limit.
+        // Both instances are freed within one timeout.
         let second = self.trial.as_mut().map(|trial| trial.take_instance());
-        // A library may have one instance for all.
+        // A library may return the same instance twice.
         let second = second.filter(|&second| second != self.instance);
         let instances = std::iter::once(self.instance).chain(second);
         let instances: Vec<_> = instances.map(Instance).collect();

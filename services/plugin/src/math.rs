@@ -1,11 +1,11 @@
-//! Elementary functions with the same bytes on every machine, for plug-ins and own controllers.
+//! Elementary functions with the same bits on every machine, for plug-ins and custom controllers.
 //!
 //! Those of a C library may differ in the last bit between machines. `+ − * / sqrt fabs floor rint` do not.
 
 /// Declares the functions of one and of two arguments once: the table of the C interface, and lists by name.
 macro_rules! functions {
     ($($unary:ident)+; $($binary:ident)+) => {
-        /// `gerono_math`: the functions as a library in C gets them.
+        /// `gerono_math`: the functions as a table for libraries in C.
         #[derive(Clone, Copy, Debug)]
         #[repr(C)]
         pub struct Math {

@@ -1,4 +1,4 @@
-//! Texts of a [`abi::Setup`]: the scenario and its parameters as a library gets them.
+//! Texts of a [`abi::Setup`]: the scenario and its parameters for a library.
 
 use std::cell::Cell;
 use std::ffi::CString;
@@ -33,7 +33,7 @@ impl SetupTexts {
         }
     }
 
-    /// Hands the setup over.
+    /// Calls `act` with the setup.
     pub(crate) fn with<R>(&self, act: impl FnOnce(&abi::Setup) -> R) -> R {
         let parameters: Vec<_> = self
             .names
@@ -53,7 +53,7 @@ impl SetupTexts {
         })
     }
 
-    /// Returns the names of the parameters that the library has not asked for; none of a library that leaves no marks.
+    /// Returns the names of the parameters that the library has not requested; none for a library that sets no marks.
     pub(crate) fn unasked(&self) -> Vec<String> {
         let (of_any, asked) = self
             .asked

@@ -1,10 +1,10 @@
-//! Channel of the radio link: the meaning of a stick's travel, and the steps in which it is sent.
+//! Channel of the radio link: calibration and quantisation.
 //!
-//! A value x has the travel s = (x − offset)/slope in [−1, 1], and the link sends it as one of the codes
-//! 0 to 2^bits − 1, evenly spread with both ends included: s = 2 code/(2^bits − 1) − 1. With this even number of
-//! codes no code means the middle exactly.
+//! A value x has the stick travel s = (x − offset)/slope in [−1, 1]. The link sends it as one of the codes 0 to 2^bits − 1,
+//! equidistant with both ends included: s = 2 code/(2^bits − 1) − 1. With this even number of codes no code is exactly the
+//! middle.
 
-/// The calibration of a channel and the codes that its limits leave.
+/// Calibration of a channel, and the codes within its limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channel {
     /// The value at a travel of 0.
@@ -13,23 +13,22 @@ pub struct Channel {
     slope: f64,
     /// The largest code of the link, 2^bits − 1.
     largest_code: f64,
-    /// The least and the largest code that the limits leave.
+    /// Minimum and maximum code within the limits.
     codes: [f64; 2],
 }
 
-/// Value as it is sent.
+/// Sent value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// The code.
     pub code: u16,
-    /// `true` if a limit changed the value by more than the step from one code to the next.
+    /// `true` if a limit changed the value by more than a quantum.
     pub saturated: bool,
 }
 
 impl Channel {
-    /// Makes a channel on which a travel s within `range` means `offset` + `slope` s, in `resolution` bits.
+    /// Makes a channel on which a travel s within `range` is the value `offset` + `slope` s, in `resolution` bits.
     ///
-    /// Sent codes mean travels within the range: at its ends it is narrowed to codes.
+    /// Sent codes are within the range: its limits are rounded inwards to codes.
     #[must_use]
     pub fn new(offset: f64, slope: f64, range: [f64; 2], resolution: u32) -> Self {
         let largest_code = f64::from((1_u32 << resolution.clamp(1, 16)) - 1);
@@ -42,7 +41,7 @@ impl Channel {
         }
     }
 
-    /// Returns the code that means the nearest to a value, within the limits.
+    /// Returns the code nearest to a value, within the limits.
     #[must_use]
     #[inline]
     #[expect(
@@ -61,14 +60,14 @@ impl Channel {
         }
     }
 
-    /// Returns the value that a code means.
+    /// Returns the value of a code.
     #[must_use]
     #[inline]
     pub fn meaning(&self, code: u16) -> f64 {
         self.offset + self.slope * (2.0 * f64::from(code) / self.largest_code - 1.0)
     }
 
-    /// Returns the step of the value from one code to the next.
+    /// Returns the difference of the values of successive codes.
     #[must_use]
     pub fn quantum(&self) -> f64 {
         2.0 * self.slope.abs() / self.largest_code

@@ -1,6 +1,6 @@
-//! Flight envelope: limits that vehicle and command exceed, and commands cut to them.
+//! Flight envelope: detection of exceeded limits, and limiting of commands.
 //!
-//! All functions are pure, of the newest good state and command. [`crate::guard`] acts on an exceeded limit.
+//! All functions are pure functions of the newest valid state and command. [`crate::guard`] acts on an exceeded limit.
 
 use scenario::{Action, Vector};
 use shared_types::samples::{ControlCommand, RcFrame, VehicleState};
@@ -12,9 +12,9 @@ pub const LIMITS: usize = 7;
 /// Inputs of the limits.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvelopeInput<'a> {
-    /// The last good state.
+    /// The last valid state.
     pub state: Option<&'a VehicleState>,
-    /// `true` if it is recent.
+    /// `true` if the state is recent.
     pub state_is_fresh: bool,
     /// The command to be sent; `None` if the motors are to stop.
     pub command: Option<&'a ControlCommand>,
@@ -24,12 +24,12 @@ pub struct EnvelopeInput<'a> {
 #[derive(Clone, Debug)]
 pub struct Envelope {
     stated: scenario::Envelope,
-    /// Cosine of the largest tilt; R33 is that of the tilt.
+    /// Cosine of the maximum tilt, compared with R33.
     least_uprightness: Option<f64>,
 }
 
 impl Envelope {
-    /// Returns the limits that a scenario states.
+    /// Makes the limits of a scenario.
     #[must_use]
     pub fn new(stated: &scenario::Envelope) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl Envelope {
         }
     }
 
-    /// Returns each limit with its code, its action, and whether it is exceeded; `None` for an unstated one.
+    /// Returns code, action and violation of each limit; `None` for an unstated one.
     #[must_use]
     pub fn exceeded(&self, situation: &EnvelopeInput<'_>) -> [Option<(u8, Action, bool)>; LIMITS] {
         let (stated, state, command) = (&self.stated, situation.state, situation.command);
@@ -84,7 +84,7 @@ impl Envelope {
         ]
     }
 
-    /// Returns whether a vehicle that is to land is so far outside of the box that it will not come back.
+    /// Returns whether a landing vehicle is too far outside of the box to return.
     #[must_use]
     pub fn is_leaving(&self, state: Option<&VehicleState>) -> bool {
         let (fence, state) = (self.stated.r#box.as_ref(), state);
@@ -93,8 +93,7 @@ impl Envelope {
             .is_some_and(|(fence, state)| fence.distance_outside(&state.position_world) > fence.margin)
     }
 
-    /// Returns the command within the limits, whatever their actions: thrust from 0 to its largest, torque and rates
-    /// cut axis by axis.
+    /// Limits a command, regardless of the actions: thrust from 0 to its maximum, torque and rates axis by axis.
     #[must_use]
     pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
         let mut limited = *command;
@@ -102,21 +101,21 @@ impl Envelope {
             limited.thrust = command.thrust.clamp(0.0, limit.max);
         }
         if let Some(limit) = &self.stated.torque {
-            limited.torque_body = cut(&command.torque_body, &limit.max);
+            limited.torque_body = limited_to(&command.torque_body, &limit.max);
         }
         if let Some(limit) = &self.stated.rates {
-            limited.rates_body = cut(&command.rates_body, &limit.max);
+            limited.rates_body = limited_to(&command.rates_body, &limit.max);
         }
         limited
     }
 
-    /// Returns the time for which a limit is exceeded before its action, ns.
+    /// Returns the time from the violation of a limit to its action, ns.
     #[must_use]
     pub fn after_ns(&self) -> u64 {
         nanoseconds(self.stated.after)
     }
 
-    /// Returns the longest time of a landing, ns.
+    /// Returns the timeout of a landing, ns.
     #[must_use]
     pub fn land_within_ns(&self) -> u64 {
         nanoseconds(self.stated.land_within)
@@ -133,10 +132,10 @@ fn norm([x, y, z]: &Vector) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-fn exceeds(value: &Vector, most: &Vector) -> bool {
-    value.iter().zip(most).any(|(value, most)| value.abs() > *most)
+fn exceeds(value: &Vector, max: &Vector) -> bool {
+    value.iter().zip(max).any(|(value, max)| value.abs() > *max)
 }
 
-fn cut(value: &Vector, most: &Vector) -> Vector {
-    std::array::from_fn(|axis| value[axis].clamp(-most[axis], most[axis]))
+fn limited_to(value: &Vector, max: &Vector) -> Vector {
+    std::array::from_fn(|axis| value[axis].clamp(-max[axis], max[axis]))
 }

@@ -1,23 +1,21 @@
-//! Guard: it decides whether a command may be sent. None is sent before the arming, after a kill, or beyond the
-//! envelope.
+//! Guard: the decision whether a command may be sent. None is sent before the arming, after a kill, or beyond the envelope.
 //!
 //! | condition | consequence |
 //! | --- | --- |
 //! | the operator has not armed | failsafe frames |
 //! | in a flight with phases the motors have not turned for [`GROUNDED_AFTER`] since the operator armed, or have stopped for that long | failsafe frames until the operator arms again |
 //! | in a flight with phases the inputs have not been recent since the arming, or since a cold start of the transmitter | failsafe frames |
-//! | the operator killed | failsafe frames for ever |
-//! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames say so as long as that lasts |
+//! | the operator killed | failsafe frames until the end of the run |
+//! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames state it while the limit is exceeded |
 //! | … action *land* | frames demand it until the motors have stopped for [`GROUNDED_AFTER`], even if the limit holds again |
-//! | … action *kill* | failsafe frames for ever |
-//! | the vehicle is to land and takes too long, or goes on leaving the box | failsafe frames for ever |
+//! | … action *kill* | failsafe frames until the end of the run |
+//! | a demanded landing takes too long, or moves further out of the box | failsafe frames until the end of the run |
 //!
-//! Limits are checked from the first command that moves the vehicle until the motors have stopped for
-//! [`GROUNDED_AFTER`] without a break. A command that stops the motors for a shorter time resets nothing: the vehicle
-//! may still be in the air, and a controller that intersperses such commands must not escape its limits. Of several
-//! exceeded limits the gravest action counts, and of those the first. A kill is in the checkpoint. A transmitter that
-//! restarts without one still knows the operator's kill, which is in the control block, and checks the envelope again
-//! from the start.
+//! Limits are checked from the first command that moves the vehicle until the motors have stopped for [`GROUNDED_AFTER`]
+//! without a break. Commands that stop the motors for a shorter time reset nothing: the vehicle may still be in the air,
+//! and a controller that intersperses such commands must not evade the limits. Of several exceeded limits the most severe
+//! action holds, and of equal ones the first limit. A kill is part of the checkpoint. After a cold start of the transmitter
+//! the operator's kill still holds, because it is in the control block, and the envelope is checked from the start.
 
 use scenario::{Action, Scenario};
 use shared_types::Now;
@@ -54,27 +52,24 @@ shared_types::sample! {
     }
 }
 
-/// Inputs of the guard.
 #[derive(Clone, Copy, Debug)]
 pub struct GuardInput<'a> {
-    /// The command that would be sent.
+    /// The command to be sent.
     pub command: Option<&'a ControlCommand>,
-    /// The last good state of the vehicle.
+    /// The last valid state of the vehicle.
     pub state: Option<&'a VehicleState>,
-    /// `true` if it is recent.
+    /// `true` if the state is recent.
     pub state_is_fresh: bool,
     /// `true` if all needed inputs exist and are recent.
     pub inputs_are_fresh: bool,
 }
 
-/// Decision of the guard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardDecision {
     /// `true` if commands are sent.
     pub passes: bool,
     /// The limit that acts.
     pub limit: u8,
-    /// The action.
     pub action: u8,
 }
 
@@ -84,7 +79,7 @@ pub struct Guard {
     envelope: Option<Envelope>,
     has_phases: bool,
     /// Its state.
-    pub memory: GuardMemory,
+    pub persistent: GuardMemory,
 }
 
 impl GuardMemory {
@@ -103,9 +98,9 @@ impl GuardMemory {
 }
 
 impl GuardMemory {
-    /// Records whether the motors move now. Returns whether they have now stopped for [`GROUNDED_AFTER`] without a break,
-    /// since the arming or since they moved: a matter of time, which no command can shorten.
-    fn note_motion(&mut self, now: &Now, moves: bool) -> bool {
+    /// Updates the motion of the motors. Returns whether they have just been stopped for [`GROUNDED_AFTER`] without a break,
+    /// since the arming or their last motion. No command shortens that time.
+    fn update_motion(&mut self, now: &Now, moves: bool) -> bool {
         if moves {
             (self.moves, self.resting_since_ns) = (true.into(), 0);
             return false;
@@ -116,8 +111,8 @@ impl GuardMemory {
         now.time_ns + 1 - self.resting_since_ns >= nanoseconds(GROUNDED_AFTER)
     }
 
-    /// Takes the operator's requests to arm: a new one restarts the time at rest.
-    fn note_arming(&mut self, now: &Now) {
+    /// Updates the operator's requests to arm: a new one restarts the time at rest.
+    fn update_arming(&mut self, now: &Now) {
         if self.arm_count != now.operator.arm_count {
             self.arm_count = now.operator.arm_count;
             self.lapsed = false.into();
@@ -125,11 +120,11 @@ impl GuardMemory {
         }
     }
 
-    /// Resets the limits of a vehicle that is on the ground; whether its arming goes on.
-    fn reset(&mut self, arming_goes_on: bool) {
+    /// Resets the limits of a vehicle on the ground, and its arming unless `stays_armed`.
+    fn reset(&mut self, stays_armed: bool) {
         *self = Self {
-            passes: (self.passes.is_set() && arming_goes_on).into(),
-            lapsed: (self.lapsed.is_set() || !arming_goes_on).into(),
+            passes: (self.passes.is_set() && stays_armed).into(),
+            lapsed: (self.lapsed.is_set() || !stays_armed).into(),
             arm_count: self.arm_count,
             ..Self::NOTHING
         };
@@ -143,55 +138,54 @@ impl Guard {
         Self {
             envelope: scenario.envelope.as_ref().map(Envelope::new),
             has_phases: scenario.flight.is_some(),
-            memory: GuardMemory::NOTHING,
+            persistent: GuardMemory::NOTHING,
         }
     }
 
-    /// Returns whether it uses the vehicle's state.
+    /// Returns whether the guard uses the vehicle's state.
     #[must_use]
     pub fn needs_state(&self) -> bool {
         self.envelope.as_ref().is_some_and(Envelope::needs_state)
     }
 
     /// Decides on the command of this step.
-    pub fn rule(&mut self, now: &Now, case: &GuardInput<'_>) -> GuardDecision {
-        if now.operator.killed && self.memory.action != RcFrame::ACTION_KILL {
+    pub fn decide(&mut self, now: &Now, case: &GuardInput<'_>) -> GuardDecision {
+        if now.operator.killed && self.persistent.action != RcFrame::ACTION_KILL {
             self.kill(RcFrame::LIMIT_NONE);
         }
-        let is_killed = self.memory.action == RcFrame::ACTION_KILL;
-        self.memory.note_arming(now);
+        let is_killed = self.persistent.action == RcFrame::ACTION_KILL;
+        self.persistent.update_arming(now);
         if !is_killed && !now.operator.armed {
-            self.memory.reset(false);
+            self.persistent.reset(false);
         }
-        let may_begin = !self.has_phases || case.inputs_are_fresh && !self.memory.lapsed.is_set();
+        let may_begin = !self.has_phases || case.inputs_are_fresh && !self.persistent.lapsed.is_set();
         if now.operator.armed && may_begin {
-            self.memory.passes = true.into();
+            self.persistent.passes = true.into();
         }
-        if is_killed || !self.memory.passes.is_set() {
+        if is_killed || !self.persistent.passes.is_set() {
             return self.decision(None);
         }
         let moving = case
             .command
             .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE);
-        if self.memory.note_motion(now, moving.is_some()) {
-            // A flight without phases has no other arming than its first.
-            self.memory.reset(!self.has_phases);
+        if self.persistent.update_motion(now, moving.is_some()) {
+            // Without phases a flight is armed only once.
+            self.persistent.reset(!self.has_phases);
         }
         let warned = self.check(now, case, moving);
         self.decision(warned)
     }
 
-    /// Returns the command within the limits.
     #[must_use]
     pub fn limited(&self, command: &ControlCommand) -> ControlCommand {
         let envelope = self.envelope.as_ref();
         envelope.map_or(*command, |envelope| envelope.limited(command))
     }
 
-    /// Checks the limits and takes their actions; returns the limit that only has a warning.
+    /// Checks the limits and records their actions. Returns the limit with a warning only.
     fn check(&mut self, now: &Now, case: &GuardInput<'_>, moving: Option<&ControlCommand>) -> Option<u8> {
         let envelope = self.envelope.as_ref()?;
-        if !self.memory.moves.is_set() {
+        if !self.persistent.moves.is_set() {
             return None;
         }
         let situation = EnvelopeInput {
@@ -202,20 +196,20 @@ impl Guard {
         let exceeded = envelope.exceeded(&situation);
         let (after_ns, land_within_ns) = (envelope.after_ns(), envelope.land_within_ns());
         let is_leaving = envelope.is_leaving(case.state);
-        let gravest = gravest(now, &mut self.memory.since_ns, &exceeded, after_ns);
+        let gravest = most_severe(now, &mut self.persistent.since_ns, &exceeded, after_ns);
         match gravest {
             Some((limit, Action::Kill)) => self.kill(limit),
-            Some((limit, Action::Land)) if self.memory.action == RcFrame::ACTION_NONE => {
-                (self.memory.limit, self.memory.action) = (limit, RcFrame::ACTION_LAND);
-                self.memory.landing_since_ns = now.time_ns;
+            Some((limit, Action::Land)) if self.persistent.action == RcFrame::ACTION_NONE => {
+                (self.persistent.limit, self.persistent.action) = (limit, RcFrame::ACTION_LAND);
+                self.persistent.landing_since_ns = now.time_ns;
             }
             _ => {}
         }
-        // Stopped motors need no kill, and a vehicle that has landed may be armed again.
-        if self.memory.action == RcFrame::ACTION_LAND && moving.is_some() {
+        // Stopped motors need no kill, and a landed vehicle may be armed again.
+        if self.persistent.action == RcFrame::ACTION_LAND && moving.is_some() {
             if is_leaving {
                 self.kill(RcFrame::LIMIT_BOX);
-            } else if now.time_ns.saturating_sub(self.memory.landing_since_ns) > land_within_ns {
+            } else if now.time_ns.saturating_sub(self.persistent.landing_since_ns) > land_within_ns {
                 self.kill(RcFrame::LIMIT_LANDING_TIME);
             }
         }
@@ -223,7 +217,7 @@ impl Guard {
     }
 
     fn kill(&mut self, limit: u8) {
-        (self.memory.limit, self.memory.action) = (limit, RcFrame::ACTION_KILL);
+        (self.persistent.limit, self.persistent.action) = (limit, RcFrame::ACTION_KILL);
     }
 
     fn decision(&self, warned: Option<u8>) -> GuardDecision {
@@ -232,7 +226,7 @@ impl Guard {
             action,
             passes,
             ..
-        } = self.memory;
+        } = self.persistent;
         let (limit, action) = match warned {
             Some(limit) if action == RcFrame::ACTION_NONE => (limit, RcFrame::ACTION_WARN),
             _ => (limit, action),
@@ -245,8 +239,8 @@ impl Guard {
     }
 }
 
-/// Returns the gravest action of the limits that have been exceeded for long enough, and the first limit with it.
-fn gravest(
+/// Returns the most severe action of the limits exceeded for long enough, and the first limit with it.
+fn most_severe(
     now: &Now,
     since_ns: &mut [u64; LIMITS],
     exceeded: &[Option<(u8, Action, bool)>; LIMITS],

@@ -1,12 +1,11 @@
-//! Link: the form of a command on it.
+//! Encoding of a command on the link.
 //!
-//! * The ideal link carries numbers as they are: no channels, no limits, and so no saturation.
-//! * The radio link carries thrust and body rates as four channels ([`Channel`]); the frame then states the meaning of
-//!   the channels. With the paper's calibration a travel is TRC = (T − 2.3071)/3.138 and
-//!   ωRC = −[ωx/19, ωy/19, ωz/8].
+//! * The ideal link carries unchanged numbers: no channels, no limits, no saturation.
+//! * The radio link carries thrust and body rates as four channels ([`Channel`]); the frame has the decoded values of the
+//!   channels. With the paper's calibration the travels are TRC = (T − 2.3071)/3.138 and ωRC = −[ωx/19, ωy/19, ωz/8].
 //!
-//! The link sends a failsafe frame, which stops the motors, for a command that it cannot carry: no command at all, a
-//! failsafe command, and torque on the radio link.
+//! Without a command, for a failsafe command, and for torque on the radio link it sends a failsafe frame, which stops the
+//! motors.
 
 use scenario::RcLink;
 use shared_types::samples::{ControlCommand, RcFrame};
@@ -16,28 +15,27 @@ use crate::channel::Channel;
 /// Link of a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Link {
-    /// Carries every command as it is.
+    /// Carries every command unchanged.
     Ideal,
     /// Carries thrust and body rates within its range and resolution.
     Radio(Radio),
 }
 
 impl Link {
-    /// Makes the link of a scenario; ideal if it states none.
+    /// Makes the link of a scenario; ideal unless stated.
     #[must_use]
     pub fn new(link: Option<&RcLink>) -> Self {
         link.map_or(Self::Ideal, |link| Self::Radio(Radio::new(link)))
     }
 
-    /// Writes the frame that carries `command`, whose numbers are finite: all but its header, its stage and its
-    /// counters.
+    /// Writes the frame of `command`, whose numbers are finite, except for header, stage and counters.
     #[inline]
     pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
         match (
             self,
             command.filter(|command| command.mode != ControlCommand::MODE_FAILSAFE),
         ) {
-            (Self::Ideal, Some(command)) => transmit_as_it_is(command, frame),
+            (Self::Ideal, Some(command)) => transmit_unchanged(command, frame),
             (Self::Radio(radio), Some(command)) if command.mode == ControlCommand::MODE_RATES => {
                 radio.transmit(command, frame);
             }
@@ -49,7 +47,7 @@ impl Link {
 
 /// Writes the frame of the ideal link.
 #[inline]
-fn transmit_as_it_is(command: &ControlCommand, frame: &mut RcFrame) {
+fn transmit_unchanged(command: &ControlCommand, frame: &mut RcFrame) {
     frame.channels = [0; 16];
     frame.thrust = command.thrust;
     frame.torque_body = command.torque_body;
@@ -87,7 +85,7 @@ impl Radio {
             thrust: Channel::new(
                 link.thrust_offset,
                 link.thrust_slope,
-                range_of_pull(link),
+                thrust_range(link),
                 link.resolution,
             ),
             rates: link.rate_slope.map(rate_channel),
@@ -95,14 +93,14 @@ impl Radio {
     }
 
     /// Writes the frame of a command of thrust and body rates: the channels `thrust`, `roll rate`, `pitch rate`, `yaw
-    /// rate`, and their meaning.
+    /// rate`, and their decoded values.
     #[inline]
     fn transmit(&self, command: &ControlCommand, frame: &mut RcFrame) {
         let thrust = self.thrust.send(command.thrust);
         let mut saturated = thrust.saturated;
         frame.channels = [0; 16];
         frame.channels[0] = thrust.code;
-        // If zero thrust is a code, rounding may give a value below zero.
+        // The code of zero thrust may decode to a value below zero by rounding.
         frame.thrust = self.thrust.meaning(thrust.code).max(0.0);
         for (axis, channel) in self.rates.iter().enumerate() {
             let rate = channel.send(command.rates_body[axis]);
@@ -117,8 +115,8 @@ impl Radio {
     }
 }
 
-/// Returns the part of the thrust channel's range in which the thrust is not below 0.
-fn range_of_pull(link: &RcLink) -> [f64; 2] {
+/// Returns the part of the thrust channel's range with non-negative thrust.
+fn thrust_range(link: &RcLink) -> [f64; 2] {
     let [least, most] = link.thrust_range;
     let at_rest = -link.thrust_offset / link.thrust_slope;
     if link.thrust_slope > 0.0 {

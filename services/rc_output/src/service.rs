@@ -38,7 +38,7 @@ pub struct RcOutputService {
     commands: InputValidator<ControlCommand>,
     states: StateValidator,
     guard: Guard,
-    /// Ages up to which commands and states are recent, ns.
+    /// Maximum ages of recent commands and states, ns.
     fresh_ns: [u64; 2],
     saturated_frames: u32,
 }
@@ -74,7 +74,7 @@ impl RcOutputService {
         }
     }
 
-    /// Returns whether the newest command is good and recent, and whether the state is, where it is needed.
+    /// Returns whether the newest command and, if needed, the newest state are valid and recent.
     fn freshness(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> [bool; 2] {
         let [oldest_command, oldest_state] = self.fresh_ns;
         let is_within = |age: Option<u64>, oldest: u64| age.is_some_and(|age| age <= oldest);
@@ -86,7 +86,7 @@ impl RcOutputService {
         [command, state]
     }
 
-    /// Returns the command of this step's frame, and its stage.
+    /// Selects the command of this step's frame, and its stage.
     fn choose(&self, now: &Now, inputs: &RcOutputInputs<'_>) -> (Option<&ControlCommand>, u8) {
         let (held, age) = (self.commands.held(), self.commands.age_ns(now));
         let is_older_than = |most: fn(AgeLimits) -> u64| {
@@ -107,12 +107,12 @@ impl RcOutputService {
 }
 
 /// Validates a command whose numbers are finite.
-fn validity(command: &ControlCommand, now: &Now, has_patience: bool) -> Validity {
+fn validity(command: &ControlCommand, now: &Now, has_age_limits: bool) -> Validity {
     let has_mode = matches!(
         command.mode,
         ControlCommand::MODE_TORQUE | ControlCommand::MODE_RATES | ControlCommand::MODE_FAILSAFE
     );
-    if has_mode && (!has_patience || is_of_the_past(command, now)) {
+    if has_mode && (!has_age_limits || is_of_the_past(command, now)) {
         Validity::Good
     } else {
         Validity::Refused
@@ -126,9 +126,9 @@ impl Service for RcOutputService {
     type State = RcOutputState;
 
     fn step(&mut self, now: &Now, inputs: &RcOutputInputs<'_>, outputs: &mut RcOutputOutputs<'_>) {
-        let has_patience = self.patience.is_some();
+        let has_age_limits = self.patience.is_some();
         self.commands.look(&inputs.command, f64::MAX, |command, _| {
-            validity(command, now, has_patience)
+            validity(command, now, has_age_limits)
         });
         let needs_state = self.guard.needs_state();
         if needs_state {
@@ -138,7 +138,7 @@ impl Service for RcOutputService {
         let inputs_are_fresh = command_is_fresh && (state_is_fresh || !needs_state);
         let (command, stage) = self.choose(now, inputs);
         let command = command.copied();
-        let decision = self.guard.rule(
+        let decision = self.guard.decide(
             now,
             &GuardInput {
                 command: command.as_ref(),
@@ -176,7 +176,7 @@ impl Service for RcOutputService {
             held,
             gate,
             states: self.states.save(),
-            guard: self.guard.memory,
+            guard: self.guard.persistent,
             saturated_frames: self.saturated_frames,
             pad0: 0,
         }
@@ -185,7 +185,7 @@ impl Service for RcOutputService {
     fn restore(&mut self, state: &RcOutputState) {
         self.commands.restore(&state.gate, &state.held);
         self.states.restore(&state.states);
-        self.guard.memory = state.guard;
+        self.guard.persistent = state.guard;
         self.saturated_frames = state.saturated_frames;
     }
 }

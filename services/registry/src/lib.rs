@@ -1,6 +1,6 @@
-//! Registry: a constructor for each role and kind. There is no other list of them.
+//! Registry: the only list of the constructors of each role and kind.
 //!
-//! Without the feature `laboratory` it contains the experiment alone, without any hardware of the machine.
+//! Without the feature `laboratory` it has only the experiment, without hardware.
 
 #[cfg(feature = "laboratory")]
 use std::sync::Arc;
@@ -19,15 +19,15 @@ use plant::PlantService;
 use plugin::library_file;
 use rc_output::RcOutputService;
 
-/// Constructor of a role's occupant.
+/// Constructor of a service in a role.
 #[derive(Clone, Copy, Debug)]
 pub enum Constructor {
-    /// From the scenario alone.
+    /// Step logic from the scenario.
     StepLogic(StepLogic),
-    /// From the step logic, and the hardware that the scenario names.
+    /// Driver from the step logic and the hardware that the scenario names.
     #[cfg(feature = "laboratory")]
     Driver(laboratory::Connect),
-    /// The process becomes the program that the scenario names.
+    /// External program that the scenario names.
     Program,
 }
 
@@ -58,7 +58,7 @@ pub fn constructor(role: ServiceId, kind: Kind) -> Option<Constructor> {
 }
 
 fn step_logic(role: ServiceId) -> StepLogic {
-    fn of<S: Service>(build: fn(&Scenario) -> Built) -> StepLogic {
+    fn step_logic_of<S: Service>(build: fn(&Scenario) -> Built) -> StepLogic {
         StepLogic {
             build,
             state_layout: layout_hash::<S::State>,
@@ -66,24 +66,28 @@ fn step_logic(role: ServiceId) -> StepLogic {
         }
     }
     match role {
-        ServiceId::Plant => of::<PlantService>(|scenario| Ok(Box::new(PlantService::new(scenario)))),
+        ServiceId::Plant => {
+            step_logic_of::<PlantService>(|scenario| Ok(Box::new(PlantService::new(scenario))))
+        }
         ServiceId::Estimator => {
-            of::<EstimatorService>(|scenario| Ok(Box::new(EstimatorService::new(scenario)?)))
+            step_logic_of::<EstimatorService>(|scenario| Ok(Box::new(EstimatorService::new(scenario)?)))
         }
-        ServiceId::PathGenerator => {
-            of::<PathGeneratorService>(|scenario| Ok(Box::new(PathGeneratorService::new(scenario)?)))
-        }
+        ServiceId::PathGenerator => step_logic_of::<PathGeneratorService>(|scenario| {
+            Ok(Box::new(PathGeneratorService::new(scenario)?))
+        }),
         ServiceId::Controller => {
-            of::<ControllerService>(|scenario| Ok(Box::new(ControllerService::new(scenario))))
+            step_logic_of::<ControllerService>(|scenario| Ok(Box::new(ControllerService::new(scenario))))
         }
-        ServiceId::RcOutput => of::<RcOutputService>(|scenario| Ok(Box::new(RcOutputService::new(scenario)))),
+        ServiceId::RcOutput => {
+            step_logic_of::<RcOutputService>(|scenario| Ok(Box::new(RcOutputService::new(scenario))))
+        }
     }
 }
 
-/// Builds the step logic of a role, its own or a plug-in's, which does not know how the machine is used.
+/// Builds the step logic of a role, built-in or a plug-in, from the scenario without the sections on the use of the machine.
 ///
 /// # Errors
-/// If the scenario states something that the service cannot do, or names a plug-in that cannot fly.
+/// If the service does not support the scenario, or a plug-in cannot be used.
 pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
     let service = build_one(role, scenario)?;
     let plugins = ServiceId::ALL
@@ -91,7 +95,7 @@ pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
         .filter(|&role| scenario.has_plugin(role));
     match plugins.count() {
         1 if scenario.has_plugin(role) => refuse_unasked()?,
-        // The parameters are those of several libraries, of which this is one.
+        // With several plug-ins the parameters may be meant for another one.
         _ => drop(plugin::loader::take_unasked()),
     }
     Ok(service)
@@ -104,7 +108,7 @@ fn build_one(role: ServiceId, scenario: &Scenario) -> Built {
     }
 }
 
-/// Refuses a parameter that none of the libraries has asked for: its name is misspelt, or it is meant for another one.
+/// Refuses a parameter that no library has requested: its name is misspelt, or it is meant for another library.
 fn refuse_unasked() -> Result<(), BuildError> {
     match plugin::loader::take_unasked().first() {
         None => Ok(()),
@@ -129,7 +133,7 @@ pub fn build_all(scenario: &Scenario) -> Result<Vec<Box<dyn ErasedService>>, Bui
     Ok(services)
 }
 
-/// Connects step logic to the laboratory hardware that the scenario names; most services have none.
+/// Connects step logic to the laboratory hardware that the scenario names, if any.
 ///
 /// # Errors
 /// If the hardware cannot be used, with the fix.
@@ -142,8 +146,8 @@ pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<
     }
 }
 
-/// Returns the identifier of the layout of a role's state: the beginning of its hash, or of that of the plug-in's file.
-/// A state of another build may only be restored if the identifiers are equal.
+/// Returns the identifier of the layout of a role's state: the beginning of the layout hash, or of the hash of the plug-in's
+/// file. A state of another build may only be restored if the identifiers are equal.
 #[must_use]
 pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
     let plugins = scenario.plugins.as_ref().filter(|_| scenario.has_plugin(role));
@@ -156,7 +160,7 @@ pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
         .unwrap_or_default()
 }
 
-/// Returns the size of a role's state, bytes; `None` for a plug-in, which tells it once it is loaded.
+/// Returns the size of a role's state, bytes; `None` for a plug-in, whose size is known only after loading.
 #[must_use]
 pub fn state_size(role: ServiceId, scenario: &Scenario) -> Option<usize> {
     (!scenario.has_plugin(role)).then(|| step_logic(role).state_size)

@@ -1,27 +1,27 @@
-//! The activity of a process at a moment: whether it could run, and how long it has; and its end.
+//! Run state, CPU time and end of a process.
 
 use std::os::fd::AsFd;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-/// The activity of a process.
+/// Run state and CPU time of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Activity {
-    /// `true` if it runs, waits for a processor, or for a page of its memory: not for an event, and not stopped.
+    /// `true` if it runs or waits for a processor or a page of memory; `false` if it waits for an event or is stopped.
     pub is_runnable: bool,
     /// `true` if it runs or waits for a processor.
     pub is_ready: bool,
-    /// Time for which it has been on a processor, ns.
+    /// CPU time, ns.
     pub cpu_time_ns: u64,
-    /// Time for which it could have run and waited for a processor, ns, up to the last time that it got one.
+    /// Time that it was ready and waited for a processor, ns, up to its last dispatch.
     pub run_delay_ns: u64,
 }
 
 impl Activity {
-    /// Returns the present activity of a process, if the system tells.
+    /// Reads the activity of a process from `/proc`. `None` if the process does not exist or `/proc` is not readable.
     #[must_use]
-    pub fn of(pid: u32) -> Option<Self> {
+    pub fn read(pid: u32) -> Option<Self> {
         let state = state_of(pid)?;
         let schedstat = std::fs::read_to_string(format!("/proc/{pid}/schedstat")).ok()?;
         let mut times = schedstat.split_whitespace().map(str::parse);
@@ -34,7 +34,7 @@ impl Activity {
     }
 }
 
-/// Returns the letter of a process's state (`man 5 proc_pid_stat`), if the system tells.
+/// Returns the letter of a process's state (`man 5 proc_pid_stat`), if `/proc` is readable.
 fn state_of(pid: u32) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The name before the state may contain anything, also parentheses.
@@ -42,12 +42,12 @@ fn state_of(pid: u32) -> Option<char> {
     fields.chars().next()
 }
 
-/// Waits for the end of a process, by its pidfd, for no longer than `limit`. Returns whether it has ended.
+/// Waits up to `limit` for a process to end, by its pidfd. Returns whether it did.
 pub fn ends_within(process: &impl AsFd, limit: Duration) -> bool {
     is_readable_within(process, limit).unwrap_or(false)
 }
 
-/// Waits until a file is readable, for no longer than `limit`. Returns whether it is.
+/// Waits up to `limit` for a file to become readable. Returns whether it did.
 pub(crate) fn is_readable_within(file: &impl AsFd, limit: Duration) -> std::io::Result<bool> {
     let limit = Timespec::try_from(limit).unwrap_or_default();
     let mut file = [PollFd::new(file, PollFlags::IN)];
@@ -66,7 +66,7 @@ pub enum Pause {
 impl Pause {
     /// Returns why a process cannot run, if it cannot.
     #[must_use]
-    pub fn of(pid: u32) -> Option<Self> {
+    pub fn read(pid: u32) -> Option<Self> {
         match state_of(pid)? {
             'T' => Some(Self::Stopped),
             't' => Some(Self::Traced),
@@ -83,23 +83,23 @@ mod tests {
     fn a_stopped_process_is_one() {
         let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
         let pid = rustix::process::Pid::from_child(&child);
-        assert_eq!(Pause::of(child.id()), None);
+        assert_eq!(Pause::read(child.id()), None);
         rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
-        while Pause::of(child.id()).is_none() {
+        while Pause::read(child.id()).is_none() {
             std::thread::yield_now();
         }
-        assert_eq!(Pause::of(child.id()), Some(Pause::Stopped));
+        assert_eq!(Pause::read(child.id()), Some(Pause::Stopped));
         child.kill().unwrap();
         child.wait().unwrap();
-        assert_eq!(Pause::of(child.id()), None);
+        assert_eq!(Pause::read(child.id()), None);
     }
 
     #[test]
     fn a_process_that_runs_is_runnable_and_uses_its_processor() {
-        let before = Activity::of(std::process::id()).unwrap();
+        let before = Activity::read(std::process::id()).unwrap();
         let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
         let asleep = loop {
-            let activity = Activity::of(child.id()).unwrap();
+            let activity = Activity::read(child.id()).unwrap();
             if !activity.is_runnable {
                 break activity;
             }
@@ -108,7 +108,7 @@ mod tests {
         child.kill().unwrap();
         child.wait().unwrap();
         // The first thread waits for the tests: what it has done does not become less.
-        assert!(Activity::of(std::process::id()).unwrap().cpu_time_ns >= before.cpu_time_ns);
-        assert_eq!(Activity::of(child.id()), None);
+        assert!(Activity::read(std::process::id()).unwrap().cpu_time_ns >= before.cpu_time_ns);
+        assert_eq!(Activity::read(child.id()), None);
     }
 }

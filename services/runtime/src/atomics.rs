@@ -1,3 +1,3 @@
-//! Atomics of [`crate::seqlock`]; loom replaces them by its own.
+//! Atomics of [`crate::seqlock`], replaced by loom's in its models.
 
 pub use std::sync::atomic::{AtomicU64, Ordering, fence};

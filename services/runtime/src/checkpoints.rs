@@ -1,12 +1,12 @@
 //! Checkpoints: the state of a service after its last steps, kept outside of its process.
 //!
-//! They live in an anonymous file that the orchestrator makes and every service inherits. Writing one costs a copy.
-//! They have two readers. A restarted service goes on from the newest one. The orchestrator takes a snapshot now and
-//! then for its record of the steps, from which replays begin. Readers never hold up a service.
+//! An anonymous file that the orchestrator creates and every service inherits holds them. Writing one costs a copy. They
+//! have two readers: a restarted service resumes from the newest one, and the orchestrator records a snapshot about once a
+//! second, from which replays begin. Readers never block a service.
 //!
 //! Each service has two slots and writes the older one ([`Pair`]). If the service dies while it writes, the other slot
-//! is whole: a killed process has done all the stores before the one that it was killed at. A reader that copies a slot
-//! beside a living writer compares the slot's tick before and after the copy. No tick returns to a slot, so an
+//! is complete: all stores of a killed process before its death are visible. A reader that copies a slot
+//! while the writer runs compares the slot's tick before and after the copy. No tick returns to a slot, so an
 //! unchanged tick proves that the copy is not torn.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
@@ -70,7 +70,7 @@ impl Checkpoints {
         self.snapshot(service)
     }
 
-    /// Copies the newest checkpoint of a service beside its running process, which does not notice. Returns `None` if
+    /// Copies the newest checkpoint of a service without blocking its running process. Returns `None` if
     /// there is none, or if the service wrote two more during the copy; the caller may try again.
     #[must_use]
     pub fn snapshot(&self, service: ServiceId) -> Option<Checkpoint> {
@@ -83,7 +83,7 @@ impl Checkpoints {
             unsafe_code,
             reason = "memory shared by several processes can only be reached by mapping it"
         )]
-        // SAFETY: the mapping lives as long as `self`, is page-aligned and holds a whole table (`SharedFile` sees to it),
+        // SAFETY: the mapping lives as long as `self`, is page-aligned and holds a whole table (checked by `SharedFile`),
         // which consists of atomics and padding: valid for every bit pattern, and others may write them meanwhile.
         let table = unsafe { &*self.0.as_mut_ptr().cast::<Table>() };
         &table[service.index()]

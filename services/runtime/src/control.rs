@@ -1,8 +1,8 @@
 //! Control channel between the orchestrator and each service: a `SOCK_SEQPACKET` socket that the service inherits. A
 //! closed channel means that the orchestrator is gone.
 //!
-//! A message is one packet of JSON, so that a service in another language needs no more than a JSON parser. One that is too
-//! long for a packet, as a long scenario is, travels in a file of its own ([`packet`]).
+//! A message is one packet of JSON, so that a service in another language needs only a JSON parser. A message that is too
+//! long for a packet, such as a long scenario, is passed in an anonymous file ([`packet`]).
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -25,26 +25,28 @@ use system_limits::packet::{self, PacketError};
 pub struct StepOrder {
     /// Time of the step.
     pub now: Now,
-    /// State of the service before it.
-    pub memory: Memory,
-    /// Inputs that give it a sample: the one that the port holds.
+    /// State of the service before the step.
+    #[serde(rename = "memory")]
+    pub state: StateBefore,
+    /// Inputs with a sample for the step: the one that the port holds.
     pub seen: u32,
-    /// Inputs whose port takes the next sample first.
+    /// Inputs whose port receives its next sample before the step.
     pub next: u32,
-    /// Inputs whose sample the step before did not see.
+    /// Inputs whose sample the previous step did not read.
     pub fresh: u32,
 }
 
 /// State of a service before a step of a replay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Memory {
+pub enum StateBefore {
     /// The state after its last step.
     #[default]
     AfterLast,
     /// The state before its last step.
     BeforeLast,
     /// The initial state.
-    Newborn,
+    #[serde(rename = "Newborn")]
+    Initial,
 }
 
 /// File descriptor of the control channel in a service.
@@ -55,7 +57,7 @@ pub const SHARED_PAGE_FD: i32 = 4;
 pub const CHECKPOINTS_FD: i32 = 5;
 /// File descriptor of the step records in a service.
 pub const STEP_LOG_FD: i32 = 6;
-/// File descriptor of the lock of the run's place, which is held for as long as any of its processes lives.
+/// File descriptor of the lock of the run's place, held until the last process of the run ends.
 pub const LOCK_FD: i32 = 7;
 /// File descriptor of the first service's doorbell in a service; the others' follow in the table's order.
 pub const FIRST_DOORBELL_FD: i32 = 8;
@@ -65,15 +67,15 @@ pub const FIRST_DOORBELL_FD: i32 = 8;
 pub enum ToService {
     /// The first message: the scenario and the run.
     Start(Box<Start>),
-    /// To a standby process: answer with [`ToOrchestrator::Prepared`].
+    /// To a standby process: heartbeat, answered by [`ToOrchestrator::Prepared`].
     Beat,
     /// To a standby process: take the role of a service that has died.
     Become(Role),
-    /// No ports of the predecessor are left: make the ports.
+    /// The ports of the predecessor are removed: create the ports.
     MakePorts,
     /// All services are ready: fly.
     Go {
-        /// `true` if this process replaces one that flew and died: go on from its last checkpoint.
+        /// `true` if this process replaces a dead one: resume from its last checkpoint.
         #[serde(rename = "reborn")]
         restarted: bool,
         /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; else 0.
@@ -84,27 +86,29 @@ pub enum ToService {
         /// Number of the restart.
         birth: u32,
     },
-    /// A sample that a restarted service may have missed; in real time, before `Go`, several of them.
+    /// A sample that a restarted service may have missed; in real time, before `Go`, several samples.
     Missed {
-        /// Place of the input in the wiring table.
+        /// Index of the input in the wiring table.
         input: usize,
-        /// The sample, or the samples one after another.
+        /// The sample, or the concatenated samples.
         bytes: Vec<u8>,
     },
     /// In a replay: execute these steps. Their inputs have been published.
     Steps {
         /// The steps, at most [`crate::replaying::BATCH`].
         orders: Vec<StepOrder>,
-        /// `true` if the service is to report its state after them.
-        tells_state: bool,
+        /// `true` to request the state after the last step.
+        #[serde(rename = "tells_state")]
+        returns_state: bool,
     },
-    /// In a replay: step with these gains from the next step on, or with those of the scenario.
+    /// In a replay: change the gains from the next step on.
     Tune {
-        /// The gains.
+        /// The gains; `None` for those of the scenario.
         gains: Option<Gains>,
     },
-    /// In a replay: take this state before the next step.
-    Know {
+    /// In a replay: restore this state before the next step.
+    #[serde(rename = "Know")]
+    Restore {
         /// The state of the service.
         state: Vec<u8>,
     },
@@ -123,13 +127,13 @@ pub struct Start {
     pub core: Option<usize>,
     /// Scheduler of the process.
     pub scheduler: Scheduler,
-    /// Role of the process; a standby process learns it later.
+    /// Role of the process; `None` for a standby process, which receives it with [`ToService::Become`].
     pub role: Option<Role>,
     /// Host of its steps.
     pub host: Host,
 }
 
-/// Host: it decides when a service steps and which samples each step sees.
+/// Host: the rule for when a service steps and which samples each step reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Host {
     /// The schedule ([`crate::lock_step`]).
@@ -153,7 +157,7 @@ impl Start {
 pub struct Role {
     /// The service.
     pub service: ServiceId,
-    /// Place where the process is to kill itself, for tests.
+    /// Point at which the process kills itself, for tests.
     pub crash: Option<Crash>,
 }
 
@@ -182,30 +186,30 @@ pub enum ToOrchestrator {
         /// Number of the restart.
         birth: u32,
     },
-    /// A restarted service gets all its inputs through its ports.
+    /// A restarted service receives all its inputs through its ports.
     CaughtUp,
     /// All steps of the flight are done.
     Finished,
     /// In a replay: the steps of one message are done, and their outputs are published.
     Stepped {
-        /// Places of those steps that computed a number that is not finite; their outputs are not published.
+        /// Indices of the steps that computed a number that is not finite; their outputs are not published.
         not_finite: Vec<usize>,
-        /// State of the service after the last of them, if it was asked for.
+        /// State of the service after the last step, if requested.
         state: Option<Vec<u8>>,
     },
     /// A number that is not finite occurred; the service has stopped.
     NonFinite(NonFinite),
-    /// The service cannot go on.
+    /// The service cannot continue.
     Failed {
         /// The reason, in words.
         reason: String,
     },
-    /// The scenario cannot be flown as it is: no service is made of it.
+    /// The scenario cannot be flown: no service can be built from it.
     Refused {
         /// The reason, in words.
         reason: String,
     },
-    /// The process is about to end by a fault of its code, and another may take its place.
+    /// The process ends because of a panic; another process may take its role.
     Dying {
         /// The fault, in words.
         reason: String,
@@ -234,7 +238,7 @@ pub enum ControlError {
 pub struct Channel(OwnedFd);
 
 impl Channel {
-    /// Makes a channel; both ends close on exec unless they are handed over.
+    /// Creates a channel; both ends close on exec unless a child inherits them.
     ///
     /// # Errors
     /// If no file descriptor is left.
@@ -291,12 +295,12 @@ impl Channel {
         }
     }
 
-    /// Returns whether the other end is closed. Takes no message.
+    /// Returns whether the other end is closed, without receiving a message.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         let flags = RecvFlags::DONTWAIT | RecvFlags::PEEK;
-        let looked = rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut [0u8; 1], flags));
-        matches!(looked, Ok((0, 0)) | Err(rustix::io::Errno::CONNRESET))
+        let peeked = rustix::io::retry_on_intr(|| rustix::net::recv(&self.0, &mut [0u8; 1], flags));
+        matches!(peeked, Ok((0, 0)) | Err(rustix::io::Errno::CONNRESET))
     }
 
     /// Returns whether the other end is closed, even if some of its messages have not been read yet.
@@ -312,10 +316,10 @@ impl Channel {
     /// # Errors
     /// [`ControlError`].
     pub fn receive<M: DeserializeOwned>(&self) -> Result<M, ControlError> {
-        watchdog::while_resting(|| self.receive_with(RecvFlags::empty()))
+        watchdog::while_idle(|| self.receive_with(RecvFlags::empty()))
     }
 
-    /// Takes a message if there is one.
+    /// Receives a message if one is pending.
     ///
     /// # Errors
     /// [`ControlError`].

@@ -1,19 +1,19 @@
-//! Crash points: a service kills itself at a chosen tick and place, to test that a death at any place is survived.
+//! Crash points: a service kills itself at a chosen tick and point, to test that a death at any point is survived.
 
 use rustix::process::{Signal, getpid, kill_process};
 use serde::{Deserialize, Serialize};
 
-/// Place in the life of a service process.
+/// Point in the life of a service process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CrashPlace {
     /// On start, before the ports are made.
     BeforePorts,
-    /// On start, when the ports are made and the orchestrator does not know it yet.
+    /// On start, after the ports are made and before they are reported to the orchestrator.
     AfterPorts,
     /// In recovery, before the first step.
     Recovering,
-    /// Before a step, with all its inputs here.
+    /// Before a step, after all its inputs have arrived.
     BeforeStep,
     /// After the step, before any publication.
     AfterStep,
@@ -28,7 +28,7 @@ pub enum CrashPlace {
 }
 
 impl CrashPlace {
-    /// All of them, in the order of a life.
+    /// All points, in the order of a process's life.
     pub const ALL: [Self; 9] = [
         Self::BeforePorts,
         Self::AfterPorts,
@@ -41,13 +41,13 @@ impl CrashPlace {
         Self::BeforeWaking,
     ];
 
-    /// Returns whether it is passed in a step, not once on start.
+    /// Returns whether the point is passed at every step, not once on start.
     #[must_use]
     pub fn is_in_a_step(self) -> bool {
         !matches!(self, Self::BeforePorts | Self::AfterPorts | Self::Recovering)
     }
 
-    /// Returns its name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,16 +64,16 @@ impl CrashPlace {
     }
 }
 
-/// Tick and place at which a process is to kill itself.
+/// Tick and point at which a process kills itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Crash {
-    /// Tick of the step, or of the first step after it that there is; without meaning on start.
+    /// The crash occurs at the first step at or after this tick; ignored on start.
     pub tick: u64,
-    /// The place.
+    /// The point.
     pub place: CrashPlace,
 }
 
-/// Crash that a process has been told to have, if any.
+/// Planned crash of this process, if any.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CrashPoint(Option<Crash>);
 
@@ -84,7 +84,7 @@ impl CrashPoint {
         Self(crash)
     }
 
-    /// Kills the process if it is to die at `place` of the step at `tick`.
+    /// Kills the process if a crash is planned at `place` of the step at `tick`.
     #[inline]
     pub fn pass(&self, place: CrashPlace, tick: u64) {
         if let Some(crash) = self.0

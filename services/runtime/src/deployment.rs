@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use memory::LOCKED_MEMORY;
 pub use settings::{Refusal, Setting, apply};
-pub use switches::spare_switches;
+pub use switches::disable_restartable_sequences;
 
 /// Scheduler of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,7 +41,7 @@ pub fn allowed_cores() -> Vec<usize> {
     (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect()
 }
 
-/// Returns the cores that a process may use; none if it is gone.
+/// Returns the cores that a process may use; `None` if it does not exist.
 #[must_use]
 pub fn cores_of(process: u32) -> Option<Vec<usize>> {
     let pid = rustix::process::Pid::from_raw(i32::try_from(process).ok()?)?;
@@ -77,7 +77,7 @@ pub fn pin_all_threads_to(cores: &[usize]) -> std::io::Result<()> {
         let id = thread?.file_name().to_str().and_then(|name| name.parse().ok());
         let id = id.and_then(rustix::thread::Pid::from_raw);
         match rustix::thread::sched_setaffinity(id, &set) {
-            // It has ended meanwhile.
+            // The thread has ended meanwhile.
             Err(rustix::io::Errno::SRCH) => {}
             result => result?,
         }
@@ -97,7 +97,7 @@ pub fn use_scheduler(scheduler: Scheduler) -> std::io::Result<()> {
     }
 }
 
-/// Gives this thread only the time that no other thread of the machine wants (`SCHED_IDLE`). It needs no privilege.
+/// Puts this thread under `SCHED_IDLE`: it runs only when a core is otherwise idle. Needs no privilege.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -105,11 +105,11 @@ pub fn use_idle() -> std::io::Result<()> {
     set_policy(libc::SCHED_IDLE, 0)
 }
 
-/// Shortest time slice that the system gives, ns.
+/// Shortest time slice that the kernel accepts, ns.
 const SHORTEST_SLICE_NS: u64 = 100_000;
 
-/// Gives this thread of the fair scheduler short time slices. In return it need not wait for the end of another
-/// thread's slice when it wakes. It has no effect before Linux 6.12 and needs no privilege.
+/// Gives this thread of the fair scheduler short time slices, in return for which it preempts other threads when it wakes.
+/// Has no effect before Linux 6.12 and needs no privilege.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -125,7 +125,7 @@ pub fn use_short_slices() -> std::io::Result<()> {
 pub fn use_slice(nanoseconds: u64) -> std::io::Result<()> {
     let mut attributes = scheduling_attributes()?;
     attributes.sched_runtime = nanoseconds.max(SHORTEST_SLICE_NS);
-    // SAFETY: the attributes are as large as they say and outlive the call; 0 is the calling thread.
+    // SAFETY: the attributes are as large as stated and outlive the call; 0 is the calling thread.
     done(unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) })
 }
 
@@ -155,7 +155,7 @@ pub fn use_fifo(priority: u32) -> std::io::Result<()> {
     set_policy(libc::SCHED_FIFO, i32::try_from(priority).unwrap_or(i32::MAX))
 }
 
-/// Raises a limit as far as every process may, and returns it; `None` is no limit.
+/// Raises a soft limit to the hard limit and returns it; `None` is no limit.
 fn raised_limit(resource: Resource) -> Option<u64> {
     let limit = rustix::process::getrlimit(resource);
     let raised = Rlimit {
@@ -183,11 +183,11 @@ fn done(answer: libc::c_long) -> std::io::Result<()> {
     }
 }
 
-/// Gives this process the name by which `ps`, `top` and `pkill -x` know it: its first 15 bytes.
+/// Sets the name of this process in `ps`, `top` and `pkill -x`: the first 15 bytes.
 ///
 /// # Errors
 /// If the system does not permit it.
-pub fn call_process(name: &str) -> std::io::Result<()> {
+pub fn name_process(name: &str) -> std::io::Result<()> {
     Ok(rustix::thread::set_name(&std::ffi::CString::new(name)?)?)
 }
 
@@ -212,8 +212,8 @@ pub fn outlive_parent() -> std::io::Result<()> {
 /// Restores the default action of every signal that ends a process.
 ///
 /// Rust's runtime handles SIGSEGV and SIGBUS to report a stack overflow. When another process sends one of them, the
-/// handler returns, once, and the interrupted call goes on. iceoryx2 takes an interrupted sleep of a blocked send for a
-/// failure, and the sample reaches only a part of its receivers.
+/// handler returns, once, and the interrupted call resumes. iceoryx2 treats an interrupted sleep of a blocked send as a
+/// failure, and the sample reaches only some of its receivers.
 pub fn die_by_signals() {
     for signal in [libc::SIGSEGV, libc::SIGBUS] {
         // SAFETY: the default action is no handler, and nothing else in this process changes it.
@@ -221,7 +221,7 @@ pub fn die_by_signals() {
     }
 }
 
-/// Returns the core of `allowed` that was idle longest over a few hundredths of a second.
+/// Returns the core of `allowed` that is idle most, measured over 30 ms.
 #[must_use]
 pub fn idlest(allowed: &[usize]) -> Option<usize> {
     let before = idle_ticks();

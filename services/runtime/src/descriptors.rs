@@ -1,4 +1,4 @@
-//! File descriptors that a process hands, by number, to a process that it starts.
+//! File descriptors that a child process inherits under agreed numbers.
 #![expect(
     unsafe_code,
     reason = "inherited file descriptors are taken over by their numbers"
@@ -39,9 +39,9 @@ pub fn inherited(number: RawFd) -> std::io::Result<OwnedFd> {
     Ok(unsafe { OwnedFd::from_raw_fd(number) })
 }
 
-/// Closes all descriptors from `first` on that were inherited without being handed over.
+/// Closes all inherited descriptors from `first` on.
 ///
-/// Call it before this process opens any descriptor: it would be closed too.
+/// Call it before this process opens any descriptor: that one would be closed too.
 ///
 /// # Errors
 /// If the system is older than Linux 5.9.

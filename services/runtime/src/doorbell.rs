@@ -1,7 +1,7 @@
 //! Doorbells: eventfds that the orchestrator makes and all services inherit, so that they survive a restart.
 //!
-//! They never block. An external service has them too, and if it fills the counter of a doorbell, the process that
-//! rings must not stop.
+//! Ringing never blocks: an external service could fill the counter of a doorbell, and must not stop the process that
+//! rings.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
@@ -9,7 +9,7 @@ use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
 use crate::flight_clock::deadline;
 
-/// Doorbell of a service. A publisher rings it after it has published for the service; a ring is a hint, never data.
+/// Doorbell of a service. A publisher rings it after a publication for the service; a ring is a hint and carries no data.
 #[derive(Debug)]
 pub struct Doorbell(OwnedFd);
 
@@ -28,7 +28,7 @@ impl Doorbell {
         Self(file)
     }
 
-    /// Wakes the sleeper on the doorbell.
+    /// Wakes the service that sleeps on the doorbell.
     #[inline]
     pub fn ring(&self) {
         // The only failure is a full counter, which wakes the sleeper as well.
@@ -40,23 +40,23 @@ impl Doorbell {
     pub fn sleep(&self) {
         // An interrupted sleep is like a ring: the caller checks all its conditions again.
         let _ = poll(&mut [PollFd::new(&self.0, PollFlags::IN)], None);
-        self.take_back();
+        self.clear();
     }
 
-    /// Sleeps as [`Self::sleep`] does, but at most this long, ns.
+    /// Sleeps as [`Self::sleep`] does, with a timeout in ns.
     #[inline]
-    pub fn sleep_up_to(&self, limit_ns: u64) {
-        let limit = deadline(limit_ns);
+    pub fn sleep_with_timeout(&self, timeout_ns: u64) {
+        let timeout = deadline(timeout_ns);
         let mut file = [PollFd::new(&self.0, PollFlags::IN)];
         // As above, an interruption is like a ring.
-        if poll(&mut file, Some(&limit)).is_ok_and(|rung| rung > 0) {
-            self.take_back();
+        if poll(&mut file, Some(&timeout)).is_ok_and(|rung| rung > 0) {
+            self.clear();
         }
     }
 
     /// Clears all rings. Without a ring it has no effect.
     #[inline]
-    fn take_back(&self) {
+    fn clear(&self) {
         let _ = rustix::io::read(&self.0, &mut [0u8; 8]);
     }
 }
@@ -90,9 +90,9 @@ mod tests {
     #[test]
     fn a_sleep_with_a_limit_ends_with_a_ring_or_without() {
         let doorbell = Doorbell::create().unwrap();
-        doorbell.sleep_up_to(1);
+        doorbell.sleep_with_timeout(1);
         doorbell.ring();
-        doorbell.sleep_up_to(u64::MAX);
+        doorbell.sleep_with_timeout(u64::MAX);
         doorbell.ring();
         doorbell.sleep();
     }

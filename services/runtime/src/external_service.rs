@@ -1,9 +1,9 @@
 //! External service: an external program that flies in place of a service, in any language.
 //!
-//! The process that `gerono run` starts for the service reads its start message and deploys itself as every service
-//! does. It writes a launch manifest with all that the program needs to know, and becomes the program. From then on the
-//! orchestrator and the program speak as docs/process_contract.md says: in the orchestrator's usual messages, without
-//! the control block, the checkpoints and the step records, which only processes of one build share.
+//! The process that `gerono run` starts for the service reads its start message and applies its deployment as every service
+//! does. It writes a launch manifest with all data that the program needs, and executes the program. From then on the
+//! orchestrator and the program exchange the messages of docs/process_contract.md, without the control block, the
+//! checkpoints and the step records, which only processes of one build share.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -24,11 +24,10 @@ use crate::descriptors::hand_on;
 use crate::doorbell::Doorbell;
 use crate::ports::{LAYOUT_ATTRIBUTE, consumer_buffer};
 
-/// Version of the contract with external services; raised by a change that breaks programs of the version before.
+/// Version of the contract with external services; raised by every incompatible change.
 pub const CONTRACT: u32 = 1;
 
-/// Environment variable that names the service in whose place an external service flies. People and the orchestrator
-/// recognise its process by it.
+/// Environment variable with the name of the replaced service, by which users and the orchestrator identify the process.
 pub const SERVICE_VARIABLE: &str = "GERONO_SERVICE";
 
 /// File descriptor of the launch manifest in an external service.
@@ -86,7 +85,7 @@ struct OutputStream {
 }
 
 /// Descriptors that an external service inherits.
-pub struct Belongings<'a> {
+pub struct LaunchDescriptors<'a> {
     /// The control channel.
     pub channel: &'a Channel,
     /// The file of the lock of the run's place, without the lock.
@@ -147,13 +146,13 @@ impl LaunchManifest {
         })
     }
 
-    /// Writes it to a file that is read from its beginning.
+    /// Writes the manifest to a sealed anonymous file, positioned at its beginning.
     fn file(&self) -> std::io::Result<OwnedFd> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-manifest", flags)?);
         file.write_all(&serde_json::to_vec(self)?)?;
-        let whole = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
-        rustix::fs::fcntl_add_seals(&file, whole)?;
+        let seals = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
+        rustix::fs::fcntl_add_seals(&file, seals)?;
         file.rewind()?;
         Ok(file.into())
     }
@@ -179,13 +178,13 @@ fn bell_of(service: ServiceId) -> i32 {
     FIRST_BELL_FD + i32::try_from(service.index()).expect("few services")
 }
 
-/// Becomes the program of `words`, started in `folder`. Returns only on failure: the reason, in words.
+/// Replaces this process by the program of `words`, in `folder`. Returns only on failure, with the reason.
 #[must_use]
 pub fn become_program(
     words: &[String],
     folder: Option<&Path>,
     manifest: &LaunchManifest,
-    belongings: &Belongings<'_>,
+    descriptors: &LaunchDescriptors<'_>,
 ) -> String {
     let Some((program, arguments)) = words.split_first() else {
         return "no program is named".to_owned();
@@ -196,8 +195,8 @@ pub fn become_program(
         command.current_dir(folder);
     }
     let started = manifest.file().and_then(|manifest| {
-        let files = [belongings.channel.as_fd(), manifest.as_fd(), belongings.lock];
-        let doorbells = belongings.doorbells.iter().map(AsFd::as_fd);
+        let files = [descriptors.channel.as_fd(), manifest.as_fd(), descriptors.lock];
+        let doorbells = descriptors.doorbells.iter().map(AsFd::as_fd);
         hand_on(&mut command, CONTROL_FD, files.into_iter().chain(doorbells))
     });
     let error = started.map_or_else(|error| error, |()| command.exec());

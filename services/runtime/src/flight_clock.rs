@@ -34,7 +34,7 @@ impl FlightClock {
         monotonic_ns().saturating_sub(self.start_ns)
     }
 
-    /// Returns the tick that began last; 0 also before the start.
+    /// Returns the current tick; 0 before the start.
     #[must_use]
     #[inline]
     pub fn tick(&self) -> u64 {
@@ -67,10 +67,10 @@ pub fn monotonic_ns() -> u64 {
     now.tv_sec.cast_unsigned() * NANOSECONDS + now.tv_nsec.cast_unsigned()
 }
 
-/// Sleeps until a time of `CLOCK_MONOTONIC`, ns, or until a signal arrives.
+/// Sleeps until a time of `CLOCK_MONOTONIC`, ns, or a signal.
 #[inline]
 pub fn nap_until(at_ns: u64) {
-    // A caller that needs the time to have passed reads the clock again.
+    // A caller that depends on the time reads the clock again.
     let _interrupted = clock_nanosleep_absolute(ClockId::Monotonic, &deadline(at_ns));
 }
 

@@ -16,7 +16,7 @@ pub enum FlightError {
     /// A port failed.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// A sample arrived that was not the due one: the publisher and this service disagree.
+    /// A sample other than the due one arrived: publisher and consumer disagree about the schedule.
     #[error(
         "at tick {tick} the sample {got} of `{topic}` came where {due} was due: a sample was lost, or `{}` published \
          what was not due", .topic.publisher().map_or("nobody", ServiceId::name)
@@ -34,9 +34,9 @@ pub enum FlightError {
     /// The control channel failed.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// Code that is not Gerono's own forgets a part of its state.
+    /// The saved state of a plug-in is incomplete.
     #[error("{0}")]
-    Forgets(String),
+    IncompleteState(String),
     /// The run ends.
     #[error("the run was stopped")]
     Stopping,

@@ -1,11 +1,11 @@
 //! Input of a service in lock step, also of a restarted one.
 //!
-//! A restarted service may have missed samples that were published while no process listened. The orchestrator has
-//! recorded them and sends them; the port gives the later ones. At first the service accepts samples from both. All
-//! samples after the port's first one come through the port. Once the due sample is not earlier than that one, none can
-//! be missing any more, and samples are read in shared memory again.
+//! A restarted service may have missed samples that were published before its ports existed. The orchestrator has recorded
+//! these samples and sends them; later ones arrive at the port. At first the service accepts samples from both sources.
+//! No sample after the first one at the port can be missing: as soon as the due sample is not earlier than that one, the
+//! service reads from shared memory only.
 //!
-//! An edge with planned faults takes every sample at once and keeps those that may still be due ([`EdgeStore`]).
+//! An edge with planned faults receives every sample at once and stores those that may still be due ([`EdgeStore`]).
 
 use shared_types::ServiceId;
 use shared_types::schedule::Edge;
@@ -17,9 +17,9 @@ use host::edge_store::EdgeStore;
 
 /// Input of a service.
 pub struct InputPort {
-    /// Place of the input in the wiring table.
+    /// Index of the input in the wiring table.
     pub index: usize,
-    /// The input as the schedule sees it.
+    /// The input's edge in the schedule.
     pub edge: Edge,
     /// Publisher of the topic.
     pub publisher: ServiceId,
@@ -27,13 +27,12 @@ pub struct InputPort {
     kept: Option<Kept>,
 }
 
-/// Samples that are kept beside the one that the port holds: of a restarted service, and of an edge with planned
-/// faults.
+/// Copies of samples besides the one that the port holds, for a restarted service and for an edge with planned faults.
 struct Kept {
     samples: EdgeStore,
-    /// `true` while samples may be missing that only the orchestrator has.
+    /// `true` while the due sample may have to come from the orchestrator.
     is_restarted: bool,
-    /// Tick of the first sample that came through the port.
+    /// Tick of the first sample that arrived at the port.
     first_at_port: Option<u64>,
 }
 
@@ -67,8 +66,8 @@ impl InputPort {
 
     /// Marks the service as restarted.
     ///
-    /// Samples at the port until now are discarded, because they may have gaps: a publisher does not wait for a
-    /// receiver that is not connected or not known yet. From now on there are none.
+    /// Discards the samples that are at the port. They may have gaps, because a publisher does not wait for a receiver
+    /// that is not connected or not published in the control block. Later samples have none.
     ///
     /// # Errors
     /// The error of the port.
@@ -78,22 +77,21 @@ impl InputPort {
         Ok(())
     }
 
-    /// Takes a sample that may have been missed.
+    /// Stores a sample that the service may have missed.
     pub fn take_missed(&mut self, bytes: &[u8]) {
         if let Some(kept) = self.kept.as_mut().filter(|kept| kept.is_restarted) {
             kept.samples.keep(bytes);
         }
     }
 
-    /// Returns whether all samples come through the port.
+    /// Returns whether all further samples come from the port.
     #[must_use]
     #[inline]
     pub fn has_caught_up(&self) -> bool {
         self.kept.as_ref().is_none_or(|kept| !kept.is_restarted)
     }
 
-    /// Takes samples until the one of tick `due` is here, for the step at `tick`. Returns `false` if it has not come
-    /// yet.
+    /// Receives samples up to that of tick `due`, for the step at `tick`. Returns `false` if it has not arrived yet.
     ///
     /// # Errors
     /// [`FlightError::Lost`] or the error of the port.
@@ -106,8 +104,8 @@ impl InputPort {
                 self.advance_restarted(tick, due)
             };
         }
-        // Bounded: a publisher that repeats old samples without a pause must not keep the service from seeing the end
-        // of the run.
+        // Bounded: a publisher that repeats old samples without a pause must not prevent the service from checking for
+        // the end of the run.
         for _ in 0..=RECORDER_BUFFER {
             if let Some(got) = self.held_tick() {
                 if got == due {
@@ -124,7 +122,7 @@ impl InputPort {
         Ok(false)
     }
 
-    /// Returns the sample of tick `due` for the step at `tick`, once it is here.
+    /// Returns the sample of tick `due` for the step at `tick`, after it has arrived.
     #[must_use]
     #[inline]
     pub fn view(&mut self, tick: u64, due: u64) -> InputView<'_> {
@@ -137,7 +135,7 @@ impl InputPort {
         }
     }
 
-    /// Takes all samples of the port until none can be missing any more, even if the orchestrator gave the due one: a
+    /// Receives all samples at the port until no sample can be missing, even if the orchestrator has sent the due one: a
     /// full port would block its publisher.
     #[cold]
     fn advance_restarted(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
@@ -157,15 +155,15 @@ impl InputPort {
             return Ok(true);
         }
         if kept.is_restarted {
-            // The due sample is earlier than the port's first: only the orchestrator has it.
+            // The due sample is earlier than the first one at the port: it comes from the orchestrator.
             return Ok(false);
         }
-        // The kept samples are used up: the next one is at the port.
+        // No stored sample is left: the next one is at the port.
         self.kept = None;
         self.advance(tick, due)
     }
 
-    /// Keeps all samples that have come: with late or lost samples, later ones may come before the due one.
+    /// Stores all samples that have arrived: with late or lost samples, later ones may arrive before the due one.
     #[cold]
     fn advance_among_faults(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
         let Some(kept) = &mut self.kept else {

@@ -1,9 +1,9 @@
-//! Input queue of a service in real time: the latest samples, of which a step sees the newest due one.
+//! Input queue of a service in real time: the latest samples, of which a step reads the newest due one.
 //!
-//! A step never waits for a lost sample: newer samples overwrite older ones. A few are kept, because the newest one is
-//! not always due, and the one that was delivered last stays until a newer one is due: an input that has had a sample
-//! never again has none. Samples of simulated cameras and radios take some ticks on their way, and the controller joins two
-//! inputs of one tick while the next sample of the first has already come.
+//! A step never waits for a lost sample: newer samples overwrite older ones. The queue holds a few samples, because the
+//! newest one is not always due: samples of simulated cameras and radios have a latency of some ticks, and the controller
+//! joins two inputs of one tick while the next sample of the first may have arrived. The delivered sample is retained until
+//! a newer one is due, so an input that has delivered a sample never becomes empty again.
 
 use shared_types::schedule::Edge;
 use shared_types::service::{InputView, header_of};
@@ -14,23 +14,23 @@ use host::edge_store::EdgeStore;
 use host::owned_sample::OwnedSample;
 use host::step::Timetable;
 
-/// Samples that are kept beside those that are on their way.
+/// Capacity beyond the samples within the edge's latency.
 const SPARE: usize = 4;
 
-/// Samples that are kept for a service that catches up with late steps, each of which sees the sample that was due at it:
-/// as many as the largest port holds.
+/// Capacity for a service that catches up with late steps, each of which reads the sample that was due at it: that of the
+/// largest port.
 pub const CATCHING_UP: usize = RECORDER_BUFFER;
 
-/// Longest stall or restart of a service that takes in all samples of which it still gets every one, ns, as far as
-/// [`CATCHING_UP`] samples go. A service that is always late is behind by no more. Older samples are dropped, and the steps
-/// that would have seen them count as left out.
+/// Longest stall or restart after which a service that reads every sample loses none, ns, limited to [`CATCHING_UP`]
+/// samples; also the largest lag of a service that is always late. Older samples are dropped, and the steps that would have
+/// read them count as missed.
 pub const TAKEN_IN_NS: u64 = 700_000_000;
 
 /// Latest samples of an input.
 pub struct InputQueue {
-    /// The input as the schedule sees it.
+    /// The input's edge in the schedule.
     pub edge: Edge,
-    /// Place of the input in the wiring table.
+    /// Index of the input in the wiring table.
     pub index: usize,
     /// Publisher of the topic.
     pub publisher: ServiceId,
@@ -38,31 +38,31 @@ pub struct InputQueue {
     kept: KeptSamples,
 }
 
-/// Samples that have come.
+/// Samples that have arrived.
 struct KeptSamples {
-    /// A ring, of ascending ticks.
+    /// Ring in ascending order of ticks.
     slots: Vec<Slot>,
-    /// Place of the next sample.
+    /// Slot of the next sample.
     next: usize,
-    /// The sample that was delivered last, once newer ones have taken its place in the ring.
+    /// The sample that was delivered last, after newer ones have overwritten its slot.
     delivered: Slot,
     newest: Option<u64>,
-    /// Tick of the sample that the step before saw.
+    /// Tick of the sample that the previous step read.
     seen: Option<u64>,
-    /// With planned faults: all samples that may be due.
+    /// All samples that may be due, if faults of the edge are planned.
     store: Option<EdgeStore>,
 }
 
-/// Returns the number of samples that are kept of an input.
+/// Returns the capacity of the queue of an input.
 #[must_use]
-pub fn places(schedule: &Schedule, consumer: &Timetable, edge: &Edge) -> usize {
+pub fn capacity(schedule: &Schedule, consumer: &Timetable, edge: &Edge) -> usize {
     let period = schedule.topic_rate(edge.topic).period;
-    let places = |samples: u64| usize::try_from(samples).unwrap_or(CATCHING_UP).min(CATCHING_UP);
-    let on_their_way = places(edge.latency / period);
-    match (consumer.makes_up, consumer.takes_in_all) {
+    let limited = |samples: u64| usize::try_from(samples).unwrap_or(CATCHING_UP).min(CATCHING_UP);
+    let in_transit = limited(edge.latency / period);
+    match (consumer.catches_up, consumer.reads_every_sample) {
         (true, _) => CATCHING_UP,
-        (false, true) => on_their_way + places(TAKEN_IN_NS.div_ceil(schedule.time_ns(period))),
-        (false, false) => on_their_way + SPARE,
+        (false, true) => in_transit + limited(TAKEN_IN_NS.div_ceil(schedule.time_ns(period))),
+        (false, false) => in_transit + SPARE,
     }
 }
 
@@ -72,7 +72,7 @@ struct Slot {
     sample: OwnedSample,
 }
 
-/// Input as a step sees it.
+/// Input of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Delivery<'a> {
     /// The sample.
@@ -93,10 +93,10 @@ impl InputQueue {
     ) -> Self {
         let edge = schedule.edge(service, index);
         let topic = edge.topic;
-        let depth = places(schedule, &Timetable::new(schedule, service), &edge);
+        let depth = capacity(schedule, &Timetable::new(schedule, service), &edge);
         let slot = || Slot {
             tick: None,
-            sample: OwnedSample::of(topic),
+            sample: OwnedSample::zeroed(topic),
         };
         Self {
             kept: KeptSamples {
@@ -129,30 +129,30 @@ impl InputQueue {
         self.edge.due_sample(tick) == Some(tick)
     }
 
-    /// Returns whether any sample has come.
+    /// Returns whether any sample has arrived.
     #[must_use]
     #[inline]
     pub fn has_any(&self) -> bool {
         self.kept.newest.is_some()
     }
 
-    /// Takes new samples. Returns whether the sample of `tick` or a newer one has come.
+    /// Receives new samples. Returns whether the sample of `tick` or a newer one has arrived.
     ///
     /// # Errors
     /// The error of the port.
     #[inline]
-    pub fn has_come(&mut self, tick: u64) -> Result<bool, PortError> {
+    pub fn has_arrived(&mut self, tick: u64) -> Result<bool, PortError> {
         self.collect()?;
         Ok(self.kept.newest >= Some(tick))
     }
 
-    /// Takes new samples.
+    /// Receives new samples.
     ///
     /// # Errors
     /// The error of the port.
     #[inline]
     pub fn collect(&mut self) -> Result<(), PortError> {
-        // Bounded: a publisher that is faster than this must not keep the step from beginning.
+        // Bounded: a publisher that is faster than this loop must not delay the step.
         for _ in 0..RECORDER_BUFFER {
             if !self.receiver.receive()? {
                 break;
@@ -162,8 +162,8 @@ impl InputQueue {
         Ok(())
     }
 
-    /// Returns the tick from which on the oldest sample that no step has seen is due; `None` if all have been seen, and
-    /// with planned faults, which say by themselves what is lost.
+    /// Returns the tick at which the oldest unread sample becomes due; `None` if there is none, and with planned faults,
+    /// which define the lost samples themselves.
     #[must_use]
     pub fn oldest_unseen_is_due(&self) -> Option<u64> {
         let unseen = self.kept.slots.iter().filter_map(|slot| slot.tick);
@@ -171,7 +171,7 @@ impl InputQueue {
         Some(oldest + self.edge.latency)
     }
 
-    /// Takes samples that were published before the port was made, one after another: a restarted service is to see them.
+    /// Stores concatenated samples that were published before the port of a restarted service existed.
     pub fn take_missed(&mut self, samples: &[u8]) {
         let size = self.kept.delivered.sample.bytes().len();
         for sample in samples.chunks_exact(size) {
@@ -191,7 +191,7 @@ impl InputQueue {
 }
 
 impl KeptSamples {
-    /// Keeps a sample, unless it is no newer than those before: a restarted publisher may repeat its last samples.
+    /// Stores a sample that is newer than all before: a restarted publisher may repeat its last samples.
     #[inline]
     fn keep(&mut self, bytes: &[u8]) {
         let tick = header_of(bytes).tick;

@@ -1,4 +1,4 @@
-//! Launch of a service that has joined the run: its ports, its start, and the state of a dead predecessor.
+//! Launch of a service that has joined the run: ports, start, and the state of a dead predecessor.
 
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
@@ -25,24 +25,24 @@ use crate::wait::Waiter;
 use host::step::Timetable;
 use host::watchdog::{self, Work};
 
-/// Parts of a service that knows its role and may make its ports.
+/// Resources of a service that has its role and may create its ports.
 pub struct Launch<'a> {
     /// Schedule of all steps.
     pub schedule: &'a Schedule,
-    /// The topics that it publishes or consumes.
+    /// Topics that the service publishes or consumes.
     pub topics: &'a Topics,
     /// Checkpoints of the run.
     pub checkpoints: &'a Checkpoints,
     /// Step records of the run, in real time.
     pub step_log: &'a StepLog,
-    /// Place where it is to die.
+    /// Planned crash.
     pub crash: CrashPoint,
-    /// Refused parts of its deployment.
+    /// Refused parts of the deployment.
     pub warnings: Vec<String>,
 }
 
 impl Launch<'_> {
-    /// Flies in lock step once all services are ready, and stays until the run has ended.
+    /// Flies in lock step as soon as all services are ready, and waits for the end of the run.
     ///
     /// # Errors
     /// [`ProcessError`].
@@ -62,7 +62,7 @@ impl Launch<'_> {
             return Ok(());
         };
         watchdog::during(Work::Ports, || ports.connect())?;
-        ports.make_known();
+        ports.publish_receivers();
         let mut context = ServiceContext {
             ports: &mut ports,
             waiter,
@@ -70,13 +70,13 @@ impl Launch<'_> {
             crash: self.crash,
         };
         let first_tick = if restarted {
-            go_on(service, self.schedule, &mut context)?
+            resume(service, self.schedule, &mut context)?
         } else {
             0
         };
         lock_step::fly(service, self.schedule, first_tick, &mut context)?;
-        watchdog::rest();
-        stay_until_the_end(context.waiter.channel())
+        watchdog::idle();
+        wait_for_end(context.waiter.channel())
     }
 
     /// Executes the steps of a replay, as the orchestrator orders them.
@@ -89,12 +89,12 @@ impl Launch<'_> {
             return Ok(());
         }
         ports.connect()?;
-        replaying::obey(service, self.schedule, &mut ports, channel)?;
+        replaying::execute_orders(service, self.schedule, &mut ports, channel)?;
         Ok(())
     }
 
-    /// Flies in real time once all services are ready, and stays until the run has ended. `lock` is that of the run's
-    /// place.
+    /// Flies in real time as soon as all services are ready, and waits for the end of the run. `lock` is the lock of the
+    /// run's folder.
     ///
     /// # Errors
     /// [`ProcessError`].
@@ -154,23 +154,23 @@ impl Launch<'_> {
             crash: self.crash,
         };
         let flown = real_time::fly(service.as_mut(), self.schedule, checkpoint.as_ref(), &mut context);
-        watchdog::rest();
-        // Hardware that it is connected to in a laboratory stops with the flight, and not with a process that fails.
-        // That a plug-in forgets a part of its state is said after its last step.
+        watchdog::idle();
+        // Connected laboratory hardware stops with the flight, and not with a process that fails. An incomplete state of a
+        // plug-in is reported after its last step.
         if matches!(
             flown,
-            Ok(()) | Err(FlightError::Stopping | FlightError::Forgets(_))
+            Ok(()) | Err(FlightError::Stopping | FlightError::IncompleteState(_))
         ) {
             service.finish();
         }
         flown?;
         drop(service);
-        stay_until_the_end(context.orchestrator_watchdog.channel())
+        wait_for_end(context.orchestrator_watchdog.channel())
     }
 }
 
-/// Reports that all ports are made and waits for the start, and takes what comes before it. Returns whether another process
-/// has flown before this one; `None` if the run ends.
+/// Reports that all ports exist and waits for the start; passes missed samples to `take_missed` until then. Returns whether
+/// this process is a restart; `None` if the run ends.
 fn await_go(
     channel: &Channel,
     warnings: Vec<String>,
@@ -187,8 +187,8 @@ fn await_go(
     }
 }
 
-/// Restores the state of the dead predecessor. Returns the tick after the last one that the state includes.
-fn go_on(
+/// Restores the state of the dead predecessor. Returns the first tick that the state does not include.
+fn resume(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
     context: &mut ServiceContext<'_>,
@@ -206,12 +206,13 @@ fn go_on(
     Ok(first_tick)
 }
 
-/// Reports that all steps are done, and waits: the last samples stay mapped until all consumers have read them.
-fn stay_until_the_end(channel: &Channel) -> Result<(), ProcessError> {
+/// Reports that all steps are done, and waits for the end of the run: the last samples stay mapped until all consumers have
+/// read them.
+fn wait_for_end(channel: &Channel) -> Result<(), ProcessError> {
     channel.send(&ToOrchestrator::Finished)?;
     loop {
         match channel.receive::<ToService>() {
-            // No sample is missing any more.
+            // All steps are done: a missed sample is not needed.
             Ok(ToService::Missed { .. }) => {}
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),

@@ -1,4 +1,4 @@
-//! Frame in which every service runs. It contains no control theory.
+//! Runtime in which every service executes. It contains no control theory.
 //!
 //! A service's step logic ([`shared_types::Service`]) is pure. Hosts decide which samples are delivered at a step, and
 //! they must agree to the byte:
@@ -16,31 +16,32 @@
 //! * [`untrusted`]: samples of external services.
 //!
 //! Shared memory and coordination:
-//! * [`shared_page`]: control block, by whose words the processes of a run coordinate;
+//! * [`shared_page`]: control block, the words by which the processes of a run coordinate;
 //! * [`wait`]: yield, then sleep on a [`doorbell`];
 //! * [`wait_policy`]: yield or sleep;
 //! * [`checkpoints`]: states of the services, for restarts;
 //! * [`step_log`]: record of every step in real time;
 //! * [`status_cell`]: status of a service's hardware;
-//! * [`seqlock`]: records that are copied beside their writer;
-//! * [`shared_file`]: memory of all of these;
+//! * [`seqlock`]: records that are copied while their writer runs;
+//! * [`shared_file`]: the mapped files of all of these;
 //! * [`shared_memory`]: named shared memory of a run, and its leftovers.
 //!
 //! Processes:
-//! * [`process`] and [`launch`]: work of `gerono service NAME`;
+//! * [`process`] and [`launch`]: `gerono service NAME`, from start to end;
 //! * [`control`]: control channel between the orchestrator and each service;
 //! * [`deployment`]: core, scheduler, memory, death of the parent;
 //! * [`descriptors`]: inherited file descriptors;
 //! * [`external_service`]: an external program in place of a service;
-//! * [`activity`]: whether a process could run, and how long it has;
+//! * [`activity`]: run state and CPU time of a process;
 //! * [`flight_clock`]: ticks on the system's clock;
-//! * [`orchestrator_watchdog`] and [`take_over`]: loss of the orchestrator, and another one that takes over;
-//! * [`watchdog`]: work that takes too long;
-//! * [`crash`]: deaths at chosen places, for tests.
+//! * [`orchestrator_watchdog`] and [`take_over`]: loss of the orchestrator, and its replacement;
+//! * [`watchdog`]: end of a process whose work takes too long;
+//! * [`crash`]: deaths at chosen points, for tests.
 //!
-//! Failure policy: nothing waits without an end. A service ends when its orchestrator says so, when the control channel
-//! closes, or when its parent dies. A service stops at a number that is not finite and never publishes it.
+//! Failure policy: every wait ends. A service ends when its orchestrator requests it, when the control channel closes, or
+//! when its parent dies. A service stops at a number that is not finite and never publishes it.
 
+#![warn(missing_docs)]
 #![warn(missing_docs)]
 
 pub mod activity;

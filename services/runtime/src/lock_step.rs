@@ -1,12 +1,12 @@
-//! Lock-step host of one service: it waits for exactly the samples that the schedule says are due.
+//! Lock-step host of one service: each step waits for exactly the due samples of the schedule.
 //!
-//! Results cannot depend on the scheduling of the processes: a step begins only when the due sample of every input is
-//! here, and later samples stay in their buffers. No sample is lost; publishers run ahead at most as far as the
+//! Results cannot depend on the scheduling of the processes: a step begins only when the due sample of every input has
+//! arrived, and later samples stay in their buffers. No sample is lost; publishers run ahead at most as far as the
 //! schedule permits.
 //!
-//! Every ten ticks the service writes a checkpoint. A process that is started after a death goes on from there. It gets
-//! the samples that it has missed, repeats the steps since the checkpoint, and publishes their outputs again; consumers
-//! skip the samples that they have had. Steps are pure functions, so a death leaves no trace in the published samples.
+//! Every ten ticks the service writes a checkpoint. After a death a new process resumes from it. It receives the missed
+//! samples, repeats the steps since the checkpoint, and publishes their outputs again; consumers skip the samples that they
+//! have received before. Steps are pure functions, so a death leaves no trace in the published samples.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -27,7 +27,7 @@ use crate::wait::Waiter;
 use host::step::{self, Slots, Timetable, Views};
 use host::watchdog::{self, Work};
 
-/// Most ticks whose steps are repeated after a death. A checkpoint is a copy of some kilobytes and takes a twentieth of
+/// Maximum number of ticks that are repeated after a death. A checkpoint is a copy of some kilobytes and takes a twentieth of
 /// a tick in which each service writes one; ten ticks of steps take less than the start of a process.
 const CHECKPOINT_PERIOD: u64 = 10;
 
@@ -40,8 +40,8 @@ pub struct ServicePorts {
     /// Source of the samples that a restarted service has missed.
     missed: Option<Channel>,
     /// `true` if a fault is planned, or a service was restarted. Then publishers may run ahead, or repeat samples,
-    /// until buffers are full, and a service that waits for one input must not make the publisher of another one wait.
-    takes_all: bool,
+    /// until buffers are full, and a service that waits for one input must not block the publisher of another one.
+    drains_all: bool,
     /// Restarts of other services whose ports are connected.
     restarts_seen: u32,
 }
@@ -60,7 +60,7 @@ impl ServicePorts {
         let page = waiter.page();
         let mut inputs = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
-            let mut receiver = topics.of(spec.topic).receiver()?;
+            let mut receiver = topics.ports(spec.topic).receiver()?;
             let publisher = spec
                 .topic
                 .publisher()
@@ -88,21 +88,21 @@ impl ServicePorts {
             inputs,
             outputs,
             missed: None,
-            takes_all: schedule.has_faults(),
+            drains_all: schedule.has_faults(),
             restarts_seen: 0,
         })
     }
 
-    /// Makes publishers wait for the service when its buffers are full. Before, they fly on without it: a restarted
-    /// service must not hold up others until it flies.
-    pub fn make_known(&mut self) {
+    /// Publishes the ids of the receivers in the control block: from now on publishers wait for them when a buffer is full.
+    /// Before, publishers ignore them: a restarted service must not block others until it flies.
+    pub fn publish_receivers(&mut self) {
         let receivers = &self.page.control_block().cells[self.id.index()].receivers;
         for input in &mut self.inputs {
             receivers[input.index].store(input.receiver().id());
         }
     }
 
-    /// Connects all ports to those of the other services that exist by now.
+    /// Connects all ports to the existing ports of other services.
     ///
     /// # Errors
     /// [`PortError`].
@@ -123,39 +123,40 @@ impl ServicePorts {
         Ok(())
     }
 
-    /// Connects to the ports of restarted services and confirms it: until then they do not fly.
+    /// Connects to the ports of restarted services, and confirms it: they do not fly before.
     #[inline]
-    fn greet(&mut self) -> Result<(), PortError> {
-        // Acquire: the new ports exist before the orchestrator counts the restart.
-        let births = self.page.control_block().births.load(Ordering::Acquire);
-        if births == self.restarts_seen {
+    fn connect_restarted(&mut self) -> Result<(), PortError> {
+        // Acquire: the new ports exist before the orchestrator counts the restart. An older view of the ports would be
+        // confirmed as connected without them.
+        let restarts = self.page.control_block().restarts.load(Ordering::Acquire);
+        if restarts == self.restarts_seen {
             return Ok(());
         }
-        self.restarts_seen = births;
-        self.takes_all = true;
+        self.restarts_seen = restarts;
+        self.drains_all = true;
         self.connect()?;
         let cell = &self.page.control_block().cells[self.id.index()];
         // Release: connected before confirmed. The restarted service flies once all have confirmed; a confirmation that
         // came first would let it publish to a consumer without a connection, which would lose the sample.
-        cell.restarts_seen.store(births, Ordering::Release);
+        cell.restarts_seen.store(restarts, Ordering::Release);
         Ok(())
     }
 
-    /// Looks for the sample of tick `due` of an input.
+    /// Checks for the sample of tick `due` of an input.
     #[inline]
-    fn look(&mut self, input: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
-        self.greet()?;
+    fn poll_input(&mut self, input: usize, tick: u64, due: u64) -> Result<bool, FlightError> {
+        self.connect_restarted()?;
         if self.missed.is_some() {
             self.read_missed()?;
         }
-        let is_here = self.inputs[input].advance(tick, due)?;
-        if !is_here && self.takes_all {
+        let has_arrived = self.inputs[input].advance(tick, due)?;
+        if !has_arrived && self.drains_all {
             self.make_room(tick)?;
         }
-        Ok(is_here)
+        Ok(has_arrived)
     }
 
-    /// Takes of every input the samples that are not later than the due one.
+    /// Receives the samples of every input up to the due one.
     #[cold]
     fn make_room(&mut self, tick: u64) -> Result<(), FlightError> {
         for input in &mut self.inputs {
@@ -181,7 +182,7 @@ impl ServicePorts {
         Ok(())
     }
 
-    /// Reports to the orchestrator, once, that no sample can be missing any more.
+    /// Reports to the orchestrator, once, that all further samples come from the ports.
     #[cold]
     fn catch_up(&mut self) -> Result<(), FlightError> {
         if self.inputs.iter().all(InputPort::has_caught_up)
@@ -195,13 +196,13 @@ impl ServicePorts {
 
 /// Context in which a service flies.
 pub struct ServiceContext<'a> {
-    /// Its ports.
+    /// Ports of the service.
     pub ports: &'a mut ServicePorts,
-    /// Its place in the ring.
+    /// Waiting for other services of the ring.
     pub waiter: &'a mut Waiter,
     /// Checkpoints of the run.
     pub checkpoints: &'a Checkpoints,
-    /// Place where it is to die.
+    /// Planned crash.
     pub crash: CrashPoint,
 }
 
@@ -230,7 +231,7 @@ pub fn fly(
         let dies = timetable.dies_after(tick, next);
         let is_last = next.is_none_or(|next| next > schedule.last_tick());
         if dies || is_last || next.map(period_of) != Some(period_of(tick)) {
-            context.keep(service, tick + 1);
+            context.write_checkpoint(service, tick + 1);
         }
         context.crash.pass(CrashPlace::BeforeWaking, tick);
         let cell = context.waiter.cell();
@@ -253,7 +254,7 @@ fn period_of(tick: u64) -> u64 {
 }
 
 impl ServiceContext<'_> {
-    /// Waits until the due sample of every input is here.
+    /// Waits for the due sample of every input.
     #[inline]
     fn await_inputs(&mut self, tick: u64) -> Result<(), FlightError> {
         for at in 0..self.ports.inputs.len() {
@@ -263,7 +264,7 @@ impl ServiceContext<'_> {
             };
             let publisher = input.publisher;
             self.waiter
-                .wait(publisher, due, || self.ports.look(at, tick, due))?;
+                .wait(publisher, due, || self.ports.poll_input(at, tick, due))?;
         }
         Ok(())
     }
@@ -292,14 +293,14 @@ impl ServiceContext<'_> {
             result => result?,
         }
         self.crash.pass(CrashPlace::AfterPublishing, tick);
-        service.try_saved_state().map_err(FlightError::Forgets)
+        service.try_saved_state().map_err(FlightError::IncompleteState)
     }
 
     /// Writes the checkpoint of the service before its step at `next_tick`.
     #[inline]
-    fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
-        self.checkpoints.write(service.id(), next_tick, |keep| {
-            service.save_with(keep);
+    fn write_checkpoint(&self, service: &dyn ErasedService, next_tick: u64) {
+        self.checkpoints.write(service.id(), next_tick, |write| {
+            service.save_with(write);
             self.crash.pass(CrashPlace::Checkpointing, next_tick);
         });
     }

@@ -1,9 +1,9 @@
 //! Orchestrator watchdog: the reaction of a service in real time to the loss of the orchestrator.
 //!
-//! The orchestrator renews a time in the control block. A service that sees it unchanged for [`SILENCE_NS`] checks its
-//! control channel: an orchestrator that is only stopped or slow still holds the other end. If it is gone, the services
-//! land the vehicle or fly on to the end of the scenario, as the scenario says. Without flight phases they cannot land,
-//! and end. Meanwhile they look for an orchestrator that takes over.
+//! The orchestrator renews a time stamp in the control block. If it is older than [`SILENCE_NS`], a service checks its
+//! control channel: an orchestrator that is only stopped or slow still holds the other end. If the channel is closed, the
+//! services land the vehicle or continue to the end of the scenario, as the scenario states. Without flight phases they
+//! cannot land, and end. Meanwhile they poll for an orchestrator that takes over.
 
 use std::sync::atomic::Ordering;
 
@@ -13,10 +13,10 @@ use crate::control::Channel;
 use crate::shared_page::ControlBlock;
 use crate::take_over::HandOver;
 
-/// Silence of the orchestrator after which a service checks whether it is gone, ns.
+/// Age of the orchestrator's time stamp from which a service checks the control channel, ns.
 pub const SILENCE_NS: u64 = 500_000_000;
 
-/// Longest landing without the orchestrator, ns.
+/// Timeout of a landing without an orchestrator, ns.
 const LANDING_NS: u64 = 60_000_000_000;
 
 /// Watchdog of one service over the orchestrator.
@@ -24,81 +24,80 @@ const LANDING_NS: u64 = 60_000_000_000;
 pub struct OrchestratorWatchdog {
     channel: Channel,
     hand_over: HandOver,
-    then: Then,
+    reaction: Reaction,
     /// Time at which the orchestrator was found to be gone, ns of `CLOCK_MONOTONIC`.
-    alone_since: Option<u64>,
+    orphaned_since: Option<u64>,
     /// Time of the next check, ns of `CLOCK_MONOTONIC`.
-    look_at: u64,
+    next_check_ns: u64,
 }
 
 /// Reaction to the loss of the orchestrator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Then {
+enum Reaction {
     End,
     Land,
-    FlyOn,
+    Continue,
 }
 
 impl OrchestratorWatchdog {
-    /// Makes the watchdog for a flight of `scenario` by an orchestrator at the other end of `channel`. An orchestrator
-    /// that takes over gets `hand_over`.
+    /// Makes the watchdog for a flight of `scenario` by the orchestrator at the other end of `channel`. An orchestrator
+    /// that takes over receives `hand_over`.
     #[must_use]
     pub fn new(scenario: &Scenario, channel: Channel, hand_over: HandOver) -> Self {
-        let wanted = scenario.real_time.unwrap_or_default().orchestrator_loss;
+        let stated = scenario.real_time.unwrap_or_default().orchestrator_loss;
         Self {
             channel,
             hand_over,
-            then: match (wanted, &scenario.flight) {
-                (OrchestratorLoss::Continue, _) => Then::FlyOn,
-                (OrchestratorLoss::Land, Some(_)) => Then::Land,
-                (OrchestratorLoss::Land, None) => Then::End,
+            reaction: match (stated, &scenario.flight) {
+                (OrchestratorLoss::Continue, _) => Reaction::Continue,
+                (OrchestratorLoss::Land, Some(_)) => Reaction::Land,
+                (OrchestratorLoss::Land, None) => Reaction::End,
             },
-            alone_since: None,
-            look_at: 0,
+            orphaned_since: None,
+            next_check_ns: 0,
         }
     }
 
-    /// Returns whether the vehicle is to land because the orchestrator is gone.
+    /// Returns whether the loss of the orchestrator requires a landing.
     #[must_use]
     #[inline]
-    pub fn is_to_land(&self) -> bool {
-        self.alone_since.is_some() && self.then == Then::Land
+    pub fn requires_landing(&self) -> bool {
+        self.orphaned_since.is_some() && self.reaction == Reaction::Land
     }
 
-    /// Returns the control channel to the orchestrator, or to the one that has taken over.
+    /// Returns the control channel to the current orchestrator.
     #[must_use]
     pub fn channel(&self) -> &Channel {
         &self.channel
     }
 
-    /// Checks for the orchestrator at time `now`, ns of `CLOCK_MONOTONIC`. Returns whether the service is to end
-    /// because the orchestrator is gone.
+    /// Checks for the orchestrator at time `now`, ns of `CLOCK_MONOTONIC`. Returns whether its loss ends the service.
     #[inline]
     pub fn has_ended(&mut self, block: &ControlBlock, now: u64) -> bool {
-        // Relaxed: a time and nothing else. An old value only makes the check of the channel come earlier.
+        // Relaxed: the time stamp publishes no other data. An old value only makes the check of the channel earlier.
         let alive = block.orchestrator_alive_ns.load(Ordering::Relaxed);
-        if now.saturating_sub(alive) < SILENCE_NS || now < self.look_at {
+        if now.saturating_sub(alive) < SILENCE_NS || now < self.next_check_ns {
             return false;
         }
-        self.look(now)
+        self.check_channel(now)
     }
 
     #[cold]
-    fn look(&mut self, now: u64) -> bool {
-        self.look_at = now + SILENCE_NS;
+    fn check_channel(&mut self, now: u64) -> bool {
+        self.next_check_ns = now + SILENCE_NS;
         if !self.channel.is_closed() {
             return false;
         }
         if let Some(channel) = self.hand_over.offer() {
             self.channel = channel;
-            self.alone_since = None;
+            self.orphaned_since = None;
             return false;
         }
-        let since = *self.alone_since.get_or_insert(now);
-        match self.then {
-            Then::End => true,
-            Then::Land => now - since > LANDING_NS,
-            Then::FlyOn => false,
+        let since = *self.orphaned_since.get_or_insert(now);
+        match self.reaction {
+            Reaction::End => true,
+            Reaction::Land => now - since > LANDING_NS,
+            Reaction::Continue => false,
         }
     }
 }
@@ -157,10 +156,10 @@ mod tests {
     fn an_orphaned_service_lands_flies_on_or_ends_as_the_scenario_says() {
         let block = ControlBlock::default();
         let mut landing = alone(OrchestratorLoss::Land, true);
-        assert!(!landing.is_to_land());
-        assert!(!landing.has_ended(&block, monotonic_ns()) && landing.is_to_land());
+        assert!(!landing.requires_landing());
+        assert!(!landing.has_ended(&block, monotonic_ns()) && landing.requires_landing());
         let mut flying_on = alone(OrchestratorLoss::Continue, true);
-        assert!(!flying_on.has_ended(&block, monotonic_ns()) && !flying_on.is_to_land());
+        assert!(!flying_on.has_ended(&block, monotonic_ns()) && !flying_on.requires_landing());
         assert!(alone(OrchestratorLoss::Land, false).has_ended(&block, monotonic_ns()));
     }
 
@@ -173,7 +172,7 @@ mod tests {
             hand_over(std::path::Path::new("nowhere")),
         );
         assert!(!flight.has_ended(&ControlBlock::default(), monotonic_ns()));
-        assert_eq!(flight.alone_since, None);
+        assert_eq!(flight.orphaned_since, None);
     }
 
     #[test]
@@ -182,10 +181,10 @@ mod tests {
         let mut flight = alone(OrchestratorLoss::Land, true);
         flight.hand_over = hand_over(place.path());
         let block = ControlBlock::default();
-        assert!(!flight.has_ended(&block, monotonic_ns()) && flight.is_to_land());
+        assert!(!flight.has_ended(&block, monotonic_ns()) && flight.requires_landing());
         let listener = TakeOverListener::listen(place.path()).unwrap();
         assert!(!flight.has_ended(&block, monotonic_ns() + 2 * SILENCE_NS));
-        assert!(!flight.is_to_land());
+        assert!(!flight.requires_landing());
         let inherited = listener
             .accept(std::time::Duration::from_secs(10))
             .unwrap()

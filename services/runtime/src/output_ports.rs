@@ -1,4 +1,4 @@
-//! Outputs of a service: the places of its samples, and their consumers.
+//! Outputs of a service: loaned samples and their consumers.
 
 use shared_types::schedule::Publication;
 use shared_types::wiring::OutputSpec;
@@ -33,7 +33,7 @@ impl OutputPorts {
         let open = |spec: &OutputSpec| {
             Ok(OutputPort {
                 publication: schedule.publication(spec.topic),
-                sender: sender_of(topics.of(spec.topic))?,
+                sender: sender_of(topics.ports(spec.topic))?,
             })
         };
         Ok(Self {
@@ -42,14 +42,14 @@ impl OutputPorts {
         })
     }
 
-    /// Returns the consumers of any output, each once.
+    /// Returns the consumers of all outputs, without duplicates.
     #[must_use]
     #[inline]
     pub fn consumers(&self) -> &[ServiceId] {
         &self.consumers
     }
 
-    /// Connects to all receivers that exist by now.
+    /// Connects to all existing receivers.
     ///
     /// # Errors
     /// [`PortError`].
@@ -59,8 +59,8 @@ impl OutputPorts {
             .try_for_each(|output| output.sender.connect())
     }
 
-    /// Loans places for the samples that are due at `tick`. The step writes in place: to copy a sample just written, it
-    /// would wait for the loaned memory to come from the recorder's core.
+    /// Loans memory for the samples that are due at `tick`. The step writes in place: a copy of a sample would stall until
+    /// the cache lines of the loaned memory arrive from the recorder's core.
     ///
     /// # Errors
     /// [`PortError`].
@@ -78,9 +78,9 @@ impl OutputPorts {
 
     /// Returns the loaned samples without publishing them.
     #[cold]
-    pub fn take_back(&mut self) {
+    pub fn discard_loan(&mut self) {
         for output in &mut self.outputs {
-            output.sender.take_back();
+            output.sender.discard_loan();
         }
     }
 

@@ -22,19 +22,19 @@ use crate::shared_page::SharedPage;
 pub use run_node::RunNode;
 pub use typed::Wire;
 
-/// Places of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
+/// Capacity of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;
 
-/// Subscribers of a topic beside those of the run: for people who watch a flight with other tools.
+/// Subscribers of a topic besides those of the run, for third-party tools.
 const OBSERVERS: usize = 2;
 
-/// Samples that a subscriber may hold.
+/// Maximum number of samples that a subscriber holds.
 pub const MAX_BORROWED: usize = 2;
 
-/// Samples that a publisher may be writing.
+/// Maximum number of samples that a publisher has loaned.
 pub const MAX_LOANED: usize = 2;
 
-/// Returns the largest number of subscribers of a topic: its consumers, the recorder, and observers.
+/// Returns the maximum number of subscribers of a topic: its consumers, the recorder, and observers.
 #[must_use]
 pub fn max_subscribers(topic: Topic) -> usize {
     topic.consumers().count() + 1 + OBSERVERS
@@ -99,7 +99,7 @@ pub enum PortError {
     Stopping,
 }
 
-/// Topics that a service has opened, each once.
+/// Open topics of a service.
 pub struct Topics([Option<Box<dyn TopicPorts>>; Topic::ALL.len()]);
 
 impl Topics {
@@ -107,10 +107,10 @@ impl Topics {
     ///
     /// # Errors
     /// [`PortError::Open`].
-    pub fn open(member: &RunNode, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
+    pub fn open(node: &RunNode, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = schedule.inputs_read(service).map(|(_, input)| input.topic);
         Self::open_each(service, schedule, inputs, |topic| {
-            member.open_topic(topic, schedule)
+            node.open_topic(topic, schedule)
         })
     }
 
@@ -118,14 +118,10 @@ impl Topics {
     ///
     /// # Errors
     /// [`PortError::Open`].
-    pub fn open_replayed(
-        member: &RunNode,
-        service: ServiceId,
-        schedule: &Schedule,
-    ) -> Result<Self, PortError> {
+    pub fn open_replayed(node: &RunNode, service: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = service.inputs().iter().map(|input| input.topic);
         Self::open_each(service, schedule, inputs, |topic| {
-            member.open_replayed_topic(topic, service, schedule)
+            node.open_replayed_topic(topic, service, schedule)
         })
     }
 
@@ -148,37 +144,37 @@ impl Topics {
     /// # Panics
     /// If the service has not opened it.
     #[must_use]
-    pub fn of(&self, topic: Topic) -> &dyn TopicPorts {
+    pub fn ports(&self, topic: Topic) -> &dyn TopicPorts {
         let ports = self.0[topic.index()].as_deref();
         ports.expect("all topics of the service are open")
     }
 }
 
-/// Returns the places of a consumer's buffer of a topic.
+/// Returns the capacity of a consumer's buffer of a topic.
 pub(crate) fn consumer_buffer(schedule: &Schedule, topic: Topic) -> usize {
     usize::try_from(schedule.buffer_size(topic)).map_or(RECORDER_BUFFER, |size| size.min(RECORDER_BUFFER))
 }
 
-/// Treatment of a sample for which a receiver has no room.
+/// Delivery of a sample to a receiver whose buffer is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// The publisher waits for room.
+    /// The publisher waits.
     Lossless,
-    /// The sample replaces the oldest one that has not been received.
+    /// The sample replaces the oldest one in the buffer.
     NewestWins,
 }
 
 /// Opened topic, ready to make its ports.
 pub trait TopicPorts {
-    /// Makes the publisher. `page` says which receivers it waits for when their buffers are full, and when the run ends
-    /// and it waits for none. It wakes the receivers by the `doorbells`.
+    /// Makes the publisher. It waits for a full buffer only of the receivers that `page` lists, and for none when the run
+    /// ends. It wakes the receivers by the `doorbells`.
     ///
     /// # Errors
     /// [`PortError::Create`].
     fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
     -> Result<Box<dyn Sender>, PortError>;
 
-    /// Makes the publisher of a topic in which the newest sample wins. It waits for no receiver.
+    /// Makes the publisher of a topic in which the newest sample wins; it never waits.
     ///
     /// # Errors
     /// [`PortError::Create`].
@@ -190,24 +186,24 @@ pub trait TopicPorts {
     /// [`PortError::Create`].
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
 
-    /// Makes a subscriber with a buffer of this capacity, at most [`RECORDER_BUFFER`]: the recorder's, or that of a service
-    /// that catches up with late steps.
+    /// Makes a subscriber with a buffer of this capacity, at most [`RECORDER_BUFFER`], for the recorder or a service that
+    /// catches up with late steps.
     ///
     /// # Errors
     /// [`PortError::Create`].
-    fn recorder(&self, places: usize) -> Result<Box<dyn Receiver>, PortError>;
+    fn recorder(&self, capacity: usize) -> Result<Box<dyn Receiver>, PortError>;
 }
 
 /// Publisher, in bytes.
 pub trait Sender {
-    /// Loans the place of the next sample. It holds the content of some earlier sample.
+    /// Loans memory for the next sample. It holds an earlier sample.
     ///
     /// # Errors
     /// [`PortError::Transport`].
     fn loan(&mut self) -> Result<&mut [u8], PortError>;
 
-    /// Returns the place of the next sample, if it has been loaned.
-    fn take_back(&mut self);
+    /// Returns the loaned memory, if any, unpublished.
+    fn discard_loan(&mut self);
 
     /// Sends the loaned sample, and waits for the receivers of the run.
     ///
@@ -215,7 +211,7 @@ pub trait Sender {
     /// [`PortError::Transport`], or [`PortError::Stopping`] if the run ends while a buffer is full.
     fn send(&mut self) -> Result<(), PortError>;
 
-    /// Connects to all receivers that exist by now.
+    /// Connects to all existing receivers.
     ///
     /// # Errors
     /// [`PortError::Transport`].
@@ -224,7 +220,7 @@ pub trait Sender {
 
 /// Subscriber, in bytes.
 pub trait Receiver {
-    /// Takes the next sample, if there is one; it replaces the held one.
+    /// Receives the next sample, if there is one; it replaces the held one.
     ///
     /// # Errors
     /// [`PortError::Transport`].
@@ -233,10 +229,10 @@ pub trait Receiver {
     /// Returns the held sample.
     fn held(&self) -> Option<&[u8]>;
 
-    /// Returns the port's id, by which publishers recognise the receivers of the run.
+    /// Returns the port's id, by which publishers identify the receivers of the run.
     fn id(&self) -> u128;
 
-    /// Connects to all publishers that exist by now.
+    /// Connects to all existing publishers.
     ///
     /// # Errors
     /// [`PortError::Transport`].

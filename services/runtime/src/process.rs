@@ -1,7 +1,7 @@
 //! Life of a service process: join the run, make its ports, report ready, fly, wait for the end.
 //!
-//! A **standby process** does all that every service needs before it has a role: when a service dies, it has loaded,
-//! joined the run and built all services.
+//! A **standby process** completes the start that all services have in common before it has a role: when a service dies, it
+//! is loaded, has joined the run and has built all services.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use crate::crash::CrashPoint;
 use crate::deployment::{self, Scheduler, Setting};
 use crate::descriptors::{self, inherited};
 use crate::doorbell::Doorbell;
-use crate::external_service::{self, Belongings, LaunchManifest};
+use crate::external_service::{self, LaunchDescriptors, LaunchManifest};
 use crate::flight_error::FlightError;
 use crate::launch::Launch;
 use crate::ports::{RunNode, Topics};
@@ -34,14 +34,14 @@ use crate::watchdog;
 /// Name of a standby process.
 pub const SPARE: &str = "spare";
 
-/// Timer slack of services in real time unless one is stated, s: the system's minimum.
-const SHARPEST: f64 = 1e-9;
+/// Default timer slack of services in real time, s: the system's minimum.
+const MIN_TIMER_SLACK: f64 = 1e-9;
 
-/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a standby process
-/// that waits for a service to die and then takes its place. `name` is the system's name of the process meanwhile.
+/// Runs a process that `gerono run` has spawned, from its first message to its last: a service, or a standby process that
+/// takes the role of a service that dies. `name` is the system's name of the process until it has a role.
 ///
-/// `build` makes the step logic of a role. In real time `connect` connects it to the hardware of the laboratory that
-/// the scenario names, before the service is ready; it is not called before the process has a role.
+/// `build` makes the step logic of a role. In real time, once the process has a role and before the service is ready,
+/// `connect` connects the step logic to the scenario's laboratory hardware.
 ///
 /// # Errors
 /// [`ProcessError`].
@@ -51,24 +51,23 @@ pub fn run(
     connect: impl FnOnce(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Built,
 ) -> Result<(), ProcessError> {
     let inherited = Inherited::take()?;
-    // Descriptors that iceoryx2 and the shell left open in the orchestrator must not reach its services, and still less
-    // external programs. A system that is too old for the call leaves them open.
+    // Services, and in particular external programs, must not inherit other descriptors that iceoryx2 and the shell left
+    // open in the orchestrator. A system older than the call leaves them open.
     let _ = descriptors::close_from(
         FIRST_DOORBELL_FD + i32::try_from(ServiceId::ALL.len()).expect("few services"),
     );
     deployment::die_with_parent()?;
     deployment::die_by_signals();
-    deployment::call_process(name)?;
-    // The kernel closes a program with capabilities to other processes of its user, so that `gerono kill` could not
-    // reach the control block. Dumpable opens it again. It needs the same capabilities, without which the kernel
-    // refuses the access.
+    deployment::name_process(name)?;
+    // The kernel denies other processes of the user access to a program with capabilities, so that `gerono kill` could not
+    // reach the control block. A dumpable process permits the access again, to processes with the same capabilities.
     rustix::process::set_dumpable_behavior(DumpableBehavior::Dumpable).map_err(std::io::Error::from)?;
-    // Any other message has ended it before it began.
+    // Any other message ends the run before its start.
     let ToService::Start(start) = inherited.channel.receive()? else {
         return Ok(());
     };
     let channel = inherited.channel.try_clone()?;
-    // In a replay the restarted service itself repeats its steps.
+    // A replay executes the built-in service instead of the program.
     if let Some(role) = start.role
         && start.host != Host::Replay
         && let Some(program) = start.scenario.program_of(role.service)
@@ -79,15 +78,15 @@ pub fn run(
         );
     }
     if start.host == Host::RealTime {
-        // A vehicle in the air outlives the orchestrator: see `orchestrator_watchdog`.
+        // An airborne vehicle must survive the orchestrator: see `orchestrator_watchdog`.
         deployment::outlive_parent()?;
     }
-    let result = live(inherited, &start, name, build, connect);
+    let result = prepare_and_fly(inherited, &start, name, build, connect);
     report(&channel, result)
 }
 
-/// Becomes the program that flies in place of a service. It does not outlive the orchestrator, because no other
-/// orchestrator could take it over.
+/// Replaces this process by the program that flies in place of a service. The program ends with the orchestrator, because
+/// no other orchestrator could take it over.
 fn write_manifest(
     program: &[String],
     service: ServiceId,
@@ -100,15 +99,15 @@ fn write_manifest(
     inherited.channel.send(&ToOrchestrator::Deployed { warnings })?;
     let folder = start.scenario.programs.as_ref();
     let folder = folder.and_then(|programs| programs.folder.as_deref());
-    // A separate open file of the lock: an unlock through the inherited one would release the lock of all other
-    // processes and give away the run's place.
+    // A separate open file of the lock: an unlock of the inherited one by the program would release the lock of all
+    // processes of the run, and its folder could be removed.
     let lock = std::fs::File::open(format!("/proc/self/fd/{LOCK_FD}"))?;
-    let belongings = Belongings {
+    let handed_over = LaunchDescriptors {
         channel: &inherited.channel,
         lock: lock.as_fd(),
         doorbells: &inherited.doorbells,
     };
-    let reason = external_service::become_program(program, folder, &manifest, &belongings);
+    let reason = external_service::become_program(program, folder, &manifest, &handed_over);
     Err(ProcessError::ExternalService(reason))
 }
 
@@ -117,8 +116,8 @@ fn schedule_of(start: &Start) -> Result<Schedule, ProcessError> {
     schedule.map_err(|problems| ProcessError::Scenario(Unflyable(problems).into()))
 }
 
-/// Makes what a flight needs, and flies. A process without a role makes what every role needs and waits for one.
-fn live(
+/// Prepares the flight, and flies. A process without a role prepares all roles and waits for one.
+fn prepare_and_fly(
     inherited: Inherited,
     start: &Start,
     name: &str,
@@ -134,21 +133,21 @@ fn live(
         doorbells,
     } = inherited;
     let line = Arc::new(channel.try_clone()?);
-    let (heard, line_of_panics) = (Arc::clone(&line), Arc::clone(&line));
-    let tell = move |reason| {
-        // An orchestrator that does not receive is gone or hangs as well.
+    let (watched, line_of_panics) = (Arc::clone(&line), Arc::clone(&line));
+    let report_hang = move |reason| {
+        // Without a receiver the orchestrator is gone or hangs as well.
         let _ = line.try_send(&ToOrchestrator::Failed { reason });
     };
     report_panics(line_of_panics);
-    watchdog::watch_service(tell, move || heard.is_hung_up())?;
+    watchdog::watch_service(report_hang, move || watched.is_hung_up())?;
     let build = |id| build(id, &start.scenario).map_err(ProcessError::Scenario);
     // A standby process stays off the services' core until it has a role.
     let deployed = start.role.map(|role| deploy(role.service, start));
     if deployed.is_none() {
-        prepare_spare(start);
+        lock_standby_memory(start);
     }
     let schedule = schedule_of(start)?;
-    let member = RunNode::join(&start.iceoryx2_configuration, name)?;
+    let node = RunNode::join(&start.iceoryx2_configuration, name)?;
     let (role, mut service) = if let Some(role) = start.role {
         (role, build(role.service)?)
     } else {
@@ -157,13 +156,13 @@ fn live(
         let Some(role) = await_role(&channel)? else {
             return Ok(());
         };
-        deployment::call_process(start.scenario.process_name(role.service))?;
+        deployment::name_process(start.scenario.process_name(role.service))?;
         (role, services.swap_remove(role.service.index()))
     };
     let (scheduler, warnings) = deployed.unwrap_or_else(|| deploy(role.service, start));
     let topics = match start.host {
-        Host::LockStep | Host::RealTime => Topics::open(&member, role.service, &schedule)?,
-        Host::Replay => Topics::open_replayed(&member, role.service, &schedule)?,
+        Host::LockStep | Host::RealTime => Topics::open(&node, role.service, &schedule)?,
+        Host::Replay => Topics::open_replayed(&node, role.service, &schedule)?,
     };
     let ToService::MakePorts = channel.receive()? else {
         return Ok(());
@@ -195,18 +194,18 @@ fn live(
     }
 }
 
-/// Lets every panic report its words before it ends the process: an exit code says nothing.
+/// Reports the message of a panic to the orchestrator before the process ends: an exit code has no reason.
 fn report_panics(line: Arc<Channel>) {
     let print = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let reason = panic.payload_as_str().unwrap_or("it panicked").to_owned();
-        // An orchestrator that does not receive sees the exit code.
+        // Without this message the orchestrator still has the exit code.
         let _ = line.try_send(&ToOrchestrator::Dying { reason });
         print(panic);
     }));
 }
 
-/// Reports that a standby process is prepared, and again at each beat, until it gets a role. `None` if the run ends.
+/// Reports that a standby process is prepared, and answers each heartbeat, until it receives a role. `None` if the run ends.
 fn await_role(channel: &Channel) -> Result<Option<Role>, ProcessError> {
     loop {
         channel.send(&ToOrchestrator::Prepared)?;
@@ -229,33 +228,33 @@ fn deploy(id: ServiceId, start: &Start) -> (Scheduler, Vec<String>) {
         // The system may end sleeps late to save power: by 50 µs by default.
         timer_slack: stated
             .timer_slack
-            .or((start.host == Host::RealTime).then_some(SHARPEST)),
+            .or((start.host == Host::RealTime).then_some(MIN_TIMER_SLACK)),
         ..stated
     };
     let refusals = deployment::apply(&settings);
     let may_not = |setting| refusals.iter().any(|refusal| refusal.setting == setting);
     let scheduler = match (settings.priority, start.scheduler) {
         (Some(_), _) if !may_not(Setting::Priority) => Scheduler::Fifo,
-        // It needs no privilege; a sandbox that refuses it costs only a little time.
+        // Needs no privilege. A refusal by a sandbox costs only some time.
         (None, Scheduler::Batch) if deployment::use_scheduler(Scheduler::Batch).is_ok() => Scheduler::Batch,
         _ => Scheduler::Fair,
     };
     if start.host == Host::RealTime && scheduler == Scheduler::Fair {
-        // If it is refused, the service is only late now and then, beside other loads that run for long.
+        // After a refusal the service is only late occasionally, under long-running other load.
         let _ = deployment::use_short_slices();
     }
     (scheduler, refusals.iter().map(ToString::to_string).collect())
 }
 
-/// Locks the memory of a standby process in advance, if any service has its memory locked: every page is touched, and a
-/// restart has no time for that. The services report a refusal.
-fn prepare_spare(start: &Start) {
+/// Locks the memory of a standby process in advance if any service locks its memory: locking touches every page, which
+/// takes too long for a restart. The services report a refusal.
+fn lock_standby_memory(start: &Start) {
     let locks = |id| start.scenario.deployment_of(id).lock_memory == Some(true);
     let settings = ServiceDeployment {
         lock_memory: Some(ServiceId::ALL.into_iter().any(locks)),
         ..ServiceDeployment::default()
     };
-    let _told_by_the_services = deployment::apply(&settings);
+    let _reported_by_the_services = deployment::apply(&settings);
 }
 
 /// Reports the result to the orchestrator, if it still exists.
@@ -271,11 +270,11 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
             reason: resource_limits::in_words(error),
         },
     };
-    // Once told, the orchestrator reports it; otherwise the error ends the process.
+    // The orchestrator reports the error to the user; if it is gone, the process does.
     channel.send(&message).or(Err(error))
 }
 
-/// Descriptors that the orchestrator hands to a service, by number.
+/// Descriptors that a service inherits from the orchestrator, by number.
 struct Inherited {
     channel: Channel,
     page: SharedPage,

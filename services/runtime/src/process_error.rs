@@ -6,7 +6,7 @@ use crate::control::ControlError;
 use crate::flight_error::FlightError;
 use crate::ports::PortError;
 
-/// Failure of a service process that no orchestrator was left to receive.
+/// Failure of a service process.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
     /// The process did not inherit its descriptors.
@@ -20,16 +20,16 @@ pub enum ProcessError {
     /// A port could not be made.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The scenario gives no service or schedule.
+    /// No service or schedule can be built from the scenario.
     #[error("the scenario cannot be flown: {0}")]
     Scenario(BuildError),
-    /// The hardware that is to be connected to the service in a laboratory cannot be used.
+    /// The laboratory hardware of the service cannot be used.
     #[error(transparent)]
     Connection(BuildError),
-    /// The program that is to fly in place of the service cannot be started.
+    /// The program in place of the service cannot be started.
     #[error("{0}")]
     ExternalService(String),
-    /// The system refused something. Not transparent: the error is to be found among the sources.
+    /// A system call failed. Not transparent: the search for a resource limit needs the error among the sources.
     #[error("{0}")]
     Io(#[from] std::io::Error),
     /// The flight ended early.

@@ -1,15 +1,15 @@
-//! Real-time host of one service: the clock says when to step, and the newest sample wins.
+//! Real-time host of one service: steps follow the clock, and the newest sample wins.
 //!
 //! The schedule is that of lock step, with ticks on `CLOCK_MONOTONIC`. A step begins when its tick does, and for inputs
-//! of the same tick as soon as they have come. The chain from the capture to the radio frame runs at the beginning of a
-//! tick, each service woken by the one before. A service whose inputs are late steps, after a grace time, with the
-//! latest ones it has, and at once if the publisher is known to be dead. A service that wakes too late leaves out the
-//! steps whose time has passed; the estimator only those at which no sample became due, so that it takes in all frames and
-//! captures in their order. A flight without delays is thus the flight of lock step, sample by sample. Every
-//! deviation is in the records of the steps ([`crate::step_log`]), from which they can be executed again.
+//! of the same tick as soon as they have arrived. The chain from the capture to the radio frame runs at the beginning of a
+//! tick, each service woken by its predecessor. A service whose inputs are late steps with its latest samples, after a grace
+//! time, or at once if the publisher is known to be dead. A service that wakes too late skips the steps whose time has
+//! passed; the estimator skips only those at which no sample became due, so that it reads all frames and captures in order.
+//! Without delays the flight therefore equals that in lock step, sample by sample. The records of the steps
+//! ([`crate::step_log`]) contain every deviation, so that replays can execute the steps again.
 //!
-//! The simulated plant is the exception. It leaves out no step, since its time does not stand still, and catches up
-//! with steps that were late. The real plant of a laboratory needs no such step.
+//! The simulated plant is an exception: it skips no step, because its time does not stand still, and catches up with late
+//! steps. The real plant of a laboratory has no such steps.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -51,8 +51,8 @@ pub struct RealTimePorts {
 }
 
 impl RealTimePorts {
-    /// Makes the ports that the wiring table gives a service. Samples of `external_services` are refused if they cannot
-    /// exist yet by the clock of `page`.
+    /// Makes the ports that the wiring table gives a service. Refuses samples of `external_services` that are ahead of the
+    /// clock of `page`.
     ///
     /// # Errors
     /// [`PortError`].
@@ -66,9 +66,9 @@ impl RealTimePorts {
         let timetable = Timetable::new(schedule, id);
         let mut queues = Vec::new();
         for (index, spec) in schedule.inputs_read(id) {
-            let topic = topics.of(spec.topic);
-            let mut receiver = if timetable.makes_up || timetable.takes_in_all {
-                let kept = input_queue::places(schedule, &timetable, &schedule.edge(id, index));
+            let topic = topics.ports(spec.topic);
+            let mut receiver = if timetable.catches_up || timetable.reads_every_sample {
+                let kept = input_queue::capacity(schedule, &timetable, &schedule.edge(id, index));
                 topic.recorder(
                     kept.max(consumer_buffer(schedule, spec.topic))
                         .min(RECORDER_BUFFER),
@@ -90,14 +90,15 @@ impl RealTimePorts {
         Ok(Self { queues, outputs })
     }
 
-    /// Takes samples that were published before the ports were made, of the input at this place of the wiring table.
+    /// Stores concatenated samples that were published before the ports existed, of the input with this index in the wiring
+    /// table.
     pub fn take_missed(&mut self, index: usize, samples: &[u8]) {
         if let Some(queue) = self.queues.iter_mut().find(|queue| queue.index == index) {
             queue.take_missed(samples);
         }
     }
 
-    /// Connects all ports to those of the other services that exist by now.
+    /// Connects all ports to the existing ports of other services.
     ///
     /// # Errors
     /// [`PortError`].
@@ -107,7 +108,7 @@ impl RealTimePorts {
     }
 }
 
-/// Admits samples of an external service as far as they can exist by the flight's clock.
+/// Refuses samples of an external service that are ahead of the flight's clock.
 fn within_clock(
     receiver: Box<dyn Receiver>,
     schedule: &Schedule,
@@ -116,7 +117,7 @@ fn within_clock(
 ) -> UntrustedReceiver {
     let publication = schedule.publication(topic);
     let (page, tick_ns) = (Arc::clone(page), schedule.tick_ns());
-    // The start of the flight is known only after the ports are made.
+    // Loaded at each call: the start of the flight is set after the ports are made.
     let clock_tick = move || {
         let start_ns = page.control_block().start_ns.load(Ordering::Acquire);
         FlightClock { start_ns, tick_ns }.tick()
@@ -126,11 +127,11 @@ fn within_clock(
 
 /// Context in which a service flies in real time.
 pub struct ServiceContext<'a> {
-    /// Its ports.
+    /// Ports of the service.
     pub ports: RealTimePorts,
     /// The run's control block.
     pub page: Arc<SharedPage>,
-    /// Doorbells of all services, by which external services wake others and are woken: they do not have the control
+    /// Doorbells of all services, by which external services wake others and are woken: they have no access to the control
     /// block.
     pub doorbells: Arc<[Doorbell]>,
     /// Set of external services.
@@ -141,24 +142,24 @@ pub struct ServiceContext<'a> {
     pub step_log: &'a StepLog,
     /// The flight's clock.
     pub clock: FlightClock,
-    /// Grace time: how long a step waits after the beginning of its tick for inputs of that tick, ns. Half of the
-    /// service's period if that is longer, and never beyond its next step.
+    /// Grace time: maximum wait of a step for inputs of its own tick, from the beginning of the tick, ns. At least half of
+    /// the service's period, and at most the time until its next step.
     pub grace_ns: u64,
-    /// Its watchdog over the orchestrator.
+    /// Watchdog over the orchestrator.
     pub orchestrator_watchdog: OrchestratorWatchdog,
-    /// Its place in the changes of gains.
+    /// Reader of the changes of gains.
     pub tuning: TuningReader,
-    /// Place where it is to die.
+    /// Planned crash.
     pub crash: CrashPoint,
 }
 
-/// Time from the start of the flight in which a service that forgets a part of its state ends the flight at once, ns; later
-/// the flight fails at its end.
+/// Time from the start of the flight within which an incomplete saved state ends the flight at once, ns. Later the vehicle
+/// may be airborne, and the flight fails at its end.
 const TAKE_OFF_NS: u64 = 500_000_000;
 
-/// Returns whether a service is about to publish that the vehicle is disarmed and at rest.
+/// Returns whether the outputs of a step report the vehicle as disarmed.
 #[cold]
-fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
+fn reports_disarmed(timetable: &Timetable, slots: &Slots<'_>) -> bool {
     let mut outputs = timetable.outputs.iter().zip(slots);
     let reference = outputs.find(|(output, _)| output.topic == Topic::PathReference);
     let bytes = reference.and_then(|(_, slot)| slot.bytes.as_deref());
@@ -166,7 +167,7 @@ fn tells_of_rest(timetable: &Timetable, slots: &Slots<'_>) -> bool {
     reference.is_some_and(|reference| reference.phase == PathReference::PHASE_DISARMED)
 }
 
-/// Flies a service from now to its last step. With a `checkpoint` it goes on from that state.
+/// Flies a service from now to its last step. With a `checkpoint` it resumes from that state.
 ///
 /// # Errors
 /// [`FlightError`].
@@ -176,8 +177,8 @@ pub fn fly(
     checkpoint: Option<&Checkpoint>,
     context: &mut ServiceContext<'_>,
 ) -> Result<(), FlightError> {
-    // Its predecessor may have died while it published.
-    context.step_log.finish_for_the_dead(service.id());
+    // The predecessor may have died during a publication.
+    context.step_log.finish_abandoned(service.id());
     take_off();
     let timetable = Timetable::new(schedule, service.id());
     let mut previous = None;
@@ -188,16 +189,16 @@ pub fn fly(
             previous = first_tick.checked_sub(1);
         }
     }
-    let mut forgets = None;
+    let mut incomplete_state = None;
     let mut next = timetable.steps.first_at_or_after(first_tick);
     while let Some(due) = next.filter(|&tick| tick <= schedule.last_tick()) {
         let (tick, missed) = context.step_to_do(&timetable, due, schedule.last_tick())?;
         debug_assert!(
             due <= tick && tick <= schedule.last_tick() && timetable.steps.occurs_at(tick),
-            "a step of the schedule, and none that is past"
+            "a step of the schedule at or after the due one"
         );
-        // A service that an input will wake also wakes with the tick: its memory is then in the caches, and the step
-        // takes a fifth less time.
+        // Also a service that an input will wake wakes at the beginning of the tick: its memory is then in the caches, which
+        // makes the step a fifth shorter.
         context.sleep_until(service.id(), context.clock.begins_at(tick))?;
         watchdog::work(Work::Step);
         let late_inputs = context.await_inputs(&timetable, tick)?;
@@ -209,7 +210,7 @@ pub fn fly(
         {
             return Err(FlightError::Stopping);
         }
-        if timetable.begins_anew_at(tick) {
+        if timetable.is_cold_start_at(tick) {
             previous = None;
         }
         let begun = StepRecord {
@@ -221,11 +222,11 @@ pub fn fly(
         };
         context.step_and_publish(service, &timetable, previous, begun)?;
         if let Err(reason) = service.try_saved_state() {
-            // Only a restart needs the saved state: a vehicle that flies is not left alone for it.
+            // Only a restart needs the saved state: an airborne vehicle continues its flight.
             if context.clock.begins_at(tick) < context.clock.begins_at(0) + TAKE_OFF_NS {
-                return Err(FlightError::Forgets(reason));
+                return Err(FlightError::IncompleteState(reason));
             }
-            forgets.get_or_insert(reason);
+            incomplete_state.get_or_insert(reason);
         }
         previous = Some(tick);
         next = timetable.steps.first_at_or_after(tick + 1);
@@ -234,11 +235,11 @@ pub fn fly(
             crash::die();
         }
     }
-    forgets.map_or(Ok(()), |reason| Err(FlightError::Forgets(reason)))
+    incomplete_state.map_or(Ok(()), |reason| Err(FlightError::IncompleteState(reason)))
 }
 
-/// Returns the step to execute of those from `due` to `now`: the newest, or the first to come. Never left out are a step that
-/// is the newest to publish an output, and the one at which a sample is `unseen` that the service must take in.
+/// Returns the step to execute: the newest from `due` to `now`, or `due`. Two kinds of steps are never skipped: the newest
+/// one that publishes an output, and the one at which an `unseen` sample becomes due that the service must read.
 pub(crate) fn next_step(timetable: &Timetable, due: u64, now: u64, unseen: Option<u64>) -> u64 {
     let Some(newest) = timetable
         .steps
@@ -258,8 +259,8 @@ pub(crate) fn next_step(timetable: &Timetable, due: u64, now: u64, unseen: Optio
 }
 
 impl ServiceContext<'_> {
-    /// Returns the next step to execute, of those from `due` on, and the number of steps to leave out before it: the
-    /// newest step whose time has come, or else the first to come, unless [`next_step`] is earlier.
+    /// Returns the next step to execute, at `due` or after it, and the number of steps skipped before it: see
+    /// [`next_step`].
     fn step_to_do(
         &mut self,
         timetable: &Timetable,
@@ -267,11 +268,11 @@ impl ServiceContext<'_> {
         last_tick: u64,
     ) -> Result<(u64, u64), FlightError> {
         let now = self.clock.tick().min(last_tick);
-        if timetable.makes_up || now <= due {
+        if timetable.catches_up || now <= due {
             return Ok((due, 0));
         }
         let mut unseen = None;
-        if timetable.takes_in_all {
+        if timetable.reads_every_sample {
             for queue in &mut self.ports.queues {
                 queue.collect()?;
                 let oldest = queue.oldest_unseen_is_due();
@@ -293,7 +294,7 @@ impl ServiceContext<'_> {
 
     /// Sleeps until a time.
     fn sleep_until(&self, service: ServiceId, at_ns: u64) -> Result<(), FlightError> {
-        watchdog::rest();
+        watchdog::idle();
         loop {
             if self.is_stopping() {
                 return Err(FlightError::Stopping);
@@ -304,17 +305,17 @@ impl ServiceContext<'_> {
             }
             if at_ns - now > LONGEST_SLEEP_NS {
                 let rung = self.cell(service).bell.load(Ordering::SeqCst);
-                self.doze(service, rung, now + LONGEST_SLEEP_NS);
+                self.sleep_on_bell(service, rung, now + LONGEST_SLEEP_NS);
             } else {
                 nap_until(at_ns);
             }
         }
     }
 
-    /// Sleeps until the bell has been rung more often than `rung` times, or until a time.
+    /// Sleeps until the count of the bell differs from `rung`, or until a time.
     #[inline]
-    fn doze(&self, service: ServiceId, rung: u32, until_ns: u64) {
-        // Rung, interrupted or timed out: the caller checks everything again in any case.
+    fn sleep_on_bell(&self, service: ServiceId, rung: u32, until_ns: u64) {
+        // After a ring, an interruption or a timeout alike the caller checks all its conditions again.
         let _ = futex::wait_bitset(
             &self.cell(service).bell,
             futex::Flags::empty(),
@@ -324,7 +325,8 @@ impl ServiceContext<'_> {
         );
     }
 
-    /// Waits for the inputs that are published at the tick of the step, up to the grace time. Returns the late ones.
+    /// Waits for the inputs that are published at the tick of the step, up to the grace time. Returns a bit for each late
+    /// input.
     #[inline]
     fn await_inputs(&mut self, timetable: &Timetable, tick: u64) -> Result<u64, FlightError> {
         let service = timetable.service;
@@ -333,13 +335,13 @@ impl ServiceContext<'_> {
         let give_up_at = (self.clock.begins_at(tick) + self.grace_ns.max(half_a_period_ns))
             .min(self.clock.begins_at(next.unwrap_or(u64::MAX)));
         let mut late = 0;
-        for place in 0..self.ports.queues.len() {
-            if !self.ports.queues[place].is_awaited(tick) {
-                self.ports.queues[place].collect()?;
+        for input in 0..self.ports.queues.len() {
+            if !self.ports.queues[input].is_awaited(tick) {
+                self.ports.queues[input].collect()?;
                 continue;
             }
-            if !self.await_input(service, place, tick, give_up_at)? {
-                late |= 1 << self.ports.queues[place].index;
+            if !self.await_input(service, input, tick, give_up_at)? {
+                late |= 1 << self.ports.queues[input].index;
             }
         }
         Ok(late)
@@ -350,50 +352,50 @@ impl ServiceContext<'_> {
     fn await_input(
         &mut self,
         service: ServiceId,
-        place: usize,
+        input: usize,
         tick: u64,
         give_up_at: u64,
     ) -> Result<bool, FlightError> {
-        if self.ports.queues[place].has_come(tick)? {
+        if self.ports.queues[input].has_arrived(tick)? {
             return Ok(true);
         }
-        let publisher = self.ports.queues[place].publisher;
+        let publisher = self.ports.queues[input].publisher;
         let announced = announcement(publisher);
         self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
-        let has_come = loop {
-            // The count before the look: a ring after this load changes the word, and the futex does not sleep on it. Read
-            // after the look, the count could include the ring for a sample that the look has missed.
+        let has_arrived = loop {
+            // Load the count before checking for the sample: a ring after this load changes the word, and the futex does
+            // not sleep on it. Loaded after the check, the count could include the ring for a sample that the check missed.
             let rung = self.cell(service).bell.load(Ordering::SeqCst);
-            // The announcement comes before the look: pairs with the fence in `wake`. Without both fences the publisher
-            // could miss the announcement while this service misses the sample, and the step would begin late.
+            // The announcement is stored before the check: pairs with the fence in `wake`. Without both fences the
+            // publisher could miss the announcement while this service misses the sample, and the step would begin late.
             fence(Ordering::SeqCst);
-            if self.ports.queues[place].has_come(tick)? {
+            if self.ports.queues[input].has_arrived(tick)? {
                 break true;
             }
             if self.is_stopping() {
                 return Err(FlightError::Stopping);
             }
-            if monotonic_ns() >= give_up_at || self.need_not_wait_for(publisher, place) {
+            if monotonic_ns() >= give_up_at || self.may_skip_wait(publisher, input) {
                 break false;
             }
             if self.external_services[publisher.index()] {
                 let left = give_up_at.saturating_sub(monotonic_ns());
-                self.doorbells[service.index()].sleep_up_to(left);
+                self.doorbells[service.index()].sleep_with_timeout(left);
             } else {
-                self.doze(service, rung, give_up_at);
+                self.sleep_on_bell(service, rung, give_up_at);
             }
             Cell::count(&self.cell(service).blocks);
         };
         self.cell(service).waiting_for.store(0, Ordering::Relaxed);
-        Ok(has_come)
+        Ok(has_arrived)
     }
 
-    /// Returns whether an input's publisher is dead and has left a sample to fly on. A service that has only just been
-    /// restarted has none, and waits.
+    /// Returns whether an input's publisher is dead and the input has an older sample. A service that was just restarted
+    /// has none, and waits.
     #[inline]
-    fn need_not_wait_for(&self, publisher: ServiceId, place: usize) -> bool {
+    fn may_skip_wait(&self, publisher: ServiceId, input: usize) -> bool {
         let is_gone = self.cell(publisher).gone.load(Ordering::Relaxed) != 0;
-        is_gone && self.ports.queues[place].has_any()
+        is_gone && self.ports.queues[input].has_any()
     }
 
     #[inline]
@@ -429,8 +431,8 @@ impl ServiceContext<'_> {
         let mut slots = Slots::default();
         outputs.loan(tick, &mut slots)?;
         timetable.step_at(service, &now, &views, &mut slots)?;
-        if self.orchestrator_watchdog.is_to_land() && tells_of_rest(timetable, &slots) {
-            // The vehicle is down, and no orchestrator is there to end the run.
+        if self.orchestrator_watchdog.requires_landing() && reports_disarmed(timetable, &slots) {
+            // The vehicle has landed, and no orchestrator exists to end the run.
             self.page.control_block().stopping.store(1, Ordering::Relaxed);
         }
         // Order of crash safety: record, publish, finish the record, checkpoint. A death then leaves no published sample
@@ -443,25 +445,25 @@ impl ServiceContext<'_> {
         self.crash.pass(CrashPlace::BeforeWaking, tick);
         self.wake(service.id());
         self.step_log.finish(service.id(), published_ns);
-        self.keep(service, tick + 1);
+        self.write_checkpoint(service, tick + 1);
         Ok(())
     }
 
-    /// Returns the request of the operator, and a landing once the orchestrator is gone.
+    /// Returns the request of the operator, with a landing after the loss of the orchestrator.
     #[inline]
     fn operator(&self, planned: Operator) -> Operator {
-        let asked = self.page.control_block().operator(planned);
+        let requested = self.page.control_block().operator(planned);
         Operator {
-            land: asked.land || self.orchestrator_watchdog.is_to_land(),
-            ..asked
+            land: requested.land || self.orchestrator_watchdog.requires_landing(),
+            ..requested
         }
     }
 
     /// Wakes those services that sleep for a publication of this one, and external services in any case.
     #[inline]
     fn wake(&self, service: ServiceId) {
-        // The publications come before the loads of the announcements: pairs with the fence in `await_input`, which
-        // says why.
+        // Orders the publications before the loads of the announcements; pairs with the fence in `await_input`, where the
+        // reason is.
         fence(Ordering::SeqCst);
         let mine = announcement(service);
         for &consumer in self.ports.outputs.consumers() {
@@ -474,12 +476,12 @@ impl ServiceContext<'_> {
         }
     }
 
-    /// Writes the checkpoint of the service before its step at `next_tick`. Call it after the step's record is
-    /// finished: a death in between must not leave a step that is in the state and in no record.
+    /// Writes the checkpoint of the service before its step at `next_tick`. Call it after the step's record is finished:
+    /// a death in between must not leave a step that the state includes and no record describes.
     #[inline]
-    fn keep(&self, service: &dyn ErasedService, next_tick: u64) {
-        self.checkpoints.write(service.id(), next_tick, |keep| {
-            service.save_with(keep);
+    fn write_checkpoint(&self, service: &dyn ErasedService, next_tick: u64) {
+        self.checkpoints.write(service.id(), next_tick, |write| {
+            service.save_with(write);
             self.crash.pass(CrashPlace::Checkpointing, next_tick);
         });
         let cell = self.cell(service.id());

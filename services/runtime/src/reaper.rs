@@ -1,10 +1,9 @@
-//! Reaper: lets the system forget processes that have ended, at the priority of ordinary programs.
+//! Reaper: reaps children at ordinary priority.
 //!
-//! When a process is waited for, the system drops its entries of `/proc`, and repeats that without a pause for as long as
-//! another program reads them. A reader of ordinary priority on the core of a real-time orchestrator never goes on then: the core
-//! spins until the system is told otherwise, and no service of that core flies on. So no thread of a flight waits for a
-//! process: its end and exit status are asked for without that the system forgets it (`WNOWAIT`), and this thread does the
-//! rest.
+//! When a child is reaped, the kernel drops its entries of `/proc`, and retries without a pause while another program reads
+//! them. On the core of a real-time orchestrator a reader of ordinary priority would then never run: the core would spin, and
+//! no service of that core would fly on. So no thread of a flight reaps: it polls for the end and the exit status with
+//! `WNOWAIT`, and this thread reaps.
 
 use std::os::fd::AsFd;
 use std::process::Child;
@@ -14,7 +13,7 @@ use std::sync::mpsc::{Sender, channel};
 use crate::deployment::{self, Scheduler};
 use rustix::process::{WaitId, WaitIdOptions, WaitIdStatus, waitid};
 
-/// Returns how a child ended; `None` while it lives. The system keeps its number and its status.
+/// Returns the exit status of a child without reaping it; `None` while it runs.
 pub fn status(death: &impl AsFd) -> Option<WaitIdStatus> {
     let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     waitid(WaitId::PidFd(death.as_fd()), options).ok().flatten()
@@ -22,28 +21,28 @@ pub fn status(death: &impl AsFd) -> Option<WaitIdStatus> {
 
 static REAPER: OnceLock<Option<Sender<Child>>> = OnceLock::new();
 
-/// Starts the thread, if it does not run: before a flight, since the system takes its time for that.
+/// Starts the thread, if it does not run. Call it before a flight: a new thread takes time.
 pub fn start() {
     REAPER.get_or_init(reaper);
 }
 
-/// Lets the system forget a child that has ended.
+/// Reaps a child that has ended.
 pub fn reap(child: Child) {
-    // Without a reaper the system forgets the child when this process ends.
+    // Without a reaper the child remains a zombie until this process ends.
     if let Some(reaper) = REAPER.get_or_init(reaper) {
         let _ = reaper.send(child);
     }
 }
 
-/// Starts the thread, if the system permits.
+/// Starts the thread, if the system permits it.
 fn reaper() -> Option<Sender<Child>> {
     let (sender, receiver) = channel::<Child>();
     let thread = std::thread::Builder::new().name("reaper".to_owned());
     let started = thread.spawn(move || {
-        // Every thread may do with less.
+        // Lowering the priority needs no privilege.
         let _ = deployment::use_scheduler(Scheduler::Fair);
         for mut child in receiver {
-            // It fails for a child that something else has waited for.
+            // Fails for a child that was reaped elsewhere.
             let _ = child.wait();
         }
     });

@@ -1,24 +1,24 @@
-//! Host of one service in a replay: the orchestrator says which steps there are and which samples each of them sees.
+//! Host of one service in a replay: the orchestrator orders each step with its samples.
 //!
 //! The ports are made as for a flight, of topics that only this service and the orchestrator open. The orchestrator
-//! publishes the recorded samples of the inputs and receives the outputs. Steps come in batches. Their inputs are
-//! published before they are ordered, and their outputs find room, so no process waits within a batch.
+//! publishes the recorded samples of the inputs and receives the outputs. Steps are ordered in batches: the orchestrator
+//! publishes their inputs before the order, and the buffers hold all outputs, so no process waits within a batch.
 //!
-//! A number that is not finite is not published here either. But it does not end the replay: the log says what came
+//! As in a flight, a number that is not finite is not published. It does not end the replay: the log has what happened
 //! next.
 
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId};
 
-use crate::control::{Channel, ControlError, Memory, StepOrder, ToOrchestrator, ToService};
+use crate::control::{Channel, ControlError, StateBefore, StepOrder, ToOrchestrator, ToService};
 use crate::crash::CrashPoint;
 use crate::flight_error::FlightError;
 use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics};
 use host::step::{Slots, Timetable, Views};
 
-/// Most steps of a batch. The samples of two batches have room: the one in progress, and the one that is published
-/// meanwhile.
+/// Maximum number of steps in a batch. The buffers hold the samples of two batches: the one in progress, and the one that is
+/// published meanwhile.
 pub const BATCH: usize = 256;
 const _: () = assert!(2 * BATCH <= RECORDER_BUFFER);
 
@@ -36,15 +36,15 @@ impl ReplayPorts {
     /// [`PortError`].
     pub fn open(topics: &Topics, id: ServiceId, schedule: &Schedule) -> Result<Self, PortError> {
         let inputs = id.inputs().iter();
-        // As much room as the recorder's: a whole batch waits in it.
-        let receivers = inputs.map(|input| topics.of(input.topic).recorder(RECORDER_BUFFER));
+        // A whole batch must fit into the buffer.
+        let receivers = inputs.map(|input| topics.ports(input.topic).recorder(RECORDER_BUFFER));
         Ok(Self {
             receivers: receivers.collect::<Result<_, _>>()?,
             outputs: OutputPorts::open(topics, id, schedule, |topic| topic.newest_sender())?,
         })
     }
 
-    /// Connects all ports to those of the orchestrator.
+    /// Connects all ports to the orchestrator's.
     ///
     /// # Errors
     /// [`PortError`].
@@ -56,7 +56,7 @@ impl ReplayPorts {
     }
 }
 
-/// Returns the inputs of a step. Takes the samples that it is the first to see.
+/// Returns the inputs of a step, and receives the samples that the step is the first to read.
 fn views<'a>(
     receivers: &'a mut [Box<dyn Receiver>],
     service: ServiceId,
@@ -69,7 +69,7 @@ fn views<'a>(
         if has(order.next) && !receiver.receive()? {
             return Err(PortError::Transport {
                 topic: spec.topic,
-                source: format!("an input of the step at tick {} has not come", order.now.tick).into(),
+                source: format!("an input of the step at tick {} has not arrived", order.now.tick).into(),
             });
         }
         if has(order.seen) {
@@ -82,34 +82,37 @@ fn views<'a>(
     Ok(views)
 }
 
-/// Executes the steps that the orchestrator orders, until it ends the replay.
+/// Executes the orchestrator's orders until the replay ends.
 ///
 /// # Errors
 /// [`FlightError`].
-pub fn obey(
+pub fn execute_orders(
     service: &mut dyn ErasedService,
     schedule: &Schedule,
     ports: &mut ReplayPorts,
     channel: &Channel,
 ) -> Result<(), FlightError> {
-    let mut newborn = vec![0; service.state_size()];
-    service.save(&mut newborn);
+    let mut initial = vec![0; service.state_size()];
+    service.save(&mut initial);
     let mut replaying = Replaying {
         timetable: Timetable::new(schedule, service.id()),
-        before_last: newborn.clone(),
-        newborn,
+        before_last: initial.clone(),
+        initial,
         service,
         ports,
     };
     loop {
         match channel.receive() {
-            Ok(ToService::Steps { orders, tells_state }) => {
-                let not_finite = replaying.do_all(&orders)?;
-                let state = tells_state.then(|| replaying.state());
+            Ok(ToService::Steps {
+                orders,
+                returns_state,
+            }) => {
+                let not_finite = replaying.execute(&orders)?;
+                let state = returns_state.then(|| replaying.state());
                 channel.send(&ToOrchestrator::Stepped { not_finite, state })?;
             }
             Ok(ToService::Tune { gains }) => replaying.service.tune(gains.as_ref()),
-            Ok(ToService::Know { state }) => replaying.service.restore(&state),
+            Ok(ToService::Restore { state }) => replaying.service.restore(&state),
             Ok(_) | Err(ControlError::Closed) => return Ok(()),
             Err(error) => return Err(error.into()),
         }
@@ -121,9 +124,9 @@ struct Replaying<'a> {
     service: &'a mut dyn ErasedService,
     timetable: Timetable,
     ports: &'a mut ReplayPorts,
-    /// Its initial state.
-    newborn: Vec<u8>,
-    /// Its state before its last step.
+    /// State before the first step.
+    initial: Vec<u8>,
+    /// State before the last step.
     before_last: Vec<u8>,
 }
 
@@ -134,23 +137,23 @@ impl Replaying<'_> {
         state
     }
 
-    /// Executes the steps of a batch. Returns the places of those that computed a number that is not finite.
-    fn do_all(&mut self, orders: &[StepOrder]) -> Result<Vec<usize>, PortError> {
+    /// Executes the steps of a batch. Returns the indices of the steps that computed a number that is not finite.
+    fn execute(&mut self, orders: &[StepOrder]) -> Result<Vec<usize>, PortError> {
         let mut not_finite = Vec::new();
-        for (place, order) in orders.iter().enumerate() {
+        for (index, order) in orders.iter().enumerate() {
             if !self.step(order)? {
-                not_finite.push(place);
+                not_finite.push(index);
             }
         }
         Ok(not_finite)
     }
 
-    /// Executes a step and publishes its outputs. Returns `false` if one is not finite.
+    /// Executes a step and publishes its outputs, unless a number is not finite. Returns whether all are finite.
     fn step(&mut self, order: &StepOrder) -> Result<bool, PortError> {
-        match order.memory {
-            Memory::AfterLast => {}
-            Memory::BeforeLast => self.service.restore(&self.before_last),
-            Memory::Newborn => self.service.restore(&self.newborn),
+        match order.state {
+            StateBefore::AfterLast => {}
+            StateBefore::BeforeLast => self.service.restore(&self.before_last),
+            StateBefore::Initial => self.service.restore(&self.initial),
         }
         self.service.save(&mut self.before_last);
         let tick = order.now.tick;
@@ -165,7 +168,7 @@ impl Replaying<'_> {
         if is_finite {
             outputs.send(tick, CrashPoint::default())?;
         } else {
-            outputs.take_back();
+            outputs.discard_loan();
         }
         Ok(is_finite)
     }

@@ -1,34 +1,34 @@
 //! Order in which yielding processes get their core.
 //!
-//! A fair scheduler gives the core by turns to processes that only yield, in a fixed order: that of their deadlines,
-//! each of which moves on by one time slice with a yield. In the order of the ring, one yield passes on the turn. In
-//! another order it takes up to four, and the order in which processes wake is not the ring's.
+//! A fair scheduler runs processes that only yield in a fixed cyclic order: that of their deadlines, each of which advances
+//! by one time slice with a yield. In the order of the ring, one yield hands the core to the next publisher. In another order
+//! up to four yields are needed, and processes do not wake in the order of the ring.
 //!
-//! So a process that has wasted a few yields yields once with a slice of another length, which moves it to another
-//! place among the others. No process needs to know its place: those in their right places waste no more yields, and
-//! once all are right, the order stays. Five processes find it within some hundred rounds.
+//! So a process that has wasted a few yields yields once with a slice of another length, which changes its position in the
+//! order. No process needs its position: in the right position it wastes no more yields, and once all positions are right,
+//! the order is stable. Five processes converge within some hundred rounds.
 //!
-//! Slices can be chosen since Linux 6.12. On older systems, or in a sandbox that refuses it, the order stays as it is.
+//! Slices can be chosen since Linux 6.12. On older systems, or in a sandbox that refuses the call, the order does not change.
 
 use shared_types::ServiceId;
 
 use crate::deployment::{self, Scheduler};
 
-/// Wasted yields before another place is tried. Processes that all move at once would be in each other's way.
-const PATIENCE: u32 = 4;
+/// Wasted yields before a process changes its position. If all processes moved at once, the order would not converge.
+const WASTED_LIMIT: u32 = 4;
 
-/// Place of a process in the order.
+/// Position of a process in the order.
 #[derive(Debug)]
 pub struct RingOrder {
-    /// Length of the process's slice, ns; none if it cannot be chosen.
+    /// Length of the process's slice, ns; `None` if it cannot be chosen.
     usual_slice: Option<u64>,
     wasted: u32,
     draws: Draws,
 }
 
 impl RingOrder {
-    /// Returns the initial place of `me` under `scheduler`. Under `SCHED_FIFO` the order is strict and processes do not
-    /// change places.
+    /// Makes the initial position of `me` under `scheduler`. Under `SCHED_FIFO` the order is strict and positions do not
+    /// change.
     #[must_use]
     pub fn new(me: ServiceId, scheduler: Scheduler) -> Self {
         let is_fair = scheduler != Scheduler::Fifo;
@@ -39,25 +39,25 @@ impl RingOrder {
         }
     }
 
-    /// Yields. After enough wasted yields it also moves to another place.
+    /// Yields. After enough wasted yields it also changes the position.
     #[inline]
     pub fn yield_core(&mut self) {
-        if self.wasted < PATIENCE {
+        if self.wasted < WASTED_LIMIT {
             rustix::thread::sched_yield();
         } else {
             self.wasted = 0;
-            self.change_place();
+            self.change_position();
         }
     }
 
     /// Counts the last yield as wasted.
     #[inline]
-    pub fn was_in_vain(&mut self) {
+    pub fn count_wasted(&mut self) {
         self.wasted += 1;
     }
 
     #[cold]
-    fn change_place(&mut self) {
+    fn change_position(&mut self) {
         let drawn = self.usual_slice.map(|usual| (usual, self.draws.below(usual)));
         let chosen = drawn.filter(|&(_, slice)| deployment::use_slice(slice).is_ok());
         rustix::thread::sched_yield();
@@ -69,7 +69,7 @@ impl RingOrder {
     }
 }
 
-/// Evenly spread numbers, different for each process. No result depends on them.
+/// Low-discrepancy sequence, different for each process. No result depends on it.
 #[derive(Debug)]
 struct Draws {
     last: u64,
@@ -101,9 +101,9 @@ mod tests {
         let mut order = RingOrder::new(ServiceId::Controller, Scheduler::Fair);
         let usual = deployment::slice().unwrap();
         assert_eq!(order.usual_slice, Some(usual));
-        for _ in 0..10 * PATIENCE {
+        for _ in 0..10 * WASTED_LIMIT {
             order.yield_core();
-            order.was_in_vain();
+            order.count_wasted();
             assert_eq!(deployment::slice().unwrap(), usual);
         }
         assert_eq!(
@@ -116,8 +116,8 @@ mod tests {
     #[test]
     fn under_fifo_no_process_changes_places() {
         let mut order = RingOrder::new(ServiceId::Controller, Scheduler::Fifo);
-        for _ in 0..10 * PATIENCE {
-            order.was_in_vain();
+        for _ in 0..10 * WASTED_LIMIT {
+            order.count_wasted();
             order.yield_core();
         }
         assert_eq!(order.draws.last, order.draws.step);

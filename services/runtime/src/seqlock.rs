@@ -1,7 +1,7 @@
-//! Records that one process writes and others copy meanwhile, without holding up the writer and without torn copies.
+//! Records that one process writes and others copy at the same time, without blocking the writer and without torn copies.
 //!
 //! They are sequence locks of words, as in Boehm, "Can Seqlocks Get Along With Programming Language Memory Models?"
-//! (2012). Every word is atomic, so a copy beside a writer is no data race. Fences order the words between the accesses
+//! (2012). Every word is atomic, so a copy during a write is no data race. Fences order the words between the accesses
 //! to the words that identify the record. `services/runtime/loom` checks every interleaving of these functions: it
 //! includes this file, with loom's atomics in `crate::atomics`.
 
@@ -12,8 +12,8 @@ pub const WORD: usize = 8;
 
 const SLOTS: usize = 2;
 
-/// Record of some bytes with a tick. The previous record stays until the next one is whole: a writer that dies leaves
-/// it.
+/// Record of some bytes with a tick. The previous record remains until the next one is complete, so that the death of a
+/// writer leaves one.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Pair<const WORDS: usize>([Slot<WORDS>; SLOTS]);
@@ -30,7 +30,7 @@ struct Slot<const WORDS: usize> {
 }
 
 impl<const WORDS: usize> Pair<WORDS> {
-    /// Writes the record of a tick over the older one. `save` hands its bytes over, once. A tick must never return.
+    /// Overwrites the older record by that of a tick. `save` passes its bytes, in one call. Ticks must not repeat.
     ///
     /// Only one process at a time may call this.
     ///
@@ -43,7 +43,7 @@ impl<const WORDS: usize> Pair<WORDS> {
         let slot = &self.0[usize::from(first > second)];
         slot.tick.store(0, Ordering::Relaxed);
         // The tick is invalidated before any word of the record is written. Pairs with the fence in `snapshot`: a
-        // reader that has read a word of the new record sees that the tick has changed. Without the fence, new words
+        // reader that has read a word of the new record finds the tick changed. Without the fence, new words
         // could become visible under the old tick, and a reader would take a torn record.
         fence(Ordering::Release);
         save(&mut |bytes| slot.store(bytes));
@@ -121,7 +121,7 @@ impl<const WORDS: usize> Slot<WORDS> {
 #[repr(C, align(64))]
 #[derive(Debug)]
 pub struct Ring<const WORDS: usize, const DEPTH: usize> {
-    /// Number of whole records; record n is at n modulo the depth.
+    /// Number of complete records; record n is at n modulo the depth.
     written: AtomicU64,
     /// 1 + the number of the last record that was begun.
     begun: AtomicU64,
@@ -138,32 +138,32 @@ impl<const WORDS: usize, const DEPTH: usize> Default for Ring<WORDS, DEPTH> {
     }
 }
 
-/// Answer to a look-up in a [`Ring`].
+/// Result of a look-up in a [`Ring`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LookUp<const WORDS: usize> {
-    /// The record that was asked for.
+    /// The requested record.
     Record([u64; WORDS]),
-    /// The record is not whole yet.
-    Nothing,
-    /// The record was overwritten; the oldest that may still be there has this number.
+    /// The record is not complete yet.
+    Pending,
+    /// The record was overwritten; this is the number of the oldest one that may be left.
     Overwritten(u64),
 }
 
 impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
-    /// Writes the next record. Readers get it only once it is [finished](Self::finish).
+    /// Writes the next record. Readers receive it only after it is [finished](Self::finish).
     ///
     /// Only one process at a time may call this and [`Self::finish`].
     #[inline]
     pub fn begin(&self, record: [u64; WORDS]) {
         let number = self.written.load(Ordering::Relaxed);
-        // Pairs with the fence in `found`: a reader that has read a word of the new record sees there that all records
-        // before it are whole, so that the oldest one is being overwritten. Without the fence it could take a torn
-        // record for the oldest.
+        // Pairs with the fence in `look_up`: a reader that has read a word of the new record sees there that all records
+        // before it are complete, so that the oldest one is being overwritten. Without the fence it could return a torn
+        // record as the oldest.
         fence(Ordering::Release);
         for (place, word) in self.slot(number).iter().zip(record) {
             place.store(word, Ordering::Relaxed);
         }
-        // Release: pairs with the acquire load in `finish_for_the_dead`, which must not publish a record whose words
+        // Release: pairs with the acquire load in `finish_abandoned`, which must not publish a record whose words
         // are missing.
         self.begun.store(number + 1, Ordering::Release);
     }
@@ -173,28 +173,28 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
     pub fn finish(&self, word: usize, value: u64) {
         let number = self.written.load(Ordering::Relaxed);
         self.slot(number)[word].store(value, Ordering::Relaxed);
-        // Release: the words become visible before the count. A reader of the count reads a whole record.
+        // Release: the words become visible before the count. A reader of the count reads a complete record.
         self.written.store(number + 1, Ordering::Release);
     }
 
-    /// Publishes a record that a dead process had begun.
-    pub fn finish_for_the_dead(&self) {
+    /// Publishes a record that a dead process has begun.
+    pub fn finish_abandoned(&self) {
         let number = self.written.load(Ordering::Relaxed);
         if self.begun.load(Ordering::Acquire) == number + 1 {
             self.written.store(number + 1, Ordering::Release);
         }
     }
 
-    /// Returns the number of whole records.
+    /// Returns the number of complete records.
     pub fn written(&self) -> u64 {
         self.written.load(Ordering::Acquire)
     }
 
     /// Looks up a record by its number.
-    pub fn found(&self, number: u64) -> LookUp<WORDS> {
+    pub fn look_up(&self, number: u64) -> LookUp<WORDS> {
         let written = self.written.load(Ordering::Acquire);
         if number >= written {
-            return LookUp::Nothing;
+            return LookUp::Pending;
         }
         // In a full ring the oldest record may be half overwritten.
         let oldest = (written + 1).saturating_sub(DEPTH as u64);
@@ -203,7 +203,8 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
         }
         let slot = self.slot(number);
         let words = std::array::from_fn(|word| slot[word].load(Ordering::Relaxed));
-        // The words before, the count after: what was overwritten meanwhile is not taken. Pairs with the fence in `begin`.
+        // Orders the loads of the words before the second load of the count, so that a record overwritten meanwhile is
+        // detected. Pairs with the fence in `begin`. Without it a torn record could be returned.
         fence(Ordering::Acquire);
         let oldest = (self.written.load(Ordering::Relaxed) + 1).saturating_sub(DEPTH as u64);
         if number < oldest {

@@ -1,11 +1,11 @@
-//! Memory that the processes of a run share: an anonymous file that the orchestrator makes and every service inherits.
+//! Memory shared by the processes of a run: an anonymous file that the orchestrator creates and every service inherits.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use memmap2::MmapRaw;
 use rustix::fs::{MemfdFlags, SealFlags};
 
-/// Mapping of such a file, all zeros at first.
+/// Mapping of a shared file, initially zero.
 #[derive(Debug)]
 pub struct SharedFile {
     file: OwnedFd,
@@ -13,15 +13,15 @@ pub struct SharedFile {
 }
 
 impl SharedFile {
-    /// Makes a file of `size` bytes.
+    /// Creates a file of `size` bytes.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
     pub fn create(name: &str, size: usize) -> std::io::Result<Self> {
         let file = rustix::fs::memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
         rustix::fs::ftruncate(&file, size as u64)?;
-        // Seals before the file is handed on: a process that could shrink it would take mapped pages away from all
-        // others, which would die of SIGBUS at the next access.
+        // Seal the file before any process inherits it: a process that shrank it would unmap pages of all others, which
+        // would die of SIGBUS at the next access.
         rustix::fs::fcntl_add_seals(&file, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
         Self::open(file, size)
     }

@@ -1,8 +1,8 @@
-//! Named shared memory of a run, and its unfinished leftovers of dead processes.
+//! Named shared memory of a run, and unfinished segments of dead processes.
 //!
-//! A leftover has a name and no size yet. iceoryx2 (0.10) takes it for memory that is about to be finished, and a
-//! process that opens it waits without an end. The process that makes such memory has it open until it has a size. So
-//! memory without a size that no process has open will not be finished.
+//! An unfinished segment has a name and no size. iceoryx2 (0.10) assumes that its creator will finish it, and a process
+//! that opens it waits without a timeout. A creator keeps the segment open until it has a size. So a segment without a size
+//! that no process has open will not be finished.
 
 use std::error::Error;
 use std::fs;
@@ -15,12 +15,12 @@ use std::time::Duration;
 /// Folder of named shared memory in Linux.
 pub const FOLDER: &str = "/dev/shm";
 
-/// Longest time that the work takes unless it waits for unfinished memory.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// Maximum duration of the work without unfinished segments.
+const WORK_LIMIT: Duration = Duration::from_millis(20);
 
-/// Returns the shared memory of this user whose names begin with a run's prefix.
+/// Returns the segments of this user whose names begin with a run's prefix.
 #[must_use]
-pub fn of(prefix: &str) -> Vec<PathBuf> {
+pub fn segments(prefix: &str) -> Vec<PathBuf> {
     let mine = |entry: &fs::DirEntry| {
         entry.file_name().to_string_lossy().starts_with(prefix)
             && entry
@@ -31,18 +31,18 @@ pub fn of(prefix: &str) -> Vec<PathBuf> {
     entries.filter(mine).map(|entry| entry.path()).collect()
 }
 
-/// Returns the free bytes of the shared memory, if the system tells.
+/// Returns the free bytes of the file system of shared memory.
 #[must_use]
 pub fn free_bytes() -> Option<u64> {
     let found = rustix::fs::statvfs(FOLDER).ok()?;
     Some(found.f_bavail * found.f_frsize)
 }
 
-/// Least room in which segments and descriptors can be made: a failure with more room has another reason.
+/// Resources below which a failure is attributed to their lack.
 const LEAST_BYTES: u64 = 1 << 20;
 const LEAST_DESCRIPTORS: usize = 16;
 
-/// Adds to an error of iceoryx2, which does not tell the reason, the resource that the machine lacks and the fix.
+/// Adds the exhausted resource and the fix to an error of iceoryx2, which has no reason.
 #[must_use]
 pub fn explained(source: impl Error + Send + Sync + 'static) -> Box<dyn Error + Send + Sync> {
     let lack = lack_of_descriptors().or_else(lack_of_memory);
@@ -84,17 +84,17 @@ fn lack_of_memory() -> Option<String> {
     })
 }
 
-/// Closes the shared memory of a run to other users: iceoryx2 (0.10) makes the counter of its nodes accessible to all
-/// users of a machine. Each process calls it after it has joined the run; the first one does the work.
+/// Denies other users access to the shared memory of a run: iceoryx2 (0.10) makes the counter of its nodes accessible to
+/// all users. Each process calls it after it has joined the run; only the first call finds an open segment.
 ///
 /// # Errors
 /// If the system refuses.
 pub fn close_to_others(prefix: &str) -> io::Result<()> {
     const OTHERS: u32 = 0o077;
     let is_open = |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|found| found.mode() & OTHERS != 0);
-    for open in of(prefix).into_iter().filter(is_open) {
+    for open in segments(prefix).into_iter().filter(is_open) {
         match close(&open) {
-            // Another process of the run is closing it, or has removed it.
+            // Another process of the run is replacing the segment, or has removed it.
             Err(error) if matches!(error.kind(), ErrorKind::AlreadyExists | ErrorKind::NotFound) => {}
             result => result?,
         }
@@ -102,7 +102,7 @@ pub fn close_to_others(prefix: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Replaces shared memory by a copy. Another user who has opened the original keeps memory that no process uses.
+/// Replaces a segment by a private copy. Another user that has opened the original has memory that no process uses.
 #[expect(clippy::disallowed_methods, reason = "it is memory of a run, not a result")]
 fn close(open: &Path) -> io::Result<()> {
     let mut copy = open.to_owned().into_os_string();
@@ -116,27 +116,26 @@ fn close(open: &Path) -> io::Result<()> {
     fs::rename(copy, open)
 }
 
-/// Removes unfinished memory of a run that no process will finish. A process that waits for it then finds that it does
-/// not exist.
+/// Removes segments of a run that no process will finish. A waiting process then finds that the segment does not exist.
 pub fn remove_unfinished(prefix: &str) {
     let is_empty = |path: &PathBuf| {
         let metadata = fs::symlink_metadata(path);
         metadata.is_ok_and(|metadata| metadata.is_file() && metadata.len() == 0)
     };
-    for unfinished in of(prefix).into_iter().filter(is_empty) {
+    for unfinished in segments(prefix).into_iter().filter(is_empty) {
         if !is_open_anywhere(&unfinished) {
-            // Another process may have removed it meanwhile.
+            // Fails if another process has removed the segment meanwhile.
             let _removed = fs::remove_file(unfinished);
         }
     }
 }
 
-/// Does `work` that opens the memory of dead processes, without waiting for memory that they had only begun.
+/// Does `work` that opens segments of dead processes, and removes unfinished ones so that it does not wait for them.
 pub fn without_waiting_for_the_unfinished(prefix: &str, work: impl FnOnce()) {
     std::thread::scope(|scope| {
         let (is_done, done) = mpsc::channel::<()>();
         scope.spawn(move || {
-            while done.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+            while done.recv_timeout(WORK_LIMIT) == Err(RecvTimeoutError::Timeout) {
                 remove_unfinished(prefix);
             }
         });
@@ -181,7 +180,7 @@ mod tests {
                 fs::metadata(path).unwrap().mode() & 0o777,
             )
         });
-        let left = of(&prefix).len();
+        let left = segments(&prefix).len();
         let is_untouched = inode(&closed) == before;
         for path in [&open, &closed] {
             fs::remove_file(path).unwrap();

@@ -1,7 +1,7 @@
 //! Control block: one page of shared words by which the processes of a run coordinate their waiting.
 //!
-//! But for the operator's requests and [gains](TuningRing) it carries no data of the experiment: losing or corrupting it
-//! can only cost time or end the run. The orchestrator makes it as an anonymous file that every service inherits.
+//! Except for the operator's requests and [gains](TuningRing) it carries no data of the experiment: losing or corrupting it
+//! can only cost time or end the run. It is an anonymous file that the orchestrator creates and every service inherits.
 #![expect(
     unsafe_code,
     reason = "a page shared by several processes can only be reached by mapping it"
@@ -20,37 +20,37 @@ use crate::shared_file::SharedFile;
 use crate::status_cell::StatusCell;
 use crate::tuning::TuningRing;
 
-/// Contents of the page. All words begin as 0.
+/// Contents of the page, initially 0.
 #[repr(C)]
 #[derive(Debug, Default)]
 pub struct ControlBlock {
     /// In real time, requests of the operator: the bits of [`Request`]. The word stays first and its bits keep their
     /// meaning, so that `gerono kill` of another build finds it here ([`ask_in`]).
     requests: AtomicU32,
-    /// Not 0 when the run is to end and all waits are to stop. Relaxed accesses suffice: it publishes no other data,
+    /// Not 0 if the run and all waits are to end. Relaxed accesses suffice: it publishes no other data,
     /// and the orchestrator rings the doorbells after it.
     pub stopping: AtomicU32,
     /// Not 0 while yielding does not pay and every service blocks at once; see [`crate::wait_policy::BLOCK_ALWAYS`].
     pub block_only: AtomicU32,
-    /// Yields that gave the core away for nothing or for too long, since the last decision of the wait policy.
+    /// Wasted or too long yields since the last decision of the wait policy.
     pub misses: AtomicU32,
-    /// Number of restarts so far. A service that sees it grow connects to the new ports.
-    pub births: AtomicU32,
-    /// In real time, when tick 0 begins, ns of `CLOCK_MONOTONIC`; set before the first service flies.
+    /// Number of restarts. Services that read a new value connect to the new ports.
+    pub restarts: AtomicU32,
+    /// In real time, beginning of tick 0, ns of `CLOCK_MONOTONIC`; set before the first service flies.
     pub start_ns: AtomicU64,
-    /// In real time, when the orchestrator was last alive, ns of `CLOCK_MONOTONIC`.
+    /// In real time, last sign of life of the orchestrator, ns of `CLOCK_MONOTONIC`.
     pub orchestrator_alive_ns: AtomicU64,
-    /// One cell a service.
+    /// Words of each service.
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
     pub recorder: [ReceiverId; Topic::ALL.len()],
-    /// Status of the hardware that each service is connected to in a laboratory.
-    pub notices: [StatusCell; ServiceId::ALL.len()],
+    /// Status of the laboratory hardware of each service.
+    pub hardware_status: [StatusCell; ServiceId::ALL.len()],
     /// In real time, gains that the operator has changed in flight.
     pub tuning: TuningRing,
 }
 
-/// Words of one service, on separate cache lines so that services do not slow each other down.
+/// Words of one service, on separate cache lines to avoid false sharing.
 #[repr(C, align(64))]
 #[derive(Debug, Default)]
 pub struct Cell {
@@ -58,12 +58,12 @@ pub struct Cell {
     pub waiting_for: AtomicU32,
     /// Wake-ups of the service in real time; the service sleeps on this word.
     pub bell: AtomicU32,
-    /// Restarts that this service has seen; it is connected to their ports.
+    /// Value of [`ControlBlock::restarts`] up to which this service is connected to the new ports.
     pub restarts_seen: AtomicU32,
-    /// Not 0 from the time when the service's death is noticed until its replacement flies: in real time no service
-    /// waits for it meanwhile.
+    /// Not 0 from the detection of the service's death until its replacement flies: in real time no service waits for it
+    /// meanwhile.
     pub gone: AtomicU32,
-    /// 1 + the last tick that the service has stepped, 0 before the first.
+    /// 1 + the tick of the service's last step, 0 before the first.
     pub steps_until: AtomicU64,
     /// Steps.
     pub steps: AtomicU64,
@@ -71,7 +71,7 @@ pub struct Cell {
     pub yields: AtomicU64,
     /// Waits that ended in sleep.
     pub blocks: AtomicU64,
-    /// The service's receivers, by which publishers recognise the receivers that they wait for.
+    /// The service's receivers, for which publishers wait.
     pub receivers: [ReceiverId; MAX_PORTS],
 }
 
@@ -87,8 +87,8 @@ const _: () = assert!(
 
 /// Id of a receiver of the run, or 0. One process writes it and others read it at any time.
 ///
-/// The halves are stored one by one with relaxed order. A reader in between sees an id that no receiver has, and takes
-/// it for a receiver outside of the run.
+/// The halves are stored one by one with relaxed order. A reader in between reads an id that no receiver has, and treats it
+/// as a receiver outside of the run.
 #[repr(C)]
 #[derive(Debug, Default)]
 pub struct ReceiverId([AtomicU64; 2]);
@@ -150,12 +150,12 @@ impl ControlBlock {
         }
     }
 
-    /// Adds a request. The newest of [`Request::Arm`] and [`Request::Disarm`] counts; the others are permanent.
+    /// Adds a request. Of [`Request::Arm`] and [`Request::Disarm`] the newest one holds; the others are permanent.
     pub fn ask(&self, request: Request) {
         add(&self.requests, request);
     }
 
-    /// Returns what the operator asks for, by plan and by request.
+    /// Returns the requests of the operator, planned and made in flight.
     #[must_use]
     #[inline]
     pub fn operator(&self, planned: Operator) -> Operator {
@@ -169,7 +169,7 @@ impl ControlBlock {
         }
     }
 
-    /// Removes the receivers of a service, so that no publisher waits for them any longer.
+    /// Removes the receivers of a service, so that no publisher waits for them.
     pub fn forget_receivers(&self, service: ServiceId) {
         for receiver in &self.cells[service.index()].receivers {
             receiver.store(0);
@@ -177,7 +177,7 @@ impl ControlBlock {
     }
 }
 
-/// Returns the number of requests to arm, planned and asked for.
+/// Returns the number of requests to arm, planned and made in flight.
 #[inline]
 fn arm_count(planned: Operator, bits: u32) -> u8 {
     let count = (bits / ARM_COUNT + u32::from(planned.arm_count)) % u32::from(ARM_COUNTS);
@@ -186,8 +186,7 @@ fn arm_count(planned: Operator, bits: u32) -> u8 {
 
 /// Adds a request to the earlier ones.
 ///
-/// One atomic read-modify-write: with a separate load and store, a kill of another process between the two would be
-/// lost.
+/// One atomic read-modify-write: with a separate load and store, a kill by another process between the two would be lost.
 fn add(requests: &AtomicU32, request: Request) {
     let change = |bits: u32| match request {
         Request::Arm => (bits & !DISARMED | ARMED).wrapping_add(ARM_COUNT),
@@ -196,7 +195,7 @@ fn add(requests: &AtomicU32, request: Request) {
         Request::Kill => bits | KILLED,
     };
     let update = |bits| Some(change(bits));
-    // It always succeeds: `update` never declines.
+    // Cannot fail: `update` always returns a value.
     let _ = requests.fetch_update(Ordering::AcqRel, Ordering::Acquire, update);
 }
 
@@ -222,14 +221,14 @@ impl Cell {
     /// Wakes the service from its sleep in real time.
     #[inline]
     pub fn ring(&self) {
-        // Count first, wake second: a service that read the older count before this does not fall asleep, because the
-        // futex compares the count. In the other order a wake-up between its look and its sleep would be lost.
+        // Increment before the wake-up: a service that has read the older count does not fall asleep, because the futex
+        // compares the count. In the other order a wake-up between its check and its sleep would be lost.
         self.bell.fetch_add(1, Ordering::SeqCst);
         // The call cannot fail for a mapped word.
         let _ = futex::wake(&self.bell, futex::Flags::empty(), 1);
     }
 
-    /// Adds one to a count that only this process writes: a load and a store suffice, without a locked instruction.
+    /// Increments a counter that only this process writes: a load and a store suffice, without a locked instruction.
     #[inline]
     pub fn count(counter: &AtomicU64) {
         counter.store(counter.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
@@ -244,7 +243,7 @@ impl SharedPage {
     /// Name of the file in the system: `/memfd:` and this.
     pub const NAME: &str = "gerono-page";
 
-    /// Makes a page for a run.
+    /// Creates the page of a run.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
@@ -252,10 +251,10 @@ impl SharedPage {
         SharedFile::create(Self::NAME, size_of::<ControlBlock>()).map(Self)
     }
 
-    /// Maps a page that was inherited.
+    /// Maps an inherited page.
     ///
     /// # Errors
-    /// If the file is not such a page.
+    /// If the file has another size.
     pub fn open(file: OwnedFd) -> std::io::Result<Self> {
         SharedFile::open(file, size_of::<ControlBlock>()).map(Self)
     }
@@ -266,12 +265,12 @@ impl SharedPage {
         self.0.file()
     }
 
-    /// Returns the words.
+    /// Returns the control block.
     #[must_use]
     #[inline]
     pub fn control_block(&self) -> &ControlBlock {
         // SAFETY: the mapping lives as long as `self`, is page-aligned, holds `size_of::<ControlBlock>()` bytes
-        // (`SharedFile` sees to it), and `ControlBlock` consists of atomics and padding, valid for every bit pattern and
+        // (checked by `SharedFile`), and `ControlBlock` consists of atomics and padding, valid for every bit pattern and
         // safe to be written by other processes meanwhile.
         unsafe { &*self.0.as_mut_ptr().cast::<ControlBlock>() }
     }

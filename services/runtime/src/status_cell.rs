@@ -1,15 +1,15 @@
 //! Status cell: a few numbers that one process writes and others read at any time, such as the state of connected
 //! hardware.
 //!
-//! Neither side waits for the other. A reader during a write may see old numbers beside new ones. Each number is whole,
-//! because it is one atomic word. People read the numbers one by one, so the cell needs no sequence lock, and relaxed
-//! order suffices.
+//! Neither side waits for the other. During a write a reader may get a mixture of old and new numbers. Each number is
+//! consistent, because it is one atomic word. The numbers are displayed one by one, so the cell needs no sequence lock, and
+//! relaxed order suffices.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
-/// Numbers of a status cell, of 8 bytes each.
+/// Capacity of a status cell, in numbers of 8 bytes.
 pub const LENGTH: usize = 64;
 
 /// Bytes of a number.
@@ -27,9 +27,9 @@ impl Default for StatusCell {
 }
 
 impl StatusCell {
-    /// Writes a record of whole words over the one before.
+    /// Replaces the record by another one of whole words.
     #[inline]
-    pub fn tell<T: IntoBytes + Immutable>(&self, record: &T) {
+    pub fn write<T: IntoBytes + Immutable>(&self, record: &T) {
         const { assert!(size_of::<T>() <= LENGTH * WORD && size_of::<T>().is_multiple_of(WORD)) };
         let (words, _) = record.as_bytes().as_chunks::<WORD>();
         for (word, bytes) in self.0.iter().zip(words) {
@@ -37,9 +37,9 @@ impl StatusCell {
         }
     }
 
-    /// Returns the record that was written last; all zero before the first.
+    /// Returns the last record; all zeros before the first write.
     #[must_use]
-    pub fn look<T: IntoBytes + FromBytes>(&self) -> T {
+    pub fn read<T: IntoBytes + FromBytes>(&self) -> T {
         let mut record = <T as FromZeros>::new_zeroed();
         let (words, _) = record.as_mut_bytes().as_chunks_mut::<WORD>();
         for (bytes, word) in words.iter_mut().zip(&self.0) {
@@ -56,9 +56,9 @@ mod tests {
     #[test]
     fn the_last_record_is_read_and_zeros_before_the_first() {
         let cell = StatusCell::default();
-        assert_eq!(cell.look::<[f64; 3]>(), [0.0; 3]);
-        cell.tell(&[1.0, -2.0, 3.5]);
-        cell.tell(&[4.0, 5.0]);
-        assert_eq!(cell.look::<[f64; 3]>(), [4.0, 5.0, 3.5]);
+        assert_eq!(cell.read::<[f64; 3]>(), [0.0; 3]);
+        cell.write(&[1.0, -2.0, 3.5]);
+        cell.write(&[4.0, 5.0]);
+        assert_eq!(cell.read::<[f64; 3]>(), [4.0, 5.0, 3.5]);
     }
 }

@@ -1,8 +1,8 @@
-//! Step log: inputs and times of every step in real time, handed to the recorder without ever waiting for it.
+//! Step log: inputs and times of every step in real time, passed to the recorder without waiting for it.
 //!
-//! It is a ring of records per service, in an anonymous file that the orchestrator makes and every service inherits. A
-//! service writes without looking at its readers. A reader that was too slow finds that records have been overwritten
-//! and counts them. The count of records survives the death of their writer.
+//! It is a ring of records per service, in an anonymous file that the orchestrator creates and every service inherits. A
+//! service writes regardless of its readers. A slow reader detects and counts overwritten records. The records survive the
+//! death of their writer.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 
@@ -14,10 +14,10 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::seqlock::{LookUp, Ring};
 use crate::shared_file::SharedFile;
 
-/// Records of a service that a reader may lag behind.
+/// Maximum lag of a reader, in records of a service.
 pub const DEPTH: u64 = 4096;
 
-/// Bit of the operator's requests from which on the number of a change of gains is.
+/// Lowest bit of the number of a change of gains in [`StepRecord::operator`].
 pub const TUNING_SHIFT: u32 = Operator::BITS;
 
 const WORDS: usize = size_of::<StepRecord>() / size_of::<u64>();
@@ -27,7 +27,7 @@ const PUBLISHED: usize = std::mem::offset_of!(StepRecord, published_ns) / size_o
 
 const _: () = assert!(
     WORDS * size_of::<u64>() == size_of::<StepRecord>() && WORDS == 8 + MAX_PORTS,
-    "a record is whole words, as the ring keeps it"
+    "a record is whole words, as the ring stores it"
 );
 
 /// One step of a service in real time. Times are since the start of the flight.
@@ -36,23 +36,23 @@ const _: () = assert!(
 pub struct StepRecord {
     /// Tick of the step.
     pub tick: u64,
-    /// Begin of the step, ns: its time had come, and its inputs were here or given up.
+    /// Begin of the step, ns, after the wait for its inputs.
     pub began_ns: u64,
-    /// Time when all its outputs were published and no consumer had been woken yet, ns. 0 if the process died before:
-    /// then some of them may have been published.
+    /// Time after the publication of all outputs and before consumers are woken, ns. 0 if the process died before: then some
+    /// outputs may have been published.
     pub published_ns: u64,
-    /// Steps before it that were left out because their time had passed.
+    /// Number of steps skipped before this one, because their time had passed.
     pub missed: u64,
-    /// Inputs of its own tick that had not come at the end of the wait: bit i for input i.
+    /// Inputs of the step's own tick that had not arrived at the end of the wait: bit i for input i.
     pub late_inputs: u64,
-    /// Inputs of which it saw another sample than the step before: bit i for input i.
+    /// Inputs with another sample than at the previous step: bit i for input i.
     pub fresh_inputs: u64,
-    /// Requests of the operator ([`Operator::to_bits`]); from bit [`TUNING_SHIFT`] on the number of the last change of
-    /// gains that holds for the step.
+    /// Requests of the operator ([`Operator::to_bits`]); from bit [`TUNING_SHIFT`] on the number of the change of gains
+    /// that holds for the step.
     pub operator: u64,
-    /// 1 + the tick of the step before it in the state of the service; 0 if there is none.
+    /// 1 + the tick of the previous step that the service's state includes; 0 if there is none.
     pub previous: u64,
-    /// Of each input, 1 + the tick of the sample that it saw; 0 if it saw none.
+    /// 1 + the tick of the sample of each input; 0 without a sample.
     pub consumed: [u64; MAX_PORTS],
 }
 
@@ -63,7 +63,7 @@ impl StepRecord {
         self.published_ns != 0
     }
 
-    /// Returns the tick of the sample that it saw of an input.
+    /// Returns the tick of the sample of an input, if it had one.
     #[must_use]
     pub fn consumed_tick(&self, input: usize) -> Option<u64> {
         self.consumed[input].checked_sub(1)
@@ -79,7 +79,7 @@ type Rings = [Records; ServiceId::ALL.len()];
 pub struct StepLog(SharedFile);
 
 impl StepLog {
-    /// Makes the file of a run's step records.
+    /// Creates the file of a run's step records.
     ///
     /// # Errors
     /// If the system has no memory or no file descriptor left.
@@ -101,9 +101,8 @@ impl StepLog {
         self.0.file()
     }
 
-    /// Writes the record of a step of `service`. Call it before anything of the step is published: a death after a
-    /// publication must not leave a sample whose inputs no record names. Only one process at a time may call it for a
-    /// service: the process of that service.
+    /// Writes the record of a step of `service`. Call it before the step publishes: a death after a publication must not
+    /// leave a sample whose inputs no record names. Only the process of the service may call it.
     #[inline]
     pub fn begin(&self, service: ServiceId, record: StepRecord) {
         self.ring(service).begin(zerocopy::transmute!(record));
@@ -115,20 +114,20 @@ impl StepLog {
         self.ring(service).finish(PUBLISHED, published_ns);
     }
 
-    /// Publishes the record of a step during whose publication the process died. Call it when that process is dead.
-    pub fn finish_for_the_dead(&self, service: ServiceId) {
-        self.ring(service).finish_for_the_dead();
+    /// Publishes the record of a step during whose publication the process died. Call it after that death.
+    pub fn finish_abandoned(&self, service: ServiceId) {
+        self.ring(service).finish_abandoned();
     }
 
-    /// Returns the newest whole record of a step of `service` before a tick.
+    /// Returns the newest complete record of a step of `service` before a tick.
     #[must_use]
     pub fn last_before(&self, service: ServiceId, tick: u64) -> Option<StepRecord> {
         let ring = self.ring(service);
         let mut kept = (0..ring.written())
             .rev()
-            .map_while(|number| match ring.found(number) {
+            .map_while(|number| match ring.look_up(number) {
                 LookUp::Record(words) => Some::<StepRecord>(zerocopy::transmute!(words)),
-                LookUp::Nothing | LookUp::Overwritten(_) => None,
+                LookUp::Pending | LookUp::Overwritten(_) => None,
             });
         kept.find(|record| record.tick < tick)
     }
@@ -138,7 +137,7 @@ impl StepLog {
             unsafe_code,
             reason = "memory shared by several processes can only be reached by mapping it"
         )]
-        // SAFETY: the mapping lives as long as `self`, is page-aligned and holds whole `Rings` (`SharedFile` sees to it),
+        // SAFETY: the mapping lives as long as `self`, is page-aligned and holds whole `Rings` (checked by `SharedFile`),
         // which consist of atomics and padding: valid for every bit pattern, and others may write them meanwhile.
         let rings = unsafe { &*self.0.as_mut_ptr().cast::<Rings>() };
         &rings[service.index()]
@@ -154,7 +153,7 @@ pub struct StepReader {
 }
 
 impl StepReader {
-    /// Makes a reader of the records of `service` from the first on.
+    /// Makes a reader of all records of `service`.
     #[must_use]
     pub fn new(service: ServiceId) -> Self {
         Self {
@@ -164,7 +163,7 @@ impl StepReader {
         }
     }
 
-    /// Makes a reader of the records of `service` that are written from now on.
+    /// Makes a reader of later records of `service`.
     #[must_use]
     pub fn from_now(service: ServiceId, log: &StepLog) -> Self {
         Self {
@@ -174,12 +173,12 @@ impl StepReader {
         }
     }
 
-    /// Returns the next record, if there is one by now.
+    /// Returns the next record, if it is complete.
     pub fn next(&mut self, log: &StepLog) -> Option<StepRecord> {
         let ring = log.ring(self.service);
         loop {
-            match ring.found(self.next) {
-                LookUp::Nothing => return None,
+            match ring.look_up(self.next) {
+                LookUp::Pending => return None,
                 LookUp::Overwritten(oldest) => {
                     self.overwritten += oldest - self.next;
                     self.next = oldest;
@@ -234,7 +233,7 @@ mod tests {
         let log = StepLog::create().unwrap();
         let mut reader = StepReader::new(SERVICE);
         write(&log, SERVICE, record(1));
-        log.finish_for_the_dead(SERVICE);
+        log.finish_abandoned(SERVICE);
         let mut late_reader = StepReader::from_now(SERVICE, &log);
         log.begin(
             SERVICE,
@@ -245,8 +244,8 @@ mod tests {
         );
         assert_eq!(reader.next(&log), Some(record(1)));
         assert_eq!(reader.next(&log), None);
-        log.finish_for_the_dead(SERVICE);
-        log.finish_for_the_dead(SERVICE);
+        log.finish_abandoned(SERVICE);
+        log.finish_abandoned(SERVICE);
         write(&log, SERVICE, record(3));
         let unfinished = reader.next(&log).unwrap();
         assert_eq!((unfinished.tick, unfinished.published_ns), (2, 0));

@@ -1,8 +1,8 @@
-//! Take-over: a flight in real time whose orchestrator is gone gets another one.
+//! Take-over: a new orchestrator continues a flight in real time whose orchestrator is gone.
 //!
-//! The new orchestrator listens at a socket in the run's place. Orphaned services look for the socket and connect. Each
-//! one says which service it is and what is flown, and hands over the files by which the processes of the run share
-//! their memory. That is all a new orchestrator needs. The connection is the service's control channel from then on.
+//! The new orchestrator listens at a socket in the run's folder. Orphaned services poll for the socket and connect. Each
+//! service sends its name and the scenario, and hands over the shared files of the run, which is all that a new
+//! orchestrator needs. The connection then is the service's control channel.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -19,10 +19,10 @@ use crate::activity::is_readable_within;
 use crate::control::{Channel, Start};
 use crate::peer::peer_credentials;
 
-/// Name of the socket in a run's place.
+/// Name of the socket in a run's folder.
 pub const SOCKET: &str = "succession";
 
-/// Files that all processes of a run share: the page, the checkpoints, the step records, and the lock of the place.
+/// Files that all processes of a run share: the page, the checkpoints, the step records, and the lock of the folder.
 pub const FILES: usize = 4;
 
 /// Message of an orphaned service to the orchestrator that takes over.
@@ -30,7 +30,7 @@ pub const FILES: usize = 4;
 pub struct Hello {
     /// The service.
     pub service: ServiceId,
-    /// Scenario and place of the run.
+    /// Scenario and folder of the run.
     pub start: Start,
 }
 
@@ -43,20 +43,21 @@ pub struct HandOver {
 }
 
 impl HandOver {
-    /// Prepares the hand-over of a service of the run whose place is `place`.
+    /// Prepares the hand-over of a service of the run in `folder`.
     ///
     /// # Errors
     /// If no file descriptor is left.
-    pub fn new(place: &Path, hello: &Hello, files: [BorrowedFd<'_>; FILES]) -> std::io::Result<Self> {
+    pub fn new(folder: &Path, hello: &Hello, files: [BorrowedFd<'_>; FILES]) -> std::io::Result<Self> {
         let [page, checkpoints, step_log, lock] = files.map(|file| file.try_clone_to_owned());
         Ok(Self {
-            socket: place.join(SOCKET),
+            socket: folder.join(SOCKET),
             hello: serde_json::to_vec(hello).map_err(std::io::Error::other)?,
             files: [page?, checkpoints?, step_log?, lock?],
         })
     }
 
-    /// Connects to an orchestrator that takes over, if one listens, and hands over. Returns the new control channel.
+    /// Connects to an orchestrator that takes over, if one listens, and sends it the hand-over. Returns the new control
+    /// channel.
     #[must_use]
     pub fn offer(&self) -> Option<Channel> {
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
@@ -68,7 +69,7 @@ impl HandOver {
         }
         let files = self.files.each_ref().map(AsFd::as_fd);
         packet::send(&socket, &self.hello, &files, SendFlags::NOSIGNAL).ok()?;
-        // From now on it is a control channel, whose reader may wait.
+        // A control channel is read with blocking calls.
         rustix::io::ioctl_fionbio(&socket, false).ok()?;
         Some(Channel::inherited(socket))
     }
@@ -77,17 +78,17 @@ impl HandOver {
 /// Descriptors and data that a service has handed over.
 #[derive(Debug)]
 pub struct InheritedDescriptors {
-    /// Its message.
+    /// Message of the service.
     pub hello: Hello,
-    /// Its process.
+    /// Process of the service.
     pub pid: Pid,
-    /// Its control channel.
+    /// Control channel to the service.
     pub channel: Channel,
-    /// The files that it shares with the other processes.
+    /// Shared files of the run.
     pub files: [OwnedFd; FILES],
 }
 
-/// Socket of an orchestrator that takes over. Services may connect as long as it exists.
+/// Socket of an orchestrator that takes over, removed when dropped.
 #[derive(Debug)]
 pub struct TakeOverListener {
     socket: PathBuf,
@@ -95,13 +96,13 @@ pub struct TakeOverListener {
 }
 
 impl TakeOverListener {
-    /// Listens in a run's place. Only one process at a time may call this for a place.
+    /// Listens in a run's folder. Only one process at a time may call this for a folder.
     ///
     /// # Errors
     /// If the system refuses.
-    pub fn listen(place: &Path) -> std::io::Result<Self> {
-        let socket = place.join(SOCKET);
-        // A listener that died has left its socket.
+    pub fn listen(folder: &Path) -> std::io::Result<Self> {
+        let socket = folder.join(SOCKET);
+        // A dead listener has left its socket.
         let _ = std::fs::remove_file(&socket);
         let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
         let listener = rustix::net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
@@ -113,7 +114,7 @@ impl TakeOverListener {
         Ok(Self { socket, listener })
     }
 
-    /// Returns the next service that connects within `limit` and introduces itself, as one that is not stopped does at once.
+    /// Returns the next service that connects within `limit`. Skips connections without a message, as of a stopped service.
     ///
     /// # Errors
     /// If the system refuses, or if the peer is not a service of this build.
@@ -133,7 +134,7 @@ impl TakeOverListener {
         let received = packet::receive(&line, RecvFlags::empty())
             .map_err(|error| std::io::Error::other(format!("a service did not introduce itself: {error}")))?;
         if received.files.is_empty() && Channel::inherited(line.try_clone()?).is_hung_up() {
-            // It died before it said who it is.
+            // The service died before it sent its message.
             return self.accept(limit);
         }
         let files = <[OwnedFd; FILES]>::try_from(received.files)
@@ -152,14 +153,14 @@ impl TakeOverListener {
     }
 }
 
-/// Returns whether the peer of a connection is a process of this user. The folder of the socket admits no other.
+/// Returns whether the peer of a connection is a process of this user. The folder's mode admits no other user.
 fn is_own(line: &OwnedFd) -> bool {
     peer_credentials(line).is_ok_and(|peer| peer.user == rustix::process::geteuid().as_raw())
 }
 
 impl Drop for TakeOverListener {
     fn drop(&mut self) {
-        // A socket that remains is removed with the run's place.
+        // A remaining socket is removed with the run's folder.
         let _ = std::fs::remove_file(&self.socket);
     }
 }

@@ -1,16 +1,16 @@
 //! Changes of gains in flight, from the orchestrator to the services of a flight in real time.
 //!
-//! Each change is a record in a ring in the control block: the tick from which it holds, and all gains that hold from
-//! then on, not only the changed one. So a service that was restarted, or missed some changes, needs the newest due
-//! record alone. Nobody waits for anybody: the orchestrator writes without looking at readers, and a service looks once a
-//! step, which costs it one load of an atomic word. The ring survives the orchestrator and every service.
+//! Each change is a record in a ring in the control block: the tick from which it holds, and all gains from then on, not only
+//! the changed one. So a service that was restarted or has missed some changes needs only the newest due record. Neither side
+//! waits: the orchestrator writes regardless of readers, and a service polls once a step, which costs one load of an atomic
+//! word. The ring survives the orchestrator and every service.
 
 use shared_types::Gains;
 use zerocopy::IntoBytes;
 
 use crate::seqlock::{LookUp, Ring};
 
-/// Changes that a service may lag behind.
+/// Maximum lag of a service, in changes.
 const DEPTH: usize = 64;
 
 const GAINS: usize = size_of::<Gains>() / size_of::<u64>();
@@ -27,7 +27,8 @@ const FROM_TICK: usize = 0;
 pub struct TuningRing(Ring<WORDS, DEPTH>);
 
 impl TuningRing {
-    /// Adds a change that holds from a tick on, which is not before that of the change before it. Returns its number.
+    /// Adds a change that holds from a tick on, not earlier than that of the previous change. Returns the number of the
+    /// change.
     ///
     /// Only one process at a time may call this: the orchestrator.
     pub fn change(&self, from_tick: u64, gains: &Gains) -> u64 {
@@ -42,62 +43,62 @@ impl TuningRing {
     #[must_use]
     pub fn last(&self) -> Option<(u64, Gains)> {
         let number = self.0.written();
-        let (_, gains) = self.look_up(number.checked_sub(1)?).ok()?;
+        let (_, gains) = self.record(number.checked_sub(1)?).ok()?;
         Some((number, gains))
     }
 
-    /// Returns the record at a place, or the next place to look at if it is there no more.
-    fn look_up(&self, place: u64) -> Result<(u64, Gains), Option<u64>> {
-        match self.0.found(place) {
+    /// Returns the record at an index, or the index of the oldest record if it was overwritten.
+    fn record(&self, index: u64) -> Result<(u64, Gains), Option<u64>> {
+        match self.0.look_up(index) {
             LookUp::Record(record) => {
                 let mut gains = Gains::default();
                 gains.as_mut_bytes().copy_from_slice(record[1..].as_bytes());
                 Ok((record[FROM_TICK], gains))
             }
-            LookUp::Nothing => Err(None),
+            LookUp::Pending => Err(None),
             LookUp::Overwritten(oldest) => Err(Some(oldest)),
         }
     }
 }
 
-/// Place of a service in the changes.
+/// Reader of the changes in a service.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TuningReader {
-    taken: u64,
+    read: u64,
 }
 
 impl TuningReader {
-    /// Returns the gains that hold at a tick, if they are others than at the ticks before.
+    /// Returns the gains that hold at a tick, if they have changed since the last call.
     #[inline]
     pub fn due(&mut self, ring: &TuningRing, tick: u64) -> Option<Gains> {
-        if ring.0.written() == self.taken {
+        if ring.0.written() == self.read {
             return None;
         }
-        self.take(ring, tick)
+        self.advance(ring, tick)
     }
 
     #[cold]
-    fn take(&mut self, ring: &TuningRing, tick: u64) -> Option<Gains> {
+    fn advance(&mut self, ring: &TuningRing, tick: u64) -> Option<Gains> {
         let mut newest = None;
-        let mut place = self.taken;
+        let mut index = self.read;
         loop {
-            match ring.look_up(place) {
+            match ring.record(index) {
                 Ok((from_tick, gains)) if from_tick <= tick => {
-                    place += 1;
-                    self.taken = place;
+                    index += 1;
+                    self.read = index;
                     newest = Some(gains);
                 }
-                Err(Some(oldest)) => place = oldest,
+                Err(Some(oldest)) => index = oldest,
                 Ok(_) | Err(None) => return newest,
             }
         }
     }
 
-    /// Returns the number of the last change that was taken; 0 before the first.
+    /// Returns the number of the last change that was read; 0 before the first.
     #[must_use]
     #[inline]
     pub fn number(&self) -> u64 {
-        self.taken
+        self.read
     }
 }
 

@@ -1,11 +1,10 @@
-//! Samples of external services: copied once before any use, and in real time refused if they cannot exist yet.
+//! Samples of external services: copied before any use, and in real time refused if they are ahead of the clock.
 //!
-//! A program may write into a sample after it has sent it. The validated bytes must be the used bytes, so every sample
-//! is copied, once, and only the copy is read. Services of the run do not write into sent samples; their samples are
-//! read in place.
+//! A program may write into a sample after it has sent it. The validated bytes must be the used bytes, so every sample is
+//! copied once and only the copy is read. Built-in services do not write into sent samples; these are read in place.
 //!
-//! In real time a sample whose tick lies ahead of the clock would make all later ones look old. Such a sample, and one
-//! whose header is not that of its tick, is refused and counted; good ones after it pass.
+//! In real time all samples after one whose tick is ahead of the clock would be dropped as old. Such a sample, and one whose
+//! header is not that of its tick, is refused and counted; later valid samples are accepted.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -17,7 +16,7 @@ use shared_types::service::header_of;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
 use host::owned_sample::OwnedSample;
 
-/// Ticks by which a program may be early: it reads the clock at another moment than this process.
+/// Tolerance in ticks: the program reads the clock at another time than this process.
 const EARLY_TICKS: u64 = 1;
 
 /// Refused samples.
@@ -28,31 +27,31 @@ pub struct Refusals {
 }
 
 impl Refusals {
-    /// Returns their number.
+    /// Returns the number of refused samples.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count.get()
     }
 
-    /// Returns the header of the last of them.
+    /// Returns the header of the last refused sample.
     #[must_use]
     pub fn last(&self) -> Option<Header> {
         self.last.get()
     }
 }
 
-/// Rule for the samples that can exist by now.
+/// Rule for accepting a sample.
 struct Admission {
     publication: Publication,
     last_tick: u64,
-    /// Returns the tick that began last, by the flight's clock.
+    /// Returns the current tick of the flight's clock.
     clock_tick: Box<dyn Fn() -> u64>,
     refusals: Rc<Refusals>,
 }
 
 impl Admission {
     fn admits(&self, header: Header) -> bool {
-        // The limit first: the header of a tick that is out of reach cannot be computed.
+        // Check the limit first: the header of a much larger tick cannot be computed.
         let latest = (self.clock_tick)()
             .saturating_add(EARLY_TICKS)
             .min(self.last_tick);
@@ -70,28 +69,28 @@ impl Admission {
 /// Receiver of a topic that an external service publishes.
 pub struct UntrustedReceiver {
     inner: Box<dyn Receiver>,
-    /// Copy of the held sample, once there is one.
+    /// Copy of the held sample, if `is_held`.
     held: OwnedSample,
     is_held: bool,
-    /// Copy of the next sample, until it is admitted.
+    /// Copy of the next sample, before its validation.
     next: OwnedSample,
     admission: Option<Admission>,
 }
 
 impl UntrustedReceiver {
-    /// Makes a receiver that copies the samples of `inner`, which is of the topic of `publication`.
+    /// Makes a receiver that copies the samples of `inner`, a receiver of the topic of `publication`.
     #[must_use]
     pub fn new(inner: Box<dyn Receiver>, publication: &Publication) -> Self {
         Self {
             inner,
-            held: OwnedSample::of(publication.topic),
+            held: OwnedSample::zeroed(publication.topic),
             is_held: false,
-            next: OwnedSample::of(publication.topic),
+            next: OwnedSample::zeroed(publication.topic),
             admission: None,
         }
     }
 
-    /// Refuses samples that cannot exist by now: `clock_tick` returns the tick that began last.
+    /// Adds the refusal of samples that are ahead of the clock: `clock_tick` returns the current tick.
     #[must_use]
     pub fn within_clock(
         mut self,
@@ -108,7 +107,7 @@ impl UntrustedReceiver {
         self
     }
 
-    /// Returns the count of samples that are refused from now on, if any can be.
+    /// Returns the record of refused samples.
     #[must_use]
     pub fn refusals(&self) -> Rc<Refusals> {
         let admission = self.admission.as_ref();
@@ -118,12 +117,12 @@ impl UntrustedReceiver {
 
 impl Receiver for UntrustedReceiver {
     fn receive(&mut self) -> Result<bool, PortError> {
-        // Bounded: a program that publishes invalid samples without a pause must not keep its consumer in this loop.
+        // Bounded: a program that publishes invalid samples without a pause must not block its consumer.
         for _ in 0..RECORDER_BUFFER {
             if !self.inner.receive()? {
                 return Ok(false);
             }
-            // Copy first, then validate: the program may write meanwhile.
+            // Copy before the validation: the program may write at any time.
             let received = self.inner.held().expect("just received");
             self.next.bytes_mut().copy_from_slice(received);
             let header = header_of(self.next.bytes());

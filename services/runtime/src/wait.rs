@@ -1,13 +1,13 @@
-//! Waiting for a sample in lock step: look first, yield, then sleep on the doorbell.
+//! Waiting for a sample in lock step: check, yield, then sleep on the doorbell.
 //!
-//! With the processes of the ring on one core, one `sched_yield` lets the publisher run and costs half of a sleep. That
-//! needs processes in the ring's order ([`crate::ring_order`]) and no other load on the core ([`crate::wait_policy`]).
+//! With the processes of the ring on one core, one `sched_yield` runs the publisher and costs half of a sleep. That requires
+//! processes in the ring's order ([`crate::ring_order`]) and no other load on the core ([`crate::wait_policy`]).
 //!
-//! A wake-up is never lost. The consumer announces the publisher that it sleeps for, then looks again. A publisher
-//! publishes, then looks for the announcement. Only the consumer clears its announcement.
+//! A wake-up is never lost: the consumer announces the publisher that it sleeps for, then checks again. A publisher
+//! publishes, then checks for the announcement. Only the consumer clears its announcement.
 //!
-//! Every sleep ends. The orchestrator rings every doorbell when the run is to end, and every second besides. If the
-//! orchestrator dies, the system kills the sleeper ([`crate::deployment::die_with_parent`]).
+//! Every sleep ends: the orchestrator rings every doorbell at the end of the run, and also every second. If the
+//! orchestrator dies, the system kills the sleeping process ([`crate::deployment::die_with_parent`]).
 
 use std::sync::Arc;
 use std::sync::atomic::{Ordering, fence};
@@ -24,14 +24,14 @@ use crate::shared_page::{Cell, SharedPage};
 use crate::wait_policy::{self, WaitPolicy};
 use host::watchdog;
 
-/// The turn passes through the five processes of the ring within fewer yields, whatever their order.
+/// Maximum number of yields: all five processes of the ring run within fewer, in any order.
 const YIELDS: u32 = 16;
 
-/// The wait ended without what was waited for: the run ends.
+/// End of a wait by the end of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// Place of a service in the ring of services that wait for each other.
+/// Waiting of a service in the ring of services that wait for each other.
 pub struct Waiter {
     me: ServiceId,
     page: Arc<SharedPage>,
@@ -55,9 +55,9 @@ impl Waiter {
         scheduler: Scheduler,
         external_services: ExternalServices,
     ) -> Self {
-        // Under `SCHED_FIFO` no other load has the core, and yielding always pays.
-        let leads = me == ServiceId::ALL[0] && scheduler != Scheduler::Fifo;
-        let leader = leads.then(WaitPolicy::default);
+        // Under `SCHED_FIFO` no other load runs on the core, and a yield is always cheaper.
+        let is_leader = me == ServiceId::ALL[0] && scheduler != Scheduler::Fifo;
+        let leader = is_leader.then(WaitPolicy::default);
         Self {
             me,
             page,
@@ -108,11 +108,11 @@ impl Waiter {
         self.page.control_block().stopping.load(Ordering::Relaxed) != 0
     }
 
-    /// Rings the doorbells of those services that sleep for a publication of this one, and those of external services
-    /// in any case.
+    /// Rings the doorbells of the consumers that sleep for a publication of this service, and those of external services in
+    /// any case.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
-        // The publications come before the loads of the announcements: pairs with the fence in `sleep_for`. Release and
+        // Orders the publications before the loads of the announcements; pairs with the fence in `sleep_for`. Release and
         // acquire do not order a store before a later load. Without both fences the publisher could miss the
         // announcement while the consumer misses the sample, and the consumer would sleep until the next ring.
         fence(Ordering::SeqCst);
@@ -125,7 +125,7 @@ impl Waiter {
         }
     }
 
-    /// Waits until `arrived` reports the sample which `publisher` publishes at tick `due`.
+    /// Waits until `arrived` reports the sample that `publisher` publishes at tick `due`.
     ///
     /// # Errors
     /// The error of `arrived`, or [`Interrupted`].
@@ -135,25 +135,24 @@ impl Waiter {
         due: u64,
         mut arrived: impl FnMut() -> Result<bool, E>,
     ) -> Result<(), E> {
-        // A sample that has not been published needs no look; one that has been published just now is found one look
-        // later.
+        // No check for a sample that has not been published; one published just now is found at the next check.
         if self.has_stepped(publisher, due) && arrived()? {
             return Ok(());
         }
         if let Some(leader) = &mut self.leader {
-            leader.pass_verdict(self.page.control_block(), wait_policy::is_yield_slow);
+            leader.update(self.page.control_block(), wait_policy::is_yield_slow);
         }
-        let is_here = self.yield_for(&mut arrived)?;
+        let has_arrived = self.yield_for(&mut arrived)?;
         if let Some(leader) = &mut self.leader {
             leader.count_lap(self.page.control_block(), Instant::now());
         }
-        if is_here {
+        if has_arrived {
             Cell::count(&self.cell().yields);
             return Ok(());
         }
         Cell::count(&self.cell().blocks);
         let result = self.sleep_for(publisher, &mut arrived);
-        // Relaxed: a publisher that still sees the announcement rings once too often, which is harmless.
+        // Relaxed: a publisher that still reads the announcement rings once too often, which is harmless.
         self.cell().waiting_for.store(0, Ordering::Relaxed);
         if let Some(leader) = &mut self.leader {
             leader.begin_lap(Instant::now());
@@ -164,7 +163,7 @@ impl Waiter {
     #[inline]
     fn has_stepped(&self, publisher: ServiceId, tick: u64) -> bool {
         let cell = &self.page.control_block().cells[publisher.index()];
-        // Relaxed: only a hint when to look. The port itself orders the sample's bytes.
+        // Relaxed: only a hint when to check. The port itself orders the sample's bytes.
         cell.steps_until.load(Ordering::Relaxed) > tick
     }
 
@@ -178,7 +177,7 @@ impl Waiter {
             if arrived()? {
                 return Ok(true);
             }
-            self.order.was_in_vain();
+            self.order.count_wasted();
             wait_policy::count_miss(self.page.control_block());
         }
         Ok(false)
@@ -197,7 +196,7 @@ impl Waiter {
         self.cell()
             .waiting_for
             .store(announcement(publisher), Ordering::Relaxed);
-        // The announcement comes before every look: pairs with the fence in `wake`, which says why.
+        // Orders the announcement before every check; pairs with the fence in `wake`, where the reason is.
         fence(Ordering::SeqCst);
         loop {
             if arrived()? {
@@ -206,7 +205,7 @@ impl Waiter {
             if self.is_stopping() {
                 return Err(Interrupted.into());
             }
-            watchdog::while_resting(|| self.doorbells[self.me.index()].sleep());
+            watchdog::while_idle(|| self.doorbells[self.me.index()].sleep());
         }
     }
 }

@@ -78,9 +78,9 @@ fn hand_over(scenario: &Scenario) -> HandOver {
 const CHANGES: u64 = 4;
 
 /// Returns the allocations of a flight of so many ticks of a millisecond, and the steps that it recorded.
-fn allocations_of(member: &RunNode, ticks: u64) -> (u64, usize) {
+fn allocations_of(node: &RunNode, ticks: u64) -> (u64, usize) {
     let schedule = Schedule::ideal(1_000_000, ticks - 1);
-    let topics = Topics::open(member, ServiceId::Plant, &schedule).unwrap();
+    let topics = Topics::open(node, ServiceId::Plant, &schedule).unwrap();
     let page = Arc::new(SharedPage::create().unwrap());
     let ports = RealTimePorts::open(&topics, ServiceId::Plant, &schedule, Default::default(), &page).unwrap();
     page.control_block()
@@ -134,24 +134,20 @@ fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
     let root = folder.path().join("root");
     let text = format!("[global]\nroot-path = {root:?}\nprefix = {prefix:?}\n");
     std::fs::write(&configuration, text).unwrap();
-    let member = RunNode::join(&configuration, "allocations").unwrap();
+    let node = RunNode::join(&configuration, "allocations").unwrap();
     let schedule = Schedule::ideal(1_000_000, 0);
     let outputs = ServiceId::Plant.outputs().iter().map(|output| output.topic);
     let inputs = ServiceId::Plant.inputs().iter().map(|input| input.topic);
     let topics: Vec<_> = outputs
         .chain(inputs)
-        .map(|topic| {
-            member
-                .create_topic(topic, &schedule, Delivery::NewestWins)
-                .unwrap()
-        })
+        .map(|topic| node.create_topic(topic, &schedule, Delivery::NewestWins).unwrap())
         .collect();
 
     // One-time allocations happen here.
-    allocations_of(&member, 5);
-    let (few, few_steps) = allocations_of(&member, 20);
-    let (many, many_steps) = allocations_of(&member, 120);
-    drop((topics, member));
+    allocations_of(&node, 5);
+    let (few, few_steps) = allocations_of(&node, 20);
+    let (many, many_steps) = allocations_of(&node, 120);
+    drop((topics, node));
     sweep(&prefix);
     assert_eq!((few_steps, many_steps), (20, 120));
     let handles = 100 * ServiceId::Plant.outputs().len() as u64;

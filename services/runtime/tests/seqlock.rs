@@ -44,8 +44,8 @@ fn records_of_a_ring_beside_its_writer_are_whole_or_gone() {
         });
         let mut next = 0;
         while next < RECORDS {
-            match ring.found(next) {
-                LookUp::Nothing => std::hint::spin_loop(),
+            match ring.look_up(next) {
+                LookUp::Pending => std::hint::spin_loop(),
                 LookUp::Overwritten(oldest) => {
                     assert!(oldest > next);
                     next = oldest;

@@ -1,7 +1,7 @@
-//! Bounds of the operating system that nothing of ours states.
+//! Limits of the operating system.
 //!
-//! * [`packet`]: texts of any length over a socket whose packets are bounded;
-//! * [`resource_limits`]: which limit a refusal of the system means, in words.
+//! * [`packet`]: texts of any length over a socket with a limited packet size;
+//! * [`resource_limits`]: the exhausted limit behind a system error, with the fix.
 
 pub mod packet;
 pub mod resource_limits;

@@ -1,8 +1,7 @@
 //! Packets of a `SOCK_SEQPACKET` socket that carry one text each, and files.
 //!
-//! The system bounds a packet, by some 200 kB unless an administrator has changed it. A longer text travels in an anonymous
-//! file that is sealed against changes, of which the packet carries the descriptor. So the length of a scenario is no matter
-//! of the socket.
+//! The system limits the size of a packet, to some 200 kB by default. A longer text is passed in an anonymous file, sealed
+//! against changes, whose descriptor is in the packet. So the socket does not limit the length of a scenario.
 
 use std::io::{self, IoSlice, IoSliceMut, Write};
 use std::mem::MaybeUninit;
@@ -16,22 +15,21 @@ use rustix::net::{
     SendAncillaryMessage, SendFlags,
 };
 
-/// Longest text in a packet itself, bytes.
+/// Maximum size of a text in the packet itself, bytes.
 pub const PACKET_LIMIT: usize = 128 * 1024;
 
-/// Longest text in a file, bytes: a damaged or hostile peer does not take all memory.
+/// Maximum size of a text in a file, bytes: a damaged or hostile peer must not exhaust the memory.
 const FILE_LIMIT: u64 = 64 << 20;
 
-/// Files that a packet carries at most, with that of its text.
+/// Maximum number of files in a packet, including that of its text.
 const FILES_MAX: usize = 5;
 
-/// The packet of a text that is in its last file.
+/// Text of a packet whose text is in its last file.
 const IN_FILE: &[u8] = br#"{"InFile":{}}"#;
 
 /// Text and files of a packet.
 #[derive(Debug)]
 pub struct Packet {
-    /// The text.
     pub text: Vec<u8>,
     /// The files, without that of the text.
     pub files: Vec<OwnedFd>,
@@ -43,7 +41,7 @@ pub enum PacketError {
     /// The system refused.
     #[error(transparent)]
     Io(#[from] Errno),
-    /// The text is longer than any that is sent.
+    /// The text exceeds the limit.
     #[error("the message is too long for a packet")]
     TooLong,
 }
@@ -51,7 +49,7 @@ pub enum PacketError {
 /// Sends a text, with at most four files.
 ///
 /// # Errors
-/// That of the system.
+/// The error of the system.
 pub fn send(socket: impl AsFd, text: &[u8], files: &[BorrowedFd<'_>], flags: SendFlags) -> Result<(), Errno> {
     let socket = socket.as_fd();
     if text.len() <= PACKET_LIMIT {
@@ -79,7 +77,7 @@ fn send_packet(
     Ok(())
 }
 
-/// Receives a packet; one without a text means that the other end is closed.
+/// Receives a packet; an empty text means that the other end is closed.
 ///
 /// # Errors
 /// [`PacketError`].
@@ -113,13 +111,13 @@ fn sealed(text: &[u8]) -> Result<OwnedFd, Errno> {
     let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
     let mut file = std::fs::File::from(rustix::fs::memfd_create("gerono-message", flags)?);
     file.write_all(text).map_err(|error| errno(&error))?;
-    let whole = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
-    rustix::fs::fcntl_add_seals(&file, whole)?;
+    let seals = SealFlags::WRITE | SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL;
+    rustix::fs::fcntl_add_seals(&file, seals)?;
     Ok(file.into())
 }
 
 fn text_of(file: OwnedFd) -> Result<Vec<u8>, PacketError> {
-    // Only memory has seals: no other file of a peer is read, which might keep its reader waiting.
+    // Only anonymous files have seals. Other files of a peer are refused: reading them could block.
     let seals = rustix::fs::fcntl_get_seals(&file)?;
     if !seals.contains(SealFlags::WRITE | SealFlags::SHRINK) {
         return Err(Errno::PERM.into());

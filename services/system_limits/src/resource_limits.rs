@@ -1,4 +1,4 @@
-//! What a refusal of the system means that only has a number: the limit that was reached, and who can raise it.
+//! Exhausted resource limits behind error numbers of the system, and their fixes.
 
 use std::error::Error;
 use std::io;
@@ -6,7 +6,7 @@ use std::iter::successors;
 
 use rustix::io::Errno;
 
-/// Returns which resource an error, or what caused it, says is used up, and what to do. `None` for any other error.
+/// Returns the exhausted resource behind an error or its sources, with the fix. `None` for other errors.
 #[must_use]
 pub fn advice(error: &(dyn Error + 'static)) -> Option<&'static str> {
     successors(Some(error), |&error| error.source()).find_map(|error| advice_for(number(error)?))
@@ -14,7 +14,7 @@ pub fn advice(error: &(dyn Error + 'static)) -> Option<&'static str> {
 
 fn number(error: &(dyn Error + 'static)) -> Option<Errno> {
     if let Some(error) = error.downcast_ref::<io::Error>() {
-        // An error of the system within one in words is a source of it, or its inner value.
+        // A system error inside of another error is its source or its inner value.
         return Errno::from_io_error(error)
             .or_else(|| number(error.get_ref().map(|inner| inner as &(dyn Error + 'static))?));
     }
@@ -35,11 +35,11 @@ fn advice_for(number: Errno) -> Option<&'static str> {
     }
 }
 
-/// Returns an error in words, with what to do if a resource is used up.
+/// Formats an error, with the fix if a resource is exhausted.
 #[must_use]
 pub fn in_words(error: &(dyn Error + 'static)) -> String {
     match advice(error) {
-        // Some messages name it already.
+        // Some messages already have the fix.
         Some(advice) if !error.to_string().contains("ulimit") => format!("{error}; {advice}"),
         _ => error.to_string(),
     }

@@ -173,9 +173,9 @@ impl Recording {
         let mut innovations = Vec::new();
         for (at_ns, arrival) in arrivals.take_while(|(at_ns, _)| *at_ns < to_ns) {
             match arrival {
-                Arrival::Frame(frame) => filter.hear(*at_ns, &stamped_later(frame, later_ns)),
+                Arrival::Frame(frame) => filter.add_frame(*at_ns, &stamped_later(frame, later_ns)),
                 Arrival::Pose(pose) if pose.tracked.is_set() => {
-                    let innovation = match filter.see(*at_ns, pose) {
+                    let innovation = match filter.add_capture(*at_ns, pose) {
                         Outcome::Used(whitened) => Some(Innovation {
                             whitened,
                             log_determinant: log_determinant(&filter, &believed.kalman),
@@ -212,9 +212,9 @@ impl Recording {
         let mut squared_distances = 0.0;
         for (at_ns, arrival) in &self.arrivals {
             match arrival {
-                Arrival::Frame(frame) => filter.hear(*at_ns, &stamped_later(frame, later_ns)),
+                Arrival::Frame(frame) => filter.add_frame(*at_ns, &stamped_later(frame, later_ns)),
                 Arrival::Pose(pose) => {
-                    squared_distances += match filter.see(*at_ns, pose) {
+                    squared_distances += match filter.add_capture(*at_ns, pose) {
                         Outcome::Used(whitened) => whitened.norm_squared(),
                         Outcome::Refused => believed.kalman.gate,
                         Outcome::Started | Outcome::Ignored => 0.0,

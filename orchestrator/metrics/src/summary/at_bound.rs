@@ -1,4 +1,4 @@
-//! Estimates that rest at the bounds of the projection (5): the vehicle is not within Assumption 1, or another estimate is wrong.
+//! Estimates at the bounds of the projection (5): the vehicle violates Assumption 1, or another estimate is wrong.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -16,13 +16,13 @@ pub struct AtBound {
     pub estimate: &'static str,
     /// Its value, kg or m/s².
     pub value: f64,
-    /// The bound that it rests at, in the same unit.
+    /// The bound, in the same unit.
     pub bound: f64,
     /// The key of the bound.
     pub key: &'static str,
 }
 
-/// The estimates at their bounds at this time (s), if estimates came.
+/// Returns the estimates at their bounds at this time, s.
 pub(super) fn at_bound(bounds: &Bounds, time: f64, parameters: &Parameters) -> Vec<AtBound> {
     let mut found = Vec::new();
     let mut look = |estimate, value: f64, [least, largest]: [f64; 2], keys: [&'static str; 2]| {

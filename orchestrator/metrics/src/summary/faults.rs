@@ -1,7 +1,7 @@
-//! The report on a planned fault: which service noticed it, how far the vehicle strayed, when it was back, how the
-//! services reacted.
+//! Report on a planned fault: the detecting service, the maximum error, the time of recovery, and the reactions of the
+//! services.
 //!
-//! All of it is seen in the samples alone: nobody tells the services that a fault is planned.
+//! All of it follows from the samples: the services have no information on planned faults.
 
 mod record;
 mod signs;
@@ -19,7 +19,7 @@ use signs::Observers;
 pub use signs::Reactions;
 pub(super) use table::faults_in_words;
 
-/// Time for which before a fault the error is looked at, s: its largest value there is what the vehicle must come back to.
+/// Time before a fault whose maximum error is the bound for the recovery, s.
 pub const BEFORE: f64 = 5.0;
 
 /// A fault as planned.
@@ -29,7 +29,7 @@ pub struct PlannedFault {
     pub words: String,
     /// First tick.
     pub from: u64,
-    /// First tick after it; none if it is for good.
+    /// First tick after the fault; `None` if permanent.
     pub until: Option<u64>,
 }
 
@@ -40,25 +40,23 @@ pub struct FaultReport {
     pub fault: String,
     /// Time at which it began, s.
     pub begins: f64,
-    /// Time at which it ended, s; none if it was for good.
+    /// End, s; `None` if permanent.
     pub ends: Option<f64>,
-    /// Its length, s; to the end of what was flown, if it had not ended by then.
+    /// Duration, s, at most to the end of the flight.
     pub outage: f64,
-    /// Until when the vehicle could come back: to the begin of the next fault, the next change of the vehicle, the begin of
-    /// a landing or the end of what was flown, s.
+    /// End of the observation, s: the next fault, the next change of the vehicle, a landing, or the end of the flight.
     pub watched_until: f64,
-    /// The first sign that a service had noticed; none if there was none.
+    /// First sign of a detection by a service, if any.
     pub detection: Option<Detection>,
-    /// The bound that the error must come back to, m: its largest value in the [`BEFORE`] of the fault, or
-    /// [`SETTLED`](crate::SETTLED) if that is larger.
+    /// Bound of the error for the recovery, m: the maximum within [`BEFORE`] of the fault, at least
+    /// [`SETTLED`](crate::SETTLED).
     pub bound: f64,
-    /// Largest distance from the path from its begin on, m; none if nothing is known of it.
+    /// Maximum distance from the path since the beginning of the fault, m; `None` if unknown.
     pub peak_error: Option<f64>,
-    /// The largest that the distance was as a share of its bound, which is larger where the undisturbed flight is known to
-    /// be farther from the path.
+    /// Maximum ratio of the distance to its bound. The bound is larger where the undisturbed flight is farther from the path.
     pub largest_share: Option<f64>,
-    /// Time from its end after which the error stayed within the bound, s; none if it did not, or if the end was
-    /// not seen.
+    /// Recovery time from the end of the fault, s: the error stayed within the bound from then on. `None` without recovery,
+    /// or if the end was not observed.
     pub back_after: Option<f64>,
     /// The reactions of the services.
     pub reactions: Reactions,
@@ -66,10 +64,10 @@ pub struct FaultReport {
     pub others: String,
 }
 
-/// The first sign that a service had noticed a fault.
+/// First sign of the detection of a fault by a service.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Detection {
-    /// Time from the fault's begin, s.
+    /// Time since the beginning of the fault, s.
     pub after: f64,
     /// Name of the service.
     pub by: &'static str,
@@ -78,7 +76,7 @@ pub struct Detection {
 }
 
 impl FaultReport {
-    /// Returns whether the end of the fault was seen.
+    /// Returns whether the end of the fault was observed.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.ends.is_some_and(|ends| ends <= self.watched_until)
@@ -86,7 +84,7 @@ impl FaultReport {
 }
 
 impl PlannedFault {
-    /// The faults that a scenario plans, in the order of time.
+    /// Returns the planned faults of a scenario, in the order of time.
     #[must_use]
     pub fn all(scenario: &Scenario) -> Vec<Self> {
         let mut faults: Vec<_> = scenario
@@ -103,7 +101,7 @@ impl PlannedFault {
     }
 }
 
-/// Watches the faults of a flight while it flies, in constant memory.
+/// Running observation of the faults of a flight, in constant memory.
 #[derive(Clone, Debug)]
 pub struct FaultWatch {
     records: Vec<FaultRecord>,
@@ -112,8 +110,8 @@ pub struct FaultWatch {
 }
 
 impl FaultWatch {
-    /// For a flight with these faults, in the order of time, and these ticks at which something else changes: what comes
-    /// after is not the fault's doing.
+    /// Makes the observation of these faults, in the order of time. `changes` are the ticks of other changes, which end the
+    /// observation of a fault.
     #[must_use]
     pub fn new(faults: Vec<PlannedFault>, changes: &[u64], schedule: &Schedule) -> Self {
         let begins: Vec<u64> = faults.iter().map(|fault| fault.from).collect();
@@ -135,7 +133,7 @@ impl FaultWatch {
         }
     }
 
-    /// Takes a sample into account; they come in the order of the log.
+    /// Adds a sample; call in the order of the log.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
@@ -147,7 +145,7 @@ impl FaultWatch {
         }
     }
 
-    /// Returns the effects of the faults, as far as they were flown. A vehicle that was lost does not come back.
+    /// Returns the reports on the flown faults. A lost vehicle does not recover.
     #[must_use]
     pub fn finish(&self, schedule: &Schedule, lost: Option<&Loss>) -> Vec<FaultReport> {
         let Some(last_tick) = self.last_tick else {
@@ -167,8 +165,7 @@ impl FaultWatch {
             .collect()
     }
 
-    /// Takes a moment into account: how far the vehicle was from its path, and how far (m) it is near that moment without
-    /// the faults, if that is known.
+    /// Adds the distance at a moment, and that near the moment in the undisturbed flight (m), if known.
     #[inline]
     pub fn observe_moment(&mut self, moment: &Moment, undisturbed: Option<f64>) {
         if let Some((distance, path)) = moment.distance.zip(moment.path) {

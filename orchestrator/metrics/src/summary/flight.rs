@@ -1,4 +1,4 @@
-//! The phases of a flight from take-off to landing, and why it was landed and disarmed.
+//! Phases of a flight from take-off to landing, with their causes.
 
 use scenario::Scenario;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::seconds;
 
-/// Most begins of phases, and most requests of the operator, that are kept: those of almost eight flights.
+/// Maximum number of stored phases and of stored requests of the operator: those of almost eight flights.
 const MOST: usize = 40;
 
 /// Time at which a phase of the flight began.
@@ -18,19 +18,19 @@ pub struct FlightPhaseBegin {
     pub phase: &'static str,
     /// Time at which its first reference was published, s.
     pub begins: f64,
-    /// Cause of the phase; none of the first, and of the next phase of an ordinary flight.
+    /// Cause of the phase; `None` for the first one and for regular transitions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
-/// Watches the phases and the operator's requests.
+/// Record of the phases and the operator's requests.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlightWatch {
     /// The phase and its cause.
     newest: Option<(FlightPhase, u8)>,
     /// The vehicle's attitude by its newest state, row-major.
     world_from_body: [f64; 9],
-    /// Largest tilt with which the vehicle arms, rad.
+    /// Maximum tilt for arming, rad.
     tilt_max: f64,
     changes: Vec<Change>,
     requests: Vec<Request>,
@@ -64,18 +64,18 @@ impl FlightWatch {
         }
     }
 
-    /// Takes a state of the vehicle into account.
+    /// Adds a state of the vehicle.
     #[inline]
     pub(super) fn observe_state(&mut self, state: &VehicleState) {
         self.world_from_body = state.world_from_body;
     }
 
-    /// Takes a reference into account.
+    /// Adds a reference.
     pub(super) fn observe(&mut self, reference: &PathReference) {
         let to = FlightPhase::from_code(reference.phase);
         let newest = Some((to, reference.cause));
         if self.newest != newest {
-            // The last one stays the newest, so that the end is told as it was.
+            // The newest one replaces the last one, so that the end of the flight is correct.
             self.changes.truncate(MOST - 1);
             self.changes.push(Change {
                 to,
@@ -87,7 +87,7 @@ impl FlightWatch {
         self.newest = newest;
     }
 
-    /// Takes an event into account, if it is a request of the operator.
+    /// Adds an event, if it is a request of the operator.
     pub(super) fn observe_event(&mut self, event: &RunEvent) {
         let is_request = matches!(
             event.kind,
@@ -115,8 +115,7 @@ impl FlightWatch {
         begins.collect()
     }
 
-    /// Returns the cause of a phase, as the path generator recorded it. Requests are looked at only now: those of a tick
-    /// come after its samples.
+    /// Returns the recorded cause of a phase. Evaluated at the end, because the requests of a tick come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
         if let Some(found) = NotReady::from_cause(change.cause) {
             return Some(not_ready(&not_ready_in_words(found, change.tilt, self.tilt_max)));
@@ -133,7 +132,7 @@ impl FlightWatch {
             _ => return cause_in_words(cause),
         };
         // A request may have an effect some ticks before or after that of its event. Its cause is recorded: only its
-        // origin is looked up here. What a log begins with, that of a flight that was taken over, has its origin before it.
+        // origin is looked up here. After a take-over the cause at the beginning of the log has its origin before it.
         let began_before = self
             .changes
             .first()
@@ -147,7 +146,7 @@ impl FlightWatch {
     }
 }
 
-/// States what was not ready, of a vehicle with a tilt and the largest one with which it arms, rad.
+/// Describes a missing condition of readiness; `tilt` and `tilt_max` in rad.
 #[must_use]
 pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64) -> String {
     match found {
@@ -156,7 +155,7 @@ pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64) -> String {
     }
 }
 
-/// States that a vehicle does not stand level: its tilt and the largest one with which it arms, rad.
+/// Describes a tilt above the maximum for arming; both in rad.
 #[must_use]
 pub fn not_level_in_words(tilt: f64, tilt_max: f64) -> String {
     format!(

@@ -1,4 +1,4 @@
-//! The performance of a laboratory's cameras and radio link in a flight.
+//! Performance of a laboratory's cameras and radio link in a flight.
 
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter, Result};
@@ -28,11 +28,11 @@ pub struct CaptureReport {
     pub latency: f64,
     /// Standard deviation of the time between frames in that second, s.
     pub jitter: f64,
-    /// Frames that told of the vehicle or could have.
+    /// Frames that contain the vehicle or may contain it.
     pub frames: u64,
-    /// Frames whose pose was believed.
+    /// Frames whose pose was accepted.
     pub believed: u64,
-    /// The number of other happenings, by the words of docs/capture_validation.md; only those that occurred.
+    /// Number of other events, by their names in docs/capture_validation.md; only those that occurred.
     pub happened: BTreeMap<&'static str, u64>,
     /// Reasons of refused packets and poses in words, each with its count.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,25 +42,24 @@ pub struct CaptureReport {
 /// The performance of the radio link.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkReport {
-    /// Frames on their way.
+    /// Sent frames.
     pub sent: u64,
-    /// Frames dropped, because others waited or nothing took them.
+    /// Frames dropped because of a full queue or without a device.
     pub dropped: u64,
     /// Frames that were not sent, so that the receiver's failsafe acts.
     pub silent: u64,
-    /// Frames left out because the sender woke up too late.
+    /// Frames skipped because the sender woke up too late.
     pub left_out: u64,
-    /// Number of times that the device or connection was lost.
+    /// Number of losses of the device or connection.
     pub losses: u64,
-    /// Number of times that it was found again.
+    /// Number of reconnections.
     pub recoveries: u64,
-    /// The lateness of the frames that left: half of them, 99 of 100, and all, s; none if the sender did not come to
-    /// its end.
+    /// Median, 99 % quantile and maximum of the lateness of sent frames, s; `None` if the sender did not finish.
     pub late: Option<[f64; 3]>,
 }
 
 impl LaboratoryReport {
-    /// Returns the report of the last figures; none if there are none.
+    /// Makes the report of the last figures, if any.
     #[must_use]
     pub fn of(capture: Option<&CaptureFigures>, link: Option<&LinkFigures>) -> Option<Self> {
         let is_there = capture.is_some() || link.is_some();
@@ -80,8 +79,8 @@ impl CaptureReport {
             ("foreign", figures.foreign),
             ("failures", figures.failures),
         ];
-        // What every flight has stands elsewhere, or nowhere.
-        let is_told =
+        // Events of every flight are reported elsewhere or not at all.
+        let is_reported =
             |(name, count): &(&str, u64)| *count > 0 && !["frames", "believed", "settled"].contains(name);
         let happened = figures.named().into_iter().chain(of_packets);
         Self {
@@ -90,7 +89,7 @@ impl CaptureReport {
             jitter: figures.jitter,
             frames: figures.frames,
             believed: figures.believed,
-            happened: happened.filter(is_told).collect(),
+            happened: happened.filter(is_reported).collect(),
             refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
         }
     }

@@ -1,4 +1,4 @@
-//! The record of a phase: of the time between two changes of the vehicle.
+//! Record of a phase: the time between two changes of the vehicle.
 
 use scenario::Scenario;
 use shared_types::service::{nanoseconds, seconds};
@@ -9,15 +9,15 @@ use crate::ULTIMATE_WINDOW;
 use crate::steady::PhaseParts;
 use crate::tracker::Moment;
 
-/// A phase while it is flown.
+/// Running record of a phase.
 #[derive(Clone, Debug)]
 pub(super) struct PhaseRecord {
-    /// First tick of the part that counts as ultimate.
+    /// First tick of the ultimate part.
     window_tick: u64,
-    /// Last tick of which it is known where the vehicle was.
+    /// Last tick with a known position.
     pub(super) last_tick: Option<u64>,
     pub(super) parts: PhaseParts,
-    /// `None` as long as the vehicle did not fly along the path in that part.
+    /// `None` until the vehicle has flown along the path in the ultimate part.
     ultimate: Option<f64>,
     pub(super) parameters: Parameters,
     pub(super) gamma: Option<f64>,
@@ -31,7 +31,7 @@ pub(super) struct PhaseRecords {
 }
 
 impl PhaseRecords {
-    /// Those of a scenario.
+    /// Makes the records of a scenario.
     pub(super) fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         let phases = PhaseParts::all(scenario, schedule).into_iter();
         Self {
@@ -40,7 +40,7 @@ impl PhaseRecords {
         }
     }
 
-    /// The phase of a tick, which comes no earlier than the one before.
+    /// Returns the phase of a tick; call in ascending order.
     #[inline]
     pub(super) fn at(&mut self, tick: u64) -> &mut PhaseRecord {
         while tick >= self.all[self.current].end_tick() && self.current + 1 < self.all.len() {
@@ -73,7 +73,7 @@ impl PhaseRecord {
         end_tick
     }
 
-    /// Takes a moment into account.
+    /// Adds a moment.
     #[inline]
     pub(super) fn observe(&mut self, moment: &Moment) {
         self.parts.observe(moment);
@@ -84,7 +84,7 @@ impl PhaseRecord {
         }
     }
 
-    /// The phase as reported, of a flight whose vehicle is told by `topic`, with the theorem's `bound` (m) if there is one.
+    /// Returns the report of the phase. `topic` is the source of the position, `bound` the theorem's bound (m), if it holds.
     pub(super) fn finish(&self, schedule: &Schedule, topic: Topic, bound: Option<f64>) -> Phase {
         let time = |tick| seconds(schedule.time_ns(tick));
         let [begin_tick, end_tick] = self.parts.ticks();

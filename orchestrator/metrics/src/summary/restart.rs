@@ -1,4 +1,4 @@
-//! Restarts, as the summary and the record of the machine show them.
+//! Restarts in the summary and in the record of the machine.
 
 use serde::Serialize;
 use shared_types::ServiceId;
@@ -6,17 +6,17 @@ use shared_types::ServiceId;
 /// A death in flight with its restart.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Restart {
-    /// Which service.
+    /// The restarted service.
     #[serde(skip)]
     pub service: ServiceId,
-    /// The name of its process.
+    /// Name of the process.
     #[serde(rename = "service")]
     pub name: &'static str,
     /// Id of the new process.
     pub pid: u32,
-    /// The last tick that had been flown; `None` if it was the first.
+    /// Last tick of the dead process; `None` before its first step.
     pub tick: Option<u64>,
-    /// From the moment when the death was noticed, or from the last step of a process that hung, until the new process flew, s.
+    /// Time from the detection of the death, or from the last step of a hung process, until the new process flew, s.
     pub lost_seconds: f64,
 }
 

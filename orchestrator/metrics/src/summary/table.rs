@@ -1,4 +1,4 @@
-//! The summary as people read it: at most [`WIDTH`] columns wide, whatever the terminal.
+//! The summary as a table for users: at most [`WIDTH`] columns wide, on any terminal.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -11,22 +11,22 @@ use crate::stretch::Metrics;
 use crate::tracker::StateSource;
 use crate::{SETTLED, ULTIMATE_WINDOW};
 
-/// Columns that nothing exceeds.
+/// Maximum width, columns.
 pub(super) const WIDTH: usize = 80;
 
-/// Columns of the names of quantities.
+/// Width of the names of quantities, columns.
 const NAME: usize = 22;
 
-/// Columns of a value.
+/// Width of a value, columns.
 const VALUE: usize = 19;
 
-/// Stretches beside each other.
+/// Maximum number of stretches side by side.
 const BESIDE: usize = 3;
 
-/// A true value that only a simulation knows.
+/// Text for a true value outside of simulations.
 const UNKNOWN: &str = "unknown";
 
-/// Time after a loss within which it has ended the flight, s.
+/// Time after a loss within which the end of the flight is attributed to it, s.
 const AT_ONCE: f64 = 0.05;
 
 impl Display for Summary {
@@ -60,8 +60,8 @@ impl Display for Summary {
 }
 
 impl Summary {
-    /// Writes its end and the verdict on the vehicle. That the machine was late comes first: all else may follow from
-    /// it.
+    /// Writes the end of the run and the verdict on the vehicle. The lateness of the machine comes first: it may be the
+    /// cause of the rest.
     fn write_verdict(&self, formatter: &mut Formatter<'_>) -> Result {
         let Self { run, seed, .. } = self;
         if let Some(lateness) = self.lateness() {
@@ -100,7 +100,7 @@ impl Summary {
                 let text = format!("interrupted: {}", run.reason);
                 writeln!(formatter, "{}", wrapped(&text))?;
             }
-            // Why it failed is told by the command, once.
+            // The command prints the reason of a failure.
             outcome => writeln!(formatter, "{outcome}")?,
         }
         if let Some(loss) = &self.lost {
@@ -113,7 +113,7 @@ impl Summary {
         Ok(())
     }
 
-    /// The number that a flight is judged by, in words.
+    /// Returns the headline: the number by which a flight is judged.
     #[must_use]
     pub fn headline(&self) -> String {
         let Some(steady) = &self.steady else {
@@ -128,7 +128,7 @@ impl Summary {
         format!("{distance} from the path in steady state (root mean square, {from:.1} to {to:.1} s{source})")
     }
 
-    /// That the machine was late in a flight that was lost.
+    /// Describes the lateness of the machine in a lost flight.
     #[must_use]
     pub fn lateness(&self) -> Option<String> {
         let lateness = self.lost.as_ref().and_then(|_| self.run.lateness())?;
@@ -137,7 +137,7 @@ impl Summary {
         ))
     }
 
-    /// The numbers of every phase and of the whole flight, beside each other as far as there is room.
+    /// Writes the numbers of every phase and of the whole flight, side by side within the width.
     fn write_metrics(&self, formatter: &mut Formatter<'_>) -> Result {
         let mut columns: Vec<Column> = self.phases.iter().map(Column::of_phase).collect();
         match columns.as_mut_slice() {
@@ -206,7 +206,7 @@ impl<'a> Column<'a> {
     }
 }
 
-/// A row: its name, and its value in a column, which is nothing where the column has none.
+/// Row: name, and value in a column, if any.
 type Row = (&'static str, fn(&Column<'_>) -> Option<String>);
 
 fn metric(column: &Column<'_>, of: fn(&Metrics) -> f64) -> Option<String> {
@@ -253,7 +253,7 @@ const ROWS: [Row; 22] = [
         Some(column.phase?.against_bound?.to_string())
     }),
     ("  below 2 cm after", |column| {
-        // Of the whole flight it would count from the start to the end of the last phase's transient.
+        // Not for the whole flight, where it would span all phases.
         let settled = column.phase?.metrics?.settling_time;
         Some(settled.map_or_else(|| "not settled".to_owned(), |time| format!("{time:.3} s")))
     }),
@@ -312,7 +312,7 @@ fn write_row(formatter: &mut Formatter<'_>, name: &str, values: impl Iterator<It
     writeln!(formatter, "{}", line.trim_end())
 }
 
-/// A length with four digits, in the unit that people use for it.
+/// Formats a length with four digits, in a convenient unit.
 pub(super) fn length(metres: f64) -> String {
     let [value, unit] = if metres.abs() < 10.0 {
         [significant(100.0 * metres), "cm".to_owned()]
@@ -322,10 +322,10 @@ pub(super) fn length(metres: f64) -> String {
     format!("{value} {unit}")
 }
 
-/// Value above which neither a thrust in N nor a body rate in rad/s is one of a small vehicle.
+/// Value above which a thrust in N or a body rate in rad/s is not physical for a small vehicle.
 const DIVERGED: f64 = 1e3;
 
-/// A value with its unit, as long as it can be one of a vehicle.
+/// Formats a value with its unit, if it is physical.
 fn physical(value: f64, unit: &str) -> String {
     if value.abs() < DIVERGED {
         format!("{value:.3} {unit}")
@@ -334,7 +334,7 @@ fn physical(value: f64, unit: &str) -> String {
     }
 }
 
-/// Four digits that mean something.
+/// Formats a value with four significant digits.
 fn significant(value: f64) -> String {
     let size = value.abs();
     if size >= 1e6 {
@@ -357,7 +357,7 @@ fn vector(value: Option<Vector>) -> Option<String> {
     value.map(|components| components.map(|component| format!("{component:.2}")).join(", "))
 }
 
-/// A text in lines of at most [`WIDTH`] columns, with the breaks and the indentations that it has.
+/// Wraps a text at [`WIDTH`] columns, keeping its line breaks and indentations.
 pub(super) fn wrapped(text: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for stated in text.lines() {
@@ -399,8 +399,7 @@ impl Display for AgainstBound {
     }
 }
 
-/// Returns how many samples there are, and which are missing: those that nobody has published, and those that were and are not in
-/// the log.
+/// Describes the number of samples and the missing ones: not published, or published and not in the log.
 fn samples_in_words(summary: &Summary) -> String {
     let topics = &summary.topics;
     let recorded: u64 = topics.iter().map(|topic| topic.recorded).sum();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub struct TimingReport {
     /// Of each service.
     pub services: Vec<ServiceTiming>,
-    /// From the publication of a capture to that of the frame that rests on it.
+    /// Latency from the publication of a capture to that of the frame computed from it.
     pub capture_to_frame: Option<Distribution>,
     /// Topics of which samples were published and not recorded, and how many.
     pub unrecorded: Vec<Unrecorded>,
@@ -22,9 +22,9 @@ pub struct TimingReport {
 pub struct ServiceTiming {
     /// Name of the service.
     pub service: &'static str,
-    /// Steps that it did.
+    /// Executed steps.
     pub steps: u64,
-    /// Steps that it left out because their time had passed.
+    /// Steps skipped because their time had passed.
     pub missed_steps: u64,
     /// Inputs of the tick of a step that had not come when the grace was over.
     pub late_inputs: u64,
@@ -32,9 +32,9 @@ pub struct ServiceTiming {
     pub stale_inputs: u64,
     /// Records of steps that were overwritten before they were read.
     pub records_overwritten: u64,
-    /// From the moment when it could have stepped until it did.
+    /// Delay from the earliest possible begin of a step to its begin.
     pub wake: Option<Distribution>,
-    /// From the begin of a step until all was published.
+    /// Duration from the begin of a step to its last publication.
     pub step: Option<Distribution>,
 }
 
@@ -59,7 +59,7 @@ pub fn histogram() -> Histogram<u64> {
 /// Quantiles of a time, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quantiles {
-    /// Number of times that were measured.
+    /// Number of measurements.
     pub count: u64,
     /// Median, s.
     pub p50: f64,
@@ -69,32 +69,32 @@ pub struct Quantiles {
     pub p99: f64,
     /// 99.9 %, s.
     pub p999: f64,
-    /// The longest, s.
+    /// Maximum, s.
     pub max: f64,
 }
 
-/// Times with all that is known of them: quantiles for people, buckets for programs, which can be merged with those of
-/// other services and flights.
+/// Distribution of times: quantiles for users, and buckets for programs, which can be merged with those of other services
+/// and flights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {
-    /// Quantiles of all of them.
+    /// Quantiles of all times.
     #[serde(flatten)]
     pub quantiles: Quantiles,
-    /// The buckets that hold any.
+    /// Non-empty buckets.
     pub buckets: Vec<Bucket>,
 }
 
-/// Times of about the same length: to two digits.
+/// Bucket of a histogram with a resolution of two digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bucket {
-    /// The longest that belongs here, ns.
+    /// Upper limit, ns.
     pub up_to_ns: u64,
     /// The number of measurements.
     pub count: u64,
 }
 
 impl Distribution {
-    /// That of a histogram of times in ns, if it has any.
+    /// Makes the distribution of a histogram of times in ns; `None` if it is empty.
     #[must_use]
     pub fn of(histogram: &Histogram<u64>) -> Option<Self> {
         let bucket = |value: hdrhistogram::iterators::IterationValue<u64>| Bucket {
@@ -107,7 +107,7 @@ impl Distribution {
         })
     }
 
-    /// Back to a histogram, to be merged with others.
+    /// Converts to a histogram.
     #[must_use]
     pub fn histogram(&self) -> Histogram<u64> {
         let mut merged = histogram();
@@ -119,7 +119,7 @@ impl Distribution {
 }
 
 impl Quantiles {
-    /// Those of a histogram of times in ns, if it has any.
+    /// Makes the quantiles of a histogram of times in ns; `None` if it is empty.
     #[must_use]
     pub fn of(histogram: &Histogram<u64>) -> Option<Self> {
         let seconds = |nanoseconds: u64| Duration::from_nanos(nanoseconds).as_secs_f64();
@@ -136,7 +136,7 @@ impl Quantiles {
 }
 
 impl TimingReport {
-    /// Returns how late the machine was, in words, if steps were left out or inputs came late.
+    /// Describes the lateness of the machine, if steps were skipped or inputs were late.
     #[must_use]
     pub fn lateness(&self) -> Option<String> {
         let counts = match (self.steps_left_out(), self.late_inputs()) {
@@ -151,7 +151,7 @@ impl TimingReport {
         Some(format!("{counts}{worst}"))
     }
 
-    /// Steps that services left out because their time had passed.
+    /// Returns the number of skipped steps.
     #[must_use]
     pub fn steps_left_out(&self) -> u64 {
         self.services.iter().map(|timing| timing.missed_steps).sum()
@@ -163,7 +163,7 @@ impl TimingReport {
         self.services.iter().map(|timing| timing.late_inputs).sum()
     }
 
-    /// The longest that a step began after it could have, s.
+    /// Returns the maximum delay of the begin of a step, s.
     #[must_use]
     pub fn worst_wake(&self) -> Option<f64> {
         let wakes = self.services.iter().filter_map(|timing| timing.wake.as_ref());

@@ -200,7 +200,8 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
             (None, _) => writeln!(formatter, "nothing is known of the distance from the path")?,
         }
     }
-    for restart in list("rebirths") {
+    // Summaries of earlier versions have `rebirths`.
+    for restart in list("restarts").into_iter().chain(list("rebirths")) {
         let place = restart["tick"].as_u64().map_or_else(
             || "before its first step".to_owned(),
             |tick| format!("after tick {tick}"),

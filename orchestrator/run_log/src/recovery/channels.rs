@@ -1,4 +1,4 @@
-//! Which samples the messages of a log are.
+//! Identification of the samples in a damaged log.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -48,12 +48,12 @@ impl Kind {
         Self::new::<T>(T::CHANNEL, None)
     }
 
-    /// Returns whether a channel of a log has samples of this kind, in whatever layout.
+    /// Returns whether a channel of a log has samples of this kind, in any layout.
     pub(super) fn is_of(&self, channel: &str, schema: &str) -> bool {
         self.channel == channel && self.schema == schema
     }
 
-    /// Returns whose samples they are.
+    /// Returns the origin of the samples.
     pub(super) fn origin(&self) -> Origin {
         match self.topic {
             Some(_) => Origin::Flight,
@@ -61,12 +61,12 @@ impl Kind {
         }
     }
 
-    /// Returns whether these bytes can be such a sample of a time.
+    /// Returns whether these bytes can be a sample of this kind at a time.
     fn fits(&self, sample: &[u8], time_ns: u64) -> bool {
         sample.len() == self.size && self.time_ns(sample) == Some(time_ns)
     }
 
-    /// Samples of the flight begin with their header, those of the machine with their time.
+    /// Returns the time of a sample. Samples of the flight begin with their header, those of the machine with their time.
     fn time_ns(&self, sample: &[u8]) -> Option<u64> {
         match self.topic {
             Some(_) => Some(header_of(sample).stamp_ns),
@@ -87,16 +87,16 @@ impl TopicVisitor for KindOf {
 
 /// A sample in a log.
 pub(super) struct Message<'a> {
-    /// Position of its kind.
+    /// Index of its kind.
     pub(super) kind: usize,
     pub(super) header: MessageHeader,
     pub(super) sample: &'a [u8],
-    /// Its tick and number, of the flight's samples as their headers have them.
+    /// Tick and number in the header, for samples of the flight.
     pub(super) tick: Option<u64>,
     pub(super) sequence: u64,
 }
 
-/// All kinds: the topics in their order, then those of the machine.
+/// Returns all kinds: the topics in order, then those of the machine.
 pub(super) fn kinds() -> Vec<Kind> {
     let mut kinds: Vec<_> = Topic::ALL.map(|topic| topic.dispatch(KindOf)).into();
     kinds.extend([
@@ -110,7 +110,7 @@ pub(super) fn kinds() -> Vec<Kind> {
     kinds
 }
 
-/// Gives the numbers of telemetry the names that they have in a flight of `scenario`.
+/// Sets the names of the telemetry in a flight of `scenario`.
 pub(super) fn name_telemetry(kinds: &mut [Kind], scenario: &Scenario) {
     let topic = Topic::ControlTelemetry;
     kinds[topic.index()].definition = definition(topic, scenario);
@@ -119,10 +119,10 @@ pub(super) fn name_telemetry(kinds: &mut [Kind], scenario: &Scenario) {
 /// The known channels of a log.
 pub(super) struct Channels<'a> {
     pub(super) kinds: &'a [Kind],
-    /// Names of schemas and positions of kinds, by the log's numbers.
+    /// Names of schemas and indices of kinds, by the log's numbers.
     schemas: BTreeMap<u16, String>,
     declared: BTreeMap<u16, usize>,
-    /// Types that the log has in another layout.
+    /// Types with another layout in the log.
     pub(super) other_layouts: Vec<&'static str>,
     /// Numbers of the samples of each kind.
     numbers: Vec<BTreeSet<u64>>,
@@ -139,7 +139,7 @@ impl<'a> Channels<'a> {
         }
     }
 
-    /// Hands over the messages of a chunk; tells how many are no sample of a kind that is known, or one that was there before.
+    /// Passes on the messages of a chunk. Returns the number of unknown and repeated samples.
     pub(super) fn read<E>(
         &mut self,
         chunk: &Chunk,
@@ -164,7 +164,7 @@ impl<'a> Channels<'a> {
         Ok(strange)
     }
 
-    /// Returns whether a sample is no flight's, or was not there before, and takes note of it.
+    /// Records a sample. Returns `false` if a sample of the flight is repeated.
     fn is_new(&mut self, message: &Message<'_>) -> bool {
         self.kinds[message.kind].topic.is_none() || self.numbers[message.kind].insert(message.sequence)
     }
@@ -174,7 +174,7 @@ impl<'a> Channels<'a> {
             return;
         };
         let mut kinds = self.kinds.iter();
-        // Other programs may have channels of such names.
+        // Other programs may have channels with these names.
         let Some(position) = kinds.position(|kind| kind.is_of(&channel.topic, schema)) else {
             return;
         };
@@ -186,7 +186,7 @@ impl<'a> Channels<'a> {
         }
     }
 
-    /// Returns the position of a kind that the log declares, in whatever layout.
+    /// Returns the index of a kind that the log declares, in any layout.
     pub(super) fn known(&self) -> Option<usize> {
         let of_schema = |schema: &&str| self.kinds.iter().position(|kind| kind.schema == *schema);
         let declared = self.declared.values().next().copied();
@@ -210,8 +210,8 @@ impl<'a> Channels<'a> {
         })
     }
 
-    /// The kinds that a channel may have whose declaration is lost: a flight's are numbered in the order of the topics,
-    /// the machine's in the order of their first samples, but no two of them have one size.
+    /// Returns the possible kinds of a channel without a declaration: a flight's channels are numbered in the order of the
+    /// topics, the machine's in the order of their first samples, but all of these have different sizes.
     fn guesses(&self, channel: u16) -> impl Iterator<Item = usize> + use<> {
         let numbered = usize::from(channel).checked_sub(FIRST_CHANNEL);
         let numbered = numbered.filter(|&position| position < Topic::ALL.len());

@@ -1,4 +1,4 @@
-//! Whose file it is, whole or not: one definition for every command.
+//! Origin of a file, complete or not: one definition for all commands.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,18 +16,18 @@ use crate::parts::Part;
 /// Origin of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Origin {
-    /// It holds parts of a flight, or breaks off before its first record as a file of this program does.
+    /// Parts of a flight, or the beginning of a file of this program without a record.
     Flight,
-    /// It holds the record of a machine.
+    /// The record of a machine.
     Machine,
-    /// It holds neither, or is a copy for viewers.
+    /// Neither, or a copy for viewers.
     Foreign,
 }
 
-/// Returns the origin of a file: by the channels of its summary, or else by the first part of it that is whole and known.
+/// Returns the origin of a file: by the channels in its summary, or by its first valid known part.
 ///
 /// # Errors
-/// If the file cannot be read, or was made to keep its reader busy.
+/// If the file cannot be read, or would take an excessive amount of work.
 pub(crate) fn origin(path: &Path) -> io::Result<Origin> {
     let kinds = kinds();
     if let Some(summary) = summary_of(&mut File::open(path)?)?.filter(|summary| !summary.channels.is_empty())
@@ -77,8 +77,7 @@ fn of_chunk(channels: &mut Channels<'_>, chunk: &Chunk) -> Option<Origin> {
     known.map(|position| channels.kinds[position].origin())
 }
 
-/// Returns the origin of a file of which no part is whole and known: its begin may be that of a file of this program, which
-/// has handed nothing to the disk yet, or of which nothing else is left.
+/// Returns the origin of a file without a valid known part, by its beginning: nothing else was written yet, or is left.
 fn begins_as_ours(path: &Path) -> io::Result<Origin> {
     let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
     let header = [text(ROS2_PROFILE), text(LIBRARY)].concat();

@@ -1,4 +1,4 @@
-//! The content and the gaps of a recovered log, inside the log.
+//! Content and gaps of a recovered log, as stored in the log.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,60 +7,59 @@ use std::ops::RangeInclusive;
 use mcap::records::Metadata;
 use serde::{Deserialize, Serialize};
 
-/// The parts of a log that were kept, and those that were not. It stands in the recovered log, so that nobody takes
-/// that for a whole one.
+/// Kept and lost parts of a log, stored in the recovered log to distinguish it from a complete one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recovery {
-    /// Name of the file that it was made of.
+    /// Name of the source file.
     pub source: String,
-    /// `true` if the source had its proper end; if not, nobody knows how much came after the last sample.
+    /// `true` if the source had an end record; otherwise the number of samples after the last one is unknown.
     pub was_closed: bool,
     /// Chunks that were kept.
     pub chunks: u64,
     /// Samples that were kept, by topic.
     pub samples: BTreeMap<String, u64>,
-    /// The last of them that no checksum vouches for: they are of a chunk with which the source breaks off.
+    /// Number of the last samples without a valid checksum: those of a truncated chunk at the end of the source.
     pub unverified: u64,
-    /// Messages in whole chunks that are no samples of a known type.
+    /// Messages in valid chunks that are not samples of a known type.
     pub strange: u64,
     /// The damaged places, in their order.
     pub gaps: Vec<Gap>,
-    /// First and last sample, if there are any.
+    /// First and last sample, if any.
     pub span: Option<[SampleTime; 2]>,
-    /// Last tick that the scenario plans; none in a log of the machine.
+    /// Last tick of the scenario; `None` in a log of the machine.
     pub planned_last_tick: Option<u64>,
-    /// `true` if the manifest was damaged, so that the scenario was given again.
+    /// `true` if the manifest was damaged and the user has stated the scenario.
     pub is_scenario_restated: bool,
-    /// Number of the file in which the log goes on, if it was split and there is one beside it.
+    /// Number of the next file of a split log, if it exists.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goes_on_in: Option<u64>,
-    /// If the source itself was a recovered log, what that lacked.
+    /// Recovery of the source, if that was a recovered log.
     pub earlier: Option<Box<Recovery>>,
 }
 
 /// Time at which a sample was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SampleTime {
-    /// Its tick; none in a log of the machine.
+    /// Tick; `None` in a log of the machine.
     pub tick: Option<u64>,
-    /// Its time, ns.
+    /// Time, ns.
     pub time_ns: u64,
 }
 
 /// A damaged place of a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
-    /// Place where it begins in the source, bytes.
+    /// Offset in the source, bytes.
     pub at: u64,
-    /// Number of bytes that could not be used.
+    /// Length, bytes.
     pub bytes: u64,
-    /// Samples of the recovered log that come before it.
+    /// Number of samples of the recovered log before the gap.
     pub samples_before: u64,
-    /// The last of these.
+    /// Last sample before the gap.
     pub after: Option<SampleTime>,
-    /// The first sample behind it; none if nothing follows.
+    /// First sample after the gap, if any.
     pub before: Option<SampleTime>,
-    /// Samples that are missing here, by topic, as the numbers of those around them tell.
+    /// Missing samples by topic, from the numbers of the samples around the gap.
     pub lost: BTreeMap<String, u64>,
 }
 
@@ -79,19 +78,19 @@ impl Recovery {
     const REPORT_KEY: &str = "report";
     const WORDS_KEY: &str = "in words";
 
-    /// Samples that were kept.
+    /// Returns the number of kept samples.
     #[must_use]
     pub fn kept(&self) -> u64 {
         total(self.samples.values())
     }
 
-    /// Samples that are known to be missing between others.
+    /// Returns the number of samples known to be missing between others.
     #[must_use]
     pub fn lost(&self) -> u64 {
         total(self.gaps.iter().flat_map(|gap| gap.lost.values()))
     }
 
-    /// Returns whether the log reaches to the planned end and lacks nothing before it.
+    /// Returns whether the log is complete up to the planned end.
     #[must_use]
     pub fn lacks_nothing(&self) -> bool {
         let ends_as_planned = match self.planned_last_tick {
@@ -119,7 +118,7 @@ impl Recovery {
         self.gaps.iter().any(lacks) || earlier.is_some_and(|earlier| earlier.lacks_samples_in(ticks))
     }
 
-    /// Tick of the last sample.
+    /// Returns the tick of the last sample.
     #[must_use]
     pub fn last_tick(&self) -> Option<u64> {
         self.span.and_then(|[_, last]| last.tick)
@@ -136,7 +135,7 @@ impl Recovery {
         }
     }
 
-    /// Back from the metadata of its name.
+    /// Converts from metadata.
     pub(crate) fn from_metadata(metadata: &BTreeMap<String, String>) -> Option<Self> {
         serde_json::from_str(metadata.get(Self::REPORT_KEY)?).ok()
     }
@@ -217,7 +216,7 @@ impl Recovery {
     }
 }
 
-/// The sum of counts, some of which a damaged log only claims.
+/// Returns the saturating sum of counts, which a damaged log may falsify.
 fn total<'a>(counts: impl IntoIterator<Item = &'a u64>) -> u64 {
     counts.into_iter().copied().fold(0, u64::saturating_add)
 }

@@ -1,7 +1,7 @@
-//! The whole parts of a log of which something is not.
+//! Scan for the valid parts of a damaged log.
 //!
-//! Records are walked one after the other. Where one does not hold, the file is searched byte by byte for the next that
-//! does: a chunk whose checksum holds, or metadata whose lengths add up. So damage costs what it hits and no more.
+//! Records are read in sequence. After an invalid one the file is searched byte by byte for the next valid one: a chunk
+//! with a valid checksum, or metadata whose lengths add up. So only damaged parts are lost.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -25,16 +25,16 @@ const DATA_END_BYTES: u64 = 4;
 /// Length of the body of the last record.
 const FOOTER_BYTES: u64 = 8 + 8 + 4;
 
-/// The number of bytes of a file that are searched at once.
+/// Block size of the search, bytes.
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// A part of a log.
 pub(super) enum Piece {
-    /// A chunk whose checksum holds.
+    /// A chunk with a valid checksum.
     Chunk(Chunk),
-    /// The whole records of a chunk with which the file breaks off: no checksum says that they are as written.
+    /// Complete records of a truncated chunk at the end of the file, not verified by a checksum.
     Cut {
-        /// The rest.
+        /// The records.
         chunk: Chunk,
         /// Place where it begins in the file.
         at: u64,
@@ -43,14 +43,14 @@ pub(super) enum Piece {
     },
     /// Facts about the log.
     Metadata(Metadata),
-    /// Bytes that are none of the above.
+    /// Other bytes.
     Damage {
         /// Place where they begin in the file.
         at: u64,
-        /// Number of they that are.
+        /// Number of bytes.
         bytes: u64,
     },
-    /// The proper end of all data.
+    /// The record that ends the data.
     End,
 }
 
@@ -63,14 +63,14 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Kind and bytes of its records.
+    /// Returns kind and bytes of the records.
     pub(super) fn records(&self) -> impl Iterator<Item = (u8, &[u8])> {
         self.records
             .iter()
             .map(|(opcode, range)| (*opcode, &self.content[range.clone()]))
     }
 
-    /// Opens a chunk; `None` if anything of it does not hold.
+    /// Opens a chunk; `None` if it is invalid.
     fn verified(body: &[u8]) -> Option<Self> {
         let mut records = ChunkRecords::new();
         records.open(body).ok()?;
@@ -82,7 +82,7 @@ impl Chunk {
         Some(chunk)
     }
 
-    /// The whole records at the begin of `content`.
+    /// Returns the complete records at the beginning of `content`.
     fn beginning(mut content: &[u8]) -> Self {
         let mut chunk = Self::new(String::new());
         while let Some((frame, rest)) = content.split_first_chunk::<FRAME_BYTES>() {
@@ -113,16 +113,16 @@ impl Chunk {
     }
 }
 
-/// Goes through a file once.
+/// Scan of a file.
 ///
-/// Bytes that look like a chunk are unpacked to see whether they are one, so that a file can be made in which that is no end of
-/// work. Beyond what any log takes it is given up, with an error of the kind [`io::ErrorKind::InvalidData`].
+/// Candidates for chunks are uncompressed for their verification, which a crafted file could make arbitrarily expensive.
+/// Beyond the work for any log the scan fails with an error of the kind [`io::ErrorKind::InvalidData`].
 pub(super) struct Scan {
     file: File,
     budget: RefCell<Budget>,
-    /// Place where the next piece begins.
+    /// Offset of the next piece.
     at: u64,
-    /// Place where the data end: before the record that says so, or with the file.
+    /// End of the data: at the record that ends them, or at the end of the file.
     end: u64,
     /// `true` if there is such a record.
     is_closed: bool,
@@ -135,7 +135,7 @@ impl Scan {
         let size = file.metadata()?.len();
         let mut scan = Self {
             file,
-            budget: RefCell::new(Budget::of(size)),
+            budget: RefCell::new(Budget::new(size)),
             at: 0,
             end: size,
             is_closed: false,
@@ -151,7 +151,7 @@ impl Scan {
         Ok(scan)
     }
 
-    /// The next piece; `None` at the end of the file.
+    /// Returns the next piece; `None` at the end of the file.
     pub(super) fn next(&mut self) -> io::Result<Option<Piece>> {
         while self.at < self.end {
             let Some((found, bytes)) = self.record_at(self.at)? else {
@@ -167,7 +167,7 @@ impl Scan {
                     return Ok(Some(Piece::Metadata(metadata)));
                 }
                 WholeRecord::Index => self.at += bytes,
-                // The summary would follow; it is rebuilt.
+                // The summary is rebuilt.
                 WholeRecord::DataEnd => match self.resynchronise(self.at + bytes)? {
                     Some(_) => return self.damage().map(Some),
                     None => {
@@ -182,7 +182,7 @@ impl Scan {
         Ok(ends_now.then_some(Piece::End))
     }
 
-    /// Returns where the data end, as the last record of a complete file says.
+    /// Returns the end of the data, by the last record of a complete file.
     fn stated_end(&self) -> io::Result<Option<u64>> {
         let footer_bytes = FRAME_BYTES as u64 + FOOTER_BYTES;
         let tail_bytes = footer_bytes + mcap::MAGIC.len() as u64;
@@ -207,7 +207,7 @@ impl Scan {
         Ok((self.frame_at(at)? == Some((op::DATA_END, DATA_END_BYTES))).then_some(at))
     }
 
-    /// Goes on to the next record that holds.
+    /// Skips to the next valid record.
     fn damage(&mut self) -> io::Result<Piece> {
         let at = self.at;
         let next = self.resynchronise(at + 1)?;
@@ -223,7 +223,7 @@ impl Scan {
         })
     }
 
-    /// Returns where the next chunk or metadata that holds begins, from `from` on.
+    /// Returns the offset of the next valid chunk or metadata, from `from` on.
     fn resynchronise(&self, from: u64) -> io::Result<Option<u64>> {
         let mut begin = from;
         while begin < self.end {
@@ -234,8 +234,8 @@ impl Scan {
                     continue;
                 }
                 let at = begin + offset as u64;
-                // What holds nothing has nothing that vouches for it, and its length may reach over whole chunks: zeros
-                // within a chunk look like an empty one.
+                // An empty record has no verification, and its length may span whole chunks: zeros within a chunk look like
+                // an empty record.
                 let holds = match self.record_at(at)? {
                     Some((WholeRecord::Chunk(chunk), _)) => !chunk.records.is_empty(),
                     Some((WholeRecord::Metadata(metadata), _)) => !metadata.name.is_empty(),
@@ -250,7 +250,7 @@ impl Scan {
         Ok(None)
     }
 
-    /// The record at a place and its length, if it holds.
+    /// Returns the record at an offset and its length, if it is valid.
     fn record_at(&self, at: u64) -> io::Result<Option<(WholeRecord, u64)>> {
         let Some((opcode, length)) = self.frame_at(at)? else {
             return Ok(None);
@@ -273,8 +273,8 @@ impl Scan {
         Ok(found.map(|found| (found, bytes)))
     }
 
-    /// Whether the lengths in the header of a chunk fit into its record: most bytes that look like one do not. Behind them there may
-    /// be what later versions of the format add. If they do, it is about to be unpacked.
+    /// Returns whether the lengths in the header of a chunk fit into its record, which excludes most candidates without
+    /// uncompressing them. Additional bytes are permitted for later versions of the format.
     fn may_be_chunk(&self, at: u64, length: u64) -> io::Result<bool> {
         let Some(header) = self.chunk_header_at(at)? else {
             return Ok(false);
@@ -296,12 +296,12 @@ impl Scan {
             at + FRAME_BYTES as u64,
             PLAIN_HEADER_BYTES as usize + LONGEST_NAME,
         )?;
-        // Times, size and checksum come before the name.
+        // Times, size and checksum precede the name.
         let Some((name, _)) = begin.get(28..).and_then(split_text) else {
             return Ok(None);
         };
         let header_bytes = PLAIN_HEADER_BYTES as usize + name.len();
-        // The library takes no header without the content that it states.
+        // The library accepts no header without its stated content.
         let Some(header) = begin.get(..header_bytes) else {
             return Ok(None);
         };
@@ -316,9 +316,9 @@ impl Scan {
         }))
     }
 
-    /// Returns the rest of a chunk that is not compressed and reaches beyond the end of the file.
+    /// Returns the records of an uncompressed chunk that extends beyond the end of the file.
     ///
-    /// Nothing but its own lengths can say that it does, so they must agree.
+    /// Only its own lengths identify such a chunk, so they must agree.
     fn cut_at(&self, at: u64) -> io::Result<Option<Chunk>> {
         let Some((op::CHUNK, length)) = self.frame_at(at)? else {
             return Ok(None);
@@ -339,13 +339,13 @@ impl Scan {
         Ok((!chunk.records.is_empty()).then_some(chunk))
     }
 
-    /// Kind and length of the record at a place.
+    /// Returns kind and length of the record at an offset.
     fn frame_at(&self, at: u64) -> io::Result<Option<(u8, u64)>> {
         let bytes = self.read(at, FRAME_BYTES)?;
         Ok(bytes.first_chunk().map(|frame| frame_of(*frame)))
     }
 
-    /// So many bytes from a place on, or what the file has of them.
+    /// Reads up to `length` bytes at an offset.
     fn read(&self, at: u64, length: usize) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; length];
         let mut count = 0;
@@ -362,11 +362,11 @@ impl Scan {
     }
 }
 
-/// A record that holds.
+/// Valid record.
 enum WholeRecord {
     Chunk(Chunk),
     Metadata(Metadata),
-    /// Records that a writer rebuilds.
+    /// Index, which the writer rebuilds.
     Index,
     DataEnd,
 }
@@ -376,7 +376,7 @@ fn frame_of(frame: [u8; FRAME_BYTES]) -> (u8, u64) {
     (frame[0], u64::from_le_bytes(length))
 }
 
-/// Metadata whose lengths add up: a name, and pairs of texts that fill the rest.
+/// Parses metadata, if their lengths add up: a name, and pairs of texts that fill the rest.
 fn metadata(body: &[u8]) -> Option<Metadata> {
     let (_, rest) = split_text(body)?;
     let (length, mut pairs) = rest.split_first_chunk()?;
@@ -392,12 +392,12 @@ fn metadata(body: &[u8]) -> Option<Metadata> {
     }
 }
 
-/// Returns the bytes after so many texts.
+/// Returns the bytes after `count` texts.
 fn skip_texts(bytes: &[u8], count: usize) -> Option<&[u8]> {
     (0..count).try_fold(bytes, |bytes, _| Some(split_text(bytes)?.1))
 }
 
-/// A text with its length before it, and what follows.
+/// Splits off a text that is preceded by its length.
 fn split_text(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let (length, rest) = bytes.split_first_chunk()?;
     let (text, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;

@@ -1,7 +1,7 @@
-//! The viewers' messages, as far as they are used here: names and numbers are those of Foxglove's schemas for Protocol Buffers, which
-//! Foxglove, Lichtblick and Rerun know. Units: m, rad-free quaternions, colours from 0 to 1.
+//! Messages for viewers: names and numbers are those of Foxglove's schemas for Protocol Buffers, which Foxglove, Lichtblick
+//! and Rerun support. Units: m, rad-free quaternions, colours from 0 to 1.
 //!
-//! All members are required, so that zeros are written too: some readers take what is missing for unknown.
+//! All members are required, so that zeros are written too: some readers interpret a missing member as unknown.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -14,8 +14,8 @@ const TIME: &str = "google.protobuf";
 const TIME_FILE: &str = "google/protobuf/timestamp.proto";
 const FOXGLOVE: &str = "foxglove";
 
-/// Declares messages of a package, each member with its number, its type in Protocol Buffers and that in Rust, and a function of this
-/// name that describes all of them.
+/// Declares messages of a package, each member with its number, its type in Protocol Buffers and that in Rust, and a
+/// function of this name that describes all of them.
 macro_rules! messages {
     (
         fn $all:ident, $package:ident
@@ -187,12 +187,12 @@ pub(super) enum NumericType {
     Float32 = 7,
 }
 
-/// The names of what a packed number can be, from 0 on.
+/// Names of the types of packed numbers, from 0.
 const NUMERIC_TYPES: [&str; 9] = [
     "UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64",
 ];
 
-/// The description of a member.
+/// Returns the description of a member.
 fn member(name: &str, number: i32, label: &str, kind: &str, rust_type: &str) -> FieldDescriptorProto {
     let kind = Type::from_str_name(&format!("TYPE_{}", kind.to_uppercase())).unwrap_or(Type::Enum);
     let label = match label {
@@ -209,7 +209,7 @@ fn member(name: &str, number: i32, label: &str, kind: &str, rust_type: &str) -> 
         _ => None,
     };
     FieldDescriptorProto {
-        // A word that Rust has a use for is written `r#type` there.
+        // Keywords of Rust are written as `r#type` in the macro.
         name: Some(name.trim_start_matches("r#").to_owned()),
         number: Some(number),
         label: Some(label.into()),
@@ -219,7 +219,7 @@ fn member(name: &str, number: i32, label: &str, kind: &str, rust_type: &str) -> 
     }
 }
 
-/// The description of all of them, as a schema of MCAP wants it: a `FileDescriptorSet`, in which packages precede those that use them.
+/// Returns the description of all messages as a schema of MCAP: a `FileDescriptorSet` in which packages precede their users.
 pub(super) fn description() -> Vec<u8> {
     let file = |name: &str, package: &str, message_type| FileDescriptorProto {
         name: Some(name.to_owned()),
@@ -248,7 +248,7 @@ pub(super) fn description() -> Vec<u8> {
 }
 
 impl Timestamp {
-    /// So many ns after the start of the flight.
+    /// Makes a time stamp, in ns since the start of the flight.
     pub(super) fn from_ns(time_ns: u64) -> Self {
         const NS_PER_SECOND: u64 = 1_000_000_000;
         Self {
@@ -271,7 +271,7 @@ impl From<[f64; 3]> for Point3 {
 }
 
 impl Pose {
-    /// At a place, turned as the frame is.
+    /// Makes a pose with the attitude of the frame.
     pub(super) fn at(position: [f64; 3]) -> Self {
         Self {
             position: position.into(),

@@ -1,6 +1,6 @@
-//! The scene of a viewer: frames, the vehicle, its way and that of the point it follows.
+//! Scene for viewers: frames, the vehicle, its trajectory and that of the reference.
 //!
-//! Our frame {I} has z down, viewers have z up: {I} hangs upside down in a frame of theirs, and everything else is told in {I}.
+//! In {I} z points down, in viewers up: {I} is rotated by half a turn in the viewers' frame, and all data are in {I}.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -9,7 +9,7 @@ use super::messages::{
     PointCloud, Pose, PoseInFrame, Quaternion, SceneEntity, SceneUpdate, Timestamp,
 };
 
-/// The viewers' frame, with z up: x as in {I}, y and z against it.
+/// Frame of the viewers, with z up: x as in {I}, y and z opposite.
 pub(super) const UPRIGHT: &str = "world_z_up";
 
 /// {I}, z down.
@@ -18,7 +18,7 @@ pub(super) const WORLD: &str = "world";
 /// {B}.
 pub(super) const BODY: &str = "body";
 
-/// Place where the vehicle was.
+/// Colour of the flown trajectory.
 const FLOWN: Color = Color {
     r: 0.90,
     g: 0.38,
@@ -26,7 +26,7 @@ const FLOWN: Color = Color {
     a: 1.0,
 };
 
-/// Place where it should have been.
+/// Colour of the desired trajectory.
 const DESIRED: Color = Color {
     r: 0.0,
     g: 0.45,
@@ -47,7 +47,7 @@ const LINE_PIXELS: f64 = 2.0;
 /// Bytes of a point: x, y and z as f32, and four parts of a colour.
 const POINT_BYTES: u32 = 16;
 
-/// A place in {I}, m, and an attitude, body to inertial.
+/// Position in {I}, m, and attitude, body to inertial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placed {
     pub(super) position_world: [f64; 3],
@@ -83,7 +83,7 @@ pub(super) fn upright(time_ns: u64) -> FrameTransform {
     }
 }
 
-/// The frame that moves with the vehicle.
+/// Returns the frame of the vehicle.
 pub(super) fn body_frame(time_ns: u64, vehicle: &Placed) -> FrameTransform {
     FrameTransform {
         timestamp: Timestamp::from_ns(time_ns),
@@ -94,7 +94,7 @@ pub(super) fn body_frame(time_ns: u64, vehicle: &Placed) -> FrameTransform {
     }
 }
 
-/// Something that is somewhere in {I}.
+/// Returns a pose in {I}.
 pub(super) fn pose(time_ns: u64, placed: &Placed) -> PoseInFrame {
     PoseInFrame {
         timestamp: Timestamp::from_ns(time_ns),
@@ -106,7 +106,7 @@ pub(super) fn pose(time_ns: u64, placed: &Placed) -> PoseInFrame {
     }
 }
 
-/// The vehicle, which moves with its frame, and the whole ways as lines.
+/// Returns the vehicle, which moves with its frame, and the complete trajectories as lines.
 pub(super) fn scene(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> SceneUpdate {
     let entity = |id: &str, frame_id: &str| SceneEntity {
         timestamp: Timestamp::from_ns(time_ns),
@@ -136,7 +136,7 @@ pub(super) fn scene(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> S
     }
 }
 
-/// About the size of the paper's vehicle; what is orange is in front.
+/// Returns the hull, about the size of the paper's vehicle; the front is orange.
 fn hull() -> CubePrimitive {
     CubePrimitive {
         pose: Pose::at([0.0; 3]),
@@ -169,7 +169,7 @@ fn line(places: &[[f64; 3]], color: Color) -> LinePrimitive {
     }
 }
 
-/// The whole ways as points in {I}, for Rerun, which knows no lines of Foxglove's.
+/// Returns the complete trajectories as points in {I}, for Rerun, which does not support Foxglove's lines.
 pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> PointCloud {
     let field = |(index, name): (u32, &str)| PackedElementField {
         name: name.to_owned(),
@@ -202,7 +202,7 @@ pub(super) fn points(time_ns: u64, flown: &[[f64; 3]], desired: &[[f64; 3]]) -> 
     }
 }
 
-/// A colour in four bytes.
+/// Packs a colour into four bytes.
 fn packed(color: &Color) -> [u8; 4] {
     [color.r, color.g, color.b, color.a].map(|part| (255.0 * part).round() as u8)
 }

@@ -288,9 +288,9 @@ fn without_a_truth_the_estimate_is_shown_once_there_is_one() {
 #[test]
 fn a_long_way_is_thinned_from_its_begin_on() {
     let places = (0..=2 * POINTS_MAX).map(|index| [index as f64, 0.0, 0.0]);
-    let way = Way {
+    let way = Trajectory {
         places: places.collect(),
-        ..Way::default()
+        ..Trajectory::default()
     };
     let thinned = way.thinned();
     assert!(thinned.len() <= POINTS_MAX);

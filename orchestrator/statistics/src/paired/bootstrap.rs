@@ -3,13 +3,12 @@
 use crate::quantile::{between, quantile, sorted};
 use crate::random::{Generator, Purpose};
 
-/// Resamples of an interval.
+/// Number of resamples.
 pub const RESAMPLES: usize = 2000;
 
-/// Returns the percentile interval of the median of values in rising order; none of no values.
+/// Returns the percentile interval of the median of values in ascending order; `None` without values.
 ///
-/// Each resample draws as many values, with replacement; the interval lies between the quantiles (1 ∓ confidence)/2 of
-/// their medians.
+/// Each resample draws as many values, with replacement; the limits are the quantiles (1 ∓ confidence)/2 of their medians.
 ///
 /// # Panics
 /// If the confidence is not between 0 and 1.

@@ -1,10 +1,10 @@
 //! The exact sign test: J. Arbuthnot (1710); W. J. Conover, Practical Nonparametric Statistics, 3.4.
 //!
-//! Of pairs that only one of two laws survives it is McNemar's exact test (ibid., 3.5).
+//! For pairs of which only one flight survives it is McNemar's exact test (ibid., 3.5).
 
 use crate::beta;
 
-/// Returns the two-sided p-value of so many pairs won and lost, where either is equally probable; ties say nothing.
+/// Returns the two-sided p-value of `won` and `lost` pairs under equal probabilities; ties are ignored.
 ///
 /// ```text
 /// p = min(1, 2 P(X ≤ k))        X binomial of n = won + lost with ½        k = min(won, lost)

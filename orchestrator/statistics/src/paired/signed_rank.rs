@@ -2,24 +2,24 @@
 
 use crate::normal;
 
-/// Differences up to which the distribution under the null hypothesis is computed exactly.
+/// Maximum number of differences for which the distribution under the null hypothesis is computed exactly.
 pub const EXACT_MAX: usize = 50;
 
-/// Sizes of the differences that are not 0, ranked.
+/// Ranked magnitudes of the differences other than 0.
 struct Ranked {
     differences: usize,
-    /// Twice the rank of each, whole also where equal sizes share their mean rank.
+    /// Twice the ranks, which are integers also for ties with their mean rank.
     doubled: Vec<usize>,
     /// Sum of the ranks of positive differences.
     positive: f64,
-    /// Sum of t³ − t over the groups of t equal sizes; 0 without ties.
+    /// Sum of t³ − t over the groups of t equal magnitudes; 0 without ties.
     ties: f64,
 }
 
-/// Returns the two-sided p-value of differences, where they are symmetric around 0.
+/// Returns the two-sided p-value of differences under symmetry about 0.
 ///
-/// Differences of 0 are left out, and equal sizes share their mean rank. Up to [`EXACT_MAX`] differences the value is
-/// exact, with ties as well; beyond, the rank sum W is taken for normal, with corrections for continuity and ties:
+/// Differences of 0 are ignored, and equal magnitudes have their mean rank. Up to [`EXACT_MAX`] differences the value is
+/// exact, also with ties; beyond, the rank sum W is approximated as normal, with corrections for continuity and ties:
 ///
 /// ```text
 /// z = (|W − n(n + 1)/4| − ½)/√(n(n + 1)(2n + 1)/24 − Σ(t³ − t)/48)
@@ -63,13 +63,13 @@ impl Ranked {
         ranked
     }
 
-    /// Sum of all ranks.
+    /// Returns the sum of all ranks.
     fn total(&self) -> f64 {
         let n = self.differences as f64;
         0.5 * n * (n + 1.0)
     }
 
-    /// Twice the probability of the smaller rank sum or a smaller one: each of 2^n choices of signs is equally probable.
+    /// Returns twice the probability of at most the smaller rank sum, with all 2^n choices of signs equally probable.
     fn exact(&self) -> f64 {
         let smaller = (2.0 * self.positive.min(self.total() - self.positive)) as usize;
         // Number of choices of signs whose positive ranks, doubled, have each sum, rank after rank.

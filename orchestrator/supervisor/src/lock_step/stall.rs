@@ -68,7 +68,7 @@ pub(super) fn awaited(supervisor: &Supervisor<'_>, ticks: u64) -> Option<String>
     let name = |service| supervisor.name_of(service);
     let mut causes: Vec<_> = processes()
         .filter_map(|(service, pid)| {
-            let cause = match Pause::of(pid)? {
+            let cause = match Pause::read(pid)? {
                 Pause::Stopped => format!("stopped by a signal; `kill -CONT {pid}` continues it"),
                 Pause::Traced => "stopped by a debugger".to_owned(),
             };

@@ -37,15 +37,15 @@ impl<'a> Laboratory<'a> {
     /// Returns the figures of the cameras, if there are any.
     #[must_use]
     pub fn capture(&self, block: &ControlBlock) -> Option<CaptureFigures> {
-        let notice = &block.notices[ServiceId::Plant.index()];
-        self.cameras.map(|_| notice.look())
+        let status = &block.hardware_status[ServiceId::Plant.index()];
+        self.cameras.map(|_| status.read())
     }
 
     /// Returns the figures of the radio link, if there is one.
     #[must_use]
     pub fn link(&self, block: &ControlBlock) -> Option<LinkFigures> {
-        let notice = &block.notices[ServiceId::RcOutput.index()];
-        self.link.map(|_| notice.look())
+        let status = &block.hardware_status[ServiceId::RcOutput.index()];
+        self.link.map(|_| status.read())
     }
 
     /// Returns the state of link and cameras for clients, at a time since the start of the flight.
@@ -202,12 +202,12 @@ mod tests {
     /// ControlBlock with these cameras and a link in this state.
     fn told(figures: &CaptureFigures, state: u32) -> ControlBlock {
         let block = ControlBlock::default();
-        block.notices[ServiceId::Plant.index()].tell(figures);
+        block.hardware_status[ServiceId::Plant.index()].write(figures);
         let link = LinkFigures {
             state,
             ..LinkFigures::new_zeroed()
         };
-        block.notices[ServiceId::RcOutput.index()].tell(&link);
+        block.hardware_status[ServiceId::RcOutput.index()].write(&link);
         block
     }
 

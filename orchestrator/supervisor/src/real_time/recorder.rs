@@ -58,7 +58,7 @@ impl Feed {
             return;
         };
         let oldest = (last.len() == CATCHING_UP).then(|| last.pop_front()).flatten();
-        let mut sample = oldest.unwrap_or_else(|| OwnedSample::of(topic));
+        let mut sample = oldest.unwrap_or_else(|| OwnedSample::zeroed(topic));
         sample.bytes_mut().copy_from_slice(bytes);
         last.push_back(sample);
     }
@@ -88,7 +88,7 @@ impl Recorder {
     pub fn remember_for_restarts(mut self, schedule: &Schedule) -> Self {
         let needs_more_than_the_newest = |&service: &ServiceId| {
             let timetable = Timetable::new(schedule, service);
-            timetable.makes_up || timetable.takes_in_all
+            timetable.catches_up || timetable.reads_every_sample
         };
         for service in ServiceId::ALL.into_iter().filter(needs_more_than_the_newest) {
             for (_, input) in schedule.inputs_read(service) {
@@ -224,7 +224,7 @@ impl Recorder {
             feed.received += 1;
             let topic = feed.subscription.topic;
             let spare = self.spare[topic.index()].pop();
-            let mut sample = spare.unwrap_or_else(|| OwnedSample::of(topic));
+            let mut sample = spare.unwrap_or_else(|| OwnedSample::zeroed(topic));
             sample.bytes_mut().copy_from_slice(bytes);
             feed.remember(topic, sample.bytes());
             let earlier = self.waiting.insert((tick, topic), sample);

@@ -68,7 +68,7 @@ impl Process {
             .stdout(Stdio::null())
             // Ctrl-C in a terminal is meant for the orchestrator only.
             .process_group(0);
-        deployment::spare_switches(&mut command);
+        deployment::disable_restartable_sequences(&mut command);
         let doorbells = doorbells.iter().map(AsFd::as_fd);
         let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
         hand_on(&mut command, CONTROL_FD, files)?;

@@ -272,7 +272,7 @@ impl Supervisor<'_> {
             let Some((birth, announced_at)) = self.members[at].birth else {
                 // Publishes the new ports, which `Ready` has reported (Release part): a service that reads this count
                 // with Acquire finds them.
-                let birth = 1 + block.births.fetch_add(1, Ordering::SeqCst);
+                let birth = 1 + block.restarts.fetch_add(1, Ordering::SeqCst);
                 self.members[at].birth = Some((birth, Instant::now()));
                 self.connect_external_services(birth)?;
                 recorder.connect().map_err(RunFailure::setup)?;

@@ -122,7 +122,7 @@ impl Supervisor<'_> {
             return None;
         }
         process.asked_at = Instant::now();
-        process.delayed_before_ns = Activity::of(process.id()).map_or(0, |activity| activity.run_delay_ns);
+        process.delayed_before_ns = Activity::read(process.id()).map_or(0, |activity| activity.run_delay_ns);
         self.standby.fruitless = 0;
         Some((process, was_prepared))
     }

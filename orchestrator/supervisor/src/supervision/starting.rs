@@ -92,7 +92,7 @@ impl Supervisor<'_> {
         };
         let member = &mut self.members[at];
         if starting.is_slow()
-            && let Some(activity) = Activity::of(member.process.id())
+            && let Some(activity) = Activity::read(member.process.id())
         {
             let first = SlowStart {
                 seen_at: now,

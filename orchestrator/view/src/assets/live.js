@@ -186,7 +186,7 @@ function drawServices({ services }) {
   const rows = services.map((service) => [
     service.name,
     service.flies ? service.rate : element("span", { class: "down" }, "down"),
-    age(service), inUnits(service.step?.p99), service.missed_steps, service.rebirths,
+    age(service), inUnits(service.step?.p99), service.missed_steps, service.restarts,
   ]);
   byId("services").replaceChildren(tableOf(["service", "Hz", "age", "step p99", "missed", "restarts"], rows));
 }

@@ -5,9 +5,9 @@ use shared_types::rotation::skew;
 
 /// Returns log R: the rotation vector θ, ‖θ‖ ≤ π, with exp S(θ) = R.
 ///
-/// It goes through the unit quaternion, whose largest component is computed first (S. W. Shepperd, "Quaternion from
-/// rotation matrix", 1978). A division by a small component would lose all digits near the identity or near half a
-/// turn. The result is accurate at both and finite for any matrix at all.
+/// Computed by the unit quaternion, the largest component first (S. W. Shepperd, "Quaternion from rotation matrix", 1978).
+/// A division by a small component would lose all digits near the identity or near half a turn. The result is accurate at
+/// both, and finite for every matrix.
 #[must_use]
 pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     let (real, imaginary) = quaternion(r);
@@ -15,12 +15,12 @@ pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     if sine == 0.0 {
         return Vector3::zeros();
     }
-    // q and −q are the same rotation; the one with a real part above 0 turns by less than half a turn.
+    // q and −q are the same rotation; a positive real part means less than half a turn.
     let sign = 1.0_f64.copysign(real);
     imaginary * (sign * 2.0 * libm::atan2(sine, real.abs()) / sine)
 }
 
-/// Returns a quaternion of the rotation up to its length, as real and imaginary part.
+/// Returns an unnormalised quaternion of the rotation, as real and imaginary part.
 fn quaternion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
     let (x, y, z) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
     let twist = Vector3::new(
@@ -33,7 +33,7 @@ fn quaternion(r: &Matrix3<f64>) -> (f64, Vector3<f64>) {
         r[(2, 1)] + r[(1, 2)],
         r[(0, 2)] + r[(2, 0)],
     ];
-    // Four times the square of each component; they sum to 4, so that the largest is at least 1.
+    // Four times the square of each component. The sum is 4, so the largest is at least 1.
     let squares = [1.0 + x + y + z, 1.0 + x - y - z, 1.0 - x + y - z, 1.0 - x - y + z];
     let largest = squares[0].max(squares[1]).max(squares[2]).max(squares[3]);
     if largest == squares[0] {

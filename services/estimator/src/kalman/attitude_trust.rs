@@ -1,18 +1,18 @@
-//! Attitudes that the vehicle can have reached.
+//! Plausibility of captured attitudes.
 //!
-//! Capture systems confuse the markers of a body, mostly after an occlusion, and then report a turned attitude for any
-//! time. The vehicle turns as its commands say, within the errors of its rate loop, so an attitude that departs from
-//! that turn at once is a false one. One that departs steadily, as of a vehicle that tips over or was hit, is true.
+//! Capture systems confuse the markers of a body, mostly after an occlusion, and then report a rotated attitude for any
+//! time. The vehicle turns as commanded, within the errors of its rate loop, so an attitude that departs from that turn
+//! suddenly is false. One that departs continuously, as of a vehicle that tips over or was hit, is true.
 //!
-//! The test compares each capture with the last trusted one, turned as the filter has turned since:
+//! The test compares each capture with the last trusted one, rotated by the filter's rotation since:
 //!
 //! ```text
 //!     angle(R_expected, R_captured) ≤ 0.1 rad + min(10 rad/s · t, 0.3 rad) + min(0.2 rad/s · b, 0.6 rad)
 //! ```
 //!
 //! with the time t since the last trusted capture, and the longest time b without captures since then: the time to the
-//! first capture after it, or a later gap of more than 0.25 s. Captures that are not trusted do not extend b: a false
-//! attitude that lasts is never believed, nor is a turn of 30° at once after a gap of up to half a second.
+//! first capture after it, or a later gap of more than 0.25 s. Captures that are not trusted do not extend b: a persistent
+//! false attitude is never accepted, nor is a sudden turn of 30° after a gap of up to half a second.
 
 use nalgebra::Matrix3;
 use shared_types::rotation::angle_between;
@@ -20,13 +20,13 @@ use shared_types::service::seconds;
 
 /// Error of a captured attitude, rad.
 const NOISE: f64 = 0.1;
-/// Largest rate at which the vehicle departs from its commands, rad/s, and the largest such turn, rad.
+/// Maximum rate of departure from the commanded turn, rad/s, and maximum departure, rad.
 const DEPARTURE_RATE: f64 = 10.0;
 const LARGEST_DEPARTURE: f64 = 0.3;
-/// Drift of the predicted attitude while the body is not seen, rad/s, and the largest such error, rad.
+/// Drift of the predicted attitude without captures, rad/s, and maximum error of the drift, rad.
 const DRIFT_RATE: f64 = 0.2;
 const LARGEST_DRIFT: f64 = 0.6;
-/// Time between two captures that are not trusted above which the body was not seen between them, ns.
+/// Time between two untrusted captures above which it counts as a gap, ns.
 const GAP_NS: u64 = 250_000_000;
 
 /// The last trusted attitude, and the times that limit the next one.
@@ -38,14 +38,14 @@ pub struct AttitudeTrust {
     pub trusted_ns: u64,
     /// Time of the last capture, trusted or not, ns since the start of the flight.
     pub tested_ns: u64,
-    /// Longest time since the last trusted capture in which the body was not seen, ns; 0 while no capture has followed it.
+    /// Longest gap since the last trusted capture, ns; 0 until the next capture.
     pub unseen_ns: u64,
     /// `true` if the last capture was not trusted.
     pub is_refused: bool,
 }
 
 impl AttitudeTrust {
-    /// Makes the trust in a captured attitude beside the estimated one.
+    /// Makes the reference from a trusted capture and the estimate at its time.
     #[must_use]
     pub fn new(time_ns: u64, estimated: &Matrix3<f64>, captured: &Matrix3<f64>) -> Self {
         Self {
@@ -57,13 +57,13 @@ impl AttitudeTrust {
         }
     }
 
-    /// Returns whether a capture that was not trusted lasts up to a time: the last one, without a gap since.
+    /// Returns whether the last capture was not trusted and no gap has followed it up to a time.
     #[must_use]
     pub fn is_refused_until(&self, time_ns: u64) -> bool {
         self.is_refused && time_ns.saturating_sub(self.tested_ns) <= GAP_NS
     }
 
-    /// Returns whether the vehicle can have reached a captured attitude, beside the one predicted for that time.
+    /// Tests a captured attitude against the one predicted for its time. Returns whether it is plausible.
     pub fn test(&mut self, time_ns: u64, predicted: &Matrix3<f64>, captured: &Matrix3<f64>) -> bool {
         let since = seconds(time_ns.saturating_sub(self.trusted_ns));
         let gap_ns = time_ns.saturating_sub(self.tested_ns);

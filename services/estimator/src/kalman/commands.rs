@@ -1,4 +1,4 @@
-//! The frames already sent, by the time at which each begins to act.
+//! History of the sent frames, by the time at which each takes effect.
 
 use nalgebra::Vector3;
 use scenario::GRAVITY;
@@ -8,10 +8,10 @@ use shared_types::service::seconds;
 /// Capacity of the history, commands.
 pub const CAPACITY: usize = 64;
 
-/// Longest step of a propagation, ns.
+/// Maximum step of a propagation, ns.
 const LONGEST_STEP_NS: u64 = 2_000_000;
 
-/// Largest magnitude of a number in a flight, SI units; powers and products of several such numbers stay finite.
+/// Bound on the magnitude of inputs, SI units; powers and products of several such numbers stay finite.
 pub(super) const LARGEST: f64 = 1e9;
 
 shared_types::sample! {
@@ -33,14 +33,12 @@ pub struct Segment {
     pub from_ns: u64,
     /// End, ns since the start of the flight; after the beginning.
     pub to_ns: u64,
-    /// The command.
     pub command: Command,
 }
 
-/// Command over steps of equal length.
+/// Command over a number of equal steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// The command.
     pub command: Command,
     /// Number of steps.
     pub steps: u64,
@@ -48,7 +46,7 @@ pub struct Stretch {
     pub h: f64,
 }
 
-/// Commands that act or are under way, oldest first. The first is assumed to have acted ever before.
+/// Commands in effect or in transit, oldest first. The first one is assumed to hold at all earlier times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CommandHistory {
     commands: [Command; CAPACITY],
@@ -57,8 +55,7 @@ pub struct CommandHistory {
 }
 
 impl CommandHistory {
-    /// Makes a history without known commands, in which the thrust carries the weight of `mass` (kg): the rig starts in
-    /// the air.
+    /// Makes a history without commands whose thrust equals the weight of `mass` (kg): the rig starts in the air.
     #[must_use]
     pub fn hovering(mass: f64) -> Self {
         let hover = Command {
@@ -72,7 +69,7 @@ impl CommandHistory {
         }
     }
 
-    /// Makes a history without known commands and without thrust: the vehicle stands on the ground.
+    /// Makes a history without commands and without thrust: the vehicle stands on the ground.
     #[must_use]
     pub fn resting() -> Self {
         Self::hovering(0.0)
@@ -85,19 +82,19 @@ impl CommandHistory {
         &self.commands[..self.count]
     }
 
-    /// Returns whether there is no room for another command.
+    /// Returns whether the history is full.
     #[must_use]
     #[inline]
     pub fn is_full(&self) -> bool {
         self.count == CAPACITY
     }
 
-    /// Returns the command of `frame`, if it acts from `acts_from_ns` on.
+    /// Returns the command of a `frame` that takes effect at `acts_from_ns`.
     ///
-    /// In failsafe the motors stop. A frame with a torque states no rates, so the last known ones stay in use and the
-    /// filter's rate bias takes up the difference.
+    /// In failsafe the motors stop. A frame with a torque has no rates: the last rates are held, and the filter's rate bias
+    /// absorbs the difference.
     #[must_use]
-    pub fn meaning(&self, acts_from_ns: u64, frame: &RcFrame) -> Command {
+    pub fn command_of(&self, acts_from_ns: u64, frame: &RcFrame) -> Command {
         let bounded = |value: f64| value.clamp(-LARGEST, LARGEST);
         Command {
             acts_from_ns,
@@ -114,8 +111,7 @@ impl CommandHistory {
         }
     }
 
-    /// Adds a command that acts after all others. An older or equal one was there before and is dropped; a full history
-    /// keeps its commands.
+    /// Adds a command that takes effect after all others; ignores an older or repeated one, and any if the history is full.
     pub fn push(&mut self, command: Command) {
         let is_first_known = self.count == 1 && self.commands[0].acts_from_ns == 0;
         if !self.is_full() && (is_first_known || command.acts_from_ns > self.newest().acts_from_ns) {
@@ -124,17 +120,17 @@ impl CommandHistory {
         }
     }
 
-    /// Drops the commands that no longer act at `time_ns`, except the last of them: it would still act if the frame
-    /// after it were lost.
-    pub fn forget_before(&mut self, time_ns: u64) {
+    /// Drops the commands that have ended before `time_ns`, except the last one: it would still hold if the next frame were
+    /// lost.
+    pub fn drop_before(&mut self, time_ns: u64) {
         let begun = self
             .commands()
             .partition_point(|command| command.acts_from_ns <= time_ns);
-        self.forget(begun.saturating_sub(2));
+        self.drop_first(begun.saturating_sub(2));
     }
 
-    /// Returns the difference in the body's turn between two times if the vehicle missed the frame of every command and
-    /// kept to the one before, rad.
+    /// Returns the difference in the body's turn between two times if every frame were lost and the previous command held,
+    /// rad.
     #[must_use]
     pub fn turn_if_missed(&self, from_ns: u64, to_ns: u64) -> f64 {
         let mut turn = 0.0;
@@ -150,7 +146,7 @@ impl CommandHistory {
         turn
     }
 
-    /// Returns the time at which the command after one begins to act.
+    /// Returns the time at which the next command takes effect.
     fn end_of(&self, command: &Command) -> u64 {
         let later = |next: &&Command| next.acts_from_ns > command.acts_from_ns;
         self.commands()
@@ -159,19 +155,19 @@ impl CommandHistory {
             .map_or(u64::MAX, |next| next.acts_from_ns)
     }
 
-    /// Drops the oldest command, if there are others.
-    pub fn forget_oldest(&mut self) {
-        self.forget(1.min(self.count - 1));
+    /// Drops the oldest command, unless it is the only one.
+    pub fn drop_oldest(&mut self) {
+        self.drop_first(1.min(self.count - 1));
     }
 
-    fn forget(&mut self, oldest: usize) {
-        if oldest > 0 {
-            self.commands.copy_within(oldest..self.count, 0);
-            self.count -= oldest;
+    fn drop_first(&mut self, number: usize) {
+        if number > 0 {
+            self.commands.copy_within(number..self.count, 0);
+            self.count -= number;
         }
     }
 
-    /// Returns the command that acts at a time.
+    /// Returns the command in effect at a time.
     #[must_use]
     pub fn acting(&self, time_ns: u64) -> &Command {
         let begun = self
@@ -180,7 +176,7 @@ impl CommandHistory {
         &self.commands[begun.saturating_sub(1)]
     }
 
-    /// Returns the commands that act between two times, without gap, in the order of time.
+    /// Returns the commands in effect between two times, contiguous and in order.
     pub fn segments(&self, from_ns: u64, to_ns: u64) -> impl Iterator<Item = Segment> {
         let commands = self.commands();
         let ends = commands[1..]
@@ -201,7 +197,7 @@ impl CommandHistory {
             .filter(|segment| segment.from_ns < segment.to_ns)
     }
 
-    /// Returns these commands with the steps of a propagation between the two times.
+    /// Returns these commands with the steps of a propagation.
     pub fn stretches(&self, from_ns: u64, to_ns: u64) -> impl Iterator<Item = Stretch> {
         self.segments(from_ns, to_ns).map(|segment| {
             let length_ns = segment.to_ns - segment.from_ns;
@@ -218,7 +214,7 @@ impl CommandHistory {
         &self.commands[self.count - 1]
     }
 
-    /// Returns all places of the history, the unused ones too, and the number in use.
+    /// Returns the whole array, unused elements included, and the number in use.
     pub(super) fn save(&self) -> ([Command; CAPACITY], usize) {
         (self.commands, self.count)
     }
@@ -282,7 +278,7 @@ mod tests {
         fn forgetting_changes_nothing_from_its_time_on(times in times(), at in 0..1000u64, length in 1..1000u64) {
             let whole = history(&times);
             let mut rest = whole.clone();
-            rest.forget_before(at);
+            rest.drop_before(at);
             prop_assert!(rest.segments(at, at + length).eq(whole.segments(at, at + length)));
             let turn = |history: &CommandHistory| history.turn_if_missed(at, at + length);
             prop_assert_eq!(turn(&rest), turn(&whole));
@@ -332,7 +328,7 @@ mod tests {
             ..RcFrame::new_zeroed()
         };
         let mut history = CommandHistory::hovering(0.2);
-        history.push(history.meaning(10, &rates));
+        history.push(history.command_of(10, &rates));
         assert_eq!(
             (history.acting(10).thrust, history.acting(10).rates_body),
             (2.0, [1.0, 2.0, 3.0])
@@ -343,7 +339,7 @@ mod tests {
             mode: RcFrame::MODE_TORQUE,
             ..RcFrame::new_zeroed()
         };
-        history.push(history.meaning(20, &torque));
+        history.push(history.command_of(20, &torque));
         assert_eq!(
             (history.acting(20).thrust, history.acting(20).rates_body),
             (1.5, [1.0, 2.0, 3.0])
@@ -352,7 +348,7 @@ mod tests {
             failsafe: true.into(),
             ..rates
         };
-        history.push(history.meaning(30, &failsafe));
+        history.push(history.command_of(30, &failsafe));
         assert_eq!(history.acting(30).thrust, 0.0);
     }
 }

@@ -46,7 +46,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Returns Φ M, column by column: a fifth of the work of the dense product.
+    /// Returns Φ M, with a fifth of the operations of the dense product.
     #[must_use]
     pub fn times(&self, matrix: &Covariance) -> Covariance {
         self.times_columns(matrix, ERRORS)
@@ -179,7 +179,7 @@ pub fn add_to_diagonal(covariance: &mut Covariance, row: usize, column: usize, v
     }
 }
 
-/// Returns whether P = Pᵀ. A P that is not a number passes: the filter starts again from the next pose.
+/// Returns whether P = Pᵀ. Elements that are NaN pass: the filter starts again from the next pose.
 #[must_use]
 pub fn is_symmetric(covariance: &Covariance) -> bool {
     let asymmetry = covariance - covariance.transpose();
@@ -188,8 +188,8 @@ pub fn is_symmetric(covariance: &Covariance) -> bool {
         .all(|element| *element == 0.0 || element.is_nan())
 }
 
-/// Returns ½ (P + Pᵀ). Without it rounding would add up to an asymmetry, and the Cholesky factor would be that of
-/// another matrix.
+/// Returns ½ (P + Pᵀ). Without it rounding errors accumulate to an asymmetry, and the Cholesky factor is that of another
+/// matrix.
 #[must_use]
 pub fn symmetrized(covariance: &Covariance) -> Covariance {
     (covariance + covariance.transpose()) * 0.5

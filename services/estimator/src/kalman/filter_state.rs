@@ -1,4 +1,4 @@
-//! Mean and covariance together: propagation over the sent frames, and correction by a pose.
+//! Mean and covariance: propagation over the sent frames, and correction by a pose.
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
 use scenario::{GRAVITY, Kalman, Model};
@@ -19,28 +19,28 @@ pub const MEASURED: usize = 6;
 /// Number of the slow states: ω_bias, d and r.
 const SLOW: usize = ERRORS - RATE_BIAS;
 
-/// Initial standard deviations of the states that a pose does not measure: more than any flight of the rig shows.
+/// Initial standard deviations of the unmeasured states: larger than in any flight of the rig.
 const INITIAL_VELOCITY_DEVIATION: f64 = 5.0;
 const INITIAL_RATE_BIAS_DEVIATION: f64 = 1.0;
 const INITIAL_DISTURBANCE_DEVIATION: f64 = 5.0;
 
-/// Standard deviation of each component of the velocity of a vehicle on the ground, which people may push, m/s.
+/// Standard deviation of each velocity component of a vehicle on the ground, which may be pushed, m/s.
 const STANDING_VELOCITY_DEVIATION: f64 = 0.3;
 
-/// Standard deviations of d by which a vehicle on the ground may be lighter than estimated.
+/// Number of standard deviations of d by which a vehicle on the ground may be lighter than estimated.
 const PULL_DEVIATIONS: f64 = 3.0;
 
-/// Variance of a part of a pose that tells nothing, m² or rad²: no correction by it reaches the digits of the state.
+/// Variance of an invalid part of a pose, m² or rad²: its corrections are below the resolution of the state.
 const UNKNOWN: f64 = 1e12;
 
-/// Spectral density of each component of the position of a body whose markers were confused, m²/Hz: 4 cm at 100 Hz. They
-/// have the same centre as before, but the tracked point may be elsewhere. With less, a turned offset is followed so
-/// quickly that the vehicle sways.
+/// Spectral density of each component of the position of a body whose markers were confused, m²/Hz: 4 cm at 100 Hz. The
+/// centre of the markers is unchanged, but the tracked point may be displaced. With less, the filter follows a rotated
+/// offset so quickly that the vehicle oscillates.
 const CONFUSED: f64 = 1.6e-5;
-/// Longest time between two positions for which it counts, s: 2 cm.
+/// Maximum time between two positions for this density, s: 2 cm.
 const LONGEST_CONFUSED: f64 = 0.04;
 
-/// Standard deviation of the tilt above which positions alone do not tell where the thrust points, rad.
+/// Standard deviation of the tilt above which positions alone do not suffice, rad: the direction of the thrust is unknown.
 const UNKNOWN_TILT: f64 = 0.3;
 
 /// A pose of the body.
@@ -71,7 +71,7 @@ impl PoseNoise {
         }
     }
 
-    /// Returns the noise of a pose whose attitude is false, a time after the last position, s.
+    /// Returns the noise of a pose with a false attitude, `since` (s) after the last position.
     #[must_use]
     pub fn of_confused_body(self, since: f64) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl PoseNoise {
         }
     }
 
-    /// Returns the noise of a pose whose position is false.
+    /// Returns the noise of a pose with a false position.
     #[must_use]
     pub fn of_attitude(self) -> Self {
         Self {
@@ -96,7 +96,7 @@ impl PoseNoise {
     }
 }
 
-/// What is known of the marker offset before a flight.
+/// A-priori marker offset.
 #[derive(Clone, Copy, Debug)]
 pub struct MarkerOffset {
     /// r, tracked point seen from the centre of mass, in {B}, m.
@@ -119,9 +119,7 @@ impl MarkerOffset {
 /// Model of the propagation.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessModel {
-    /// The vehicle.
     pub vehicle: VehicleModel,
-    /// The process noise.
     pub noise: ProcessNoise,
     /// The marker offset with which the filter starts.
     pub marker_offset: MarkerOffset,
@@ -136,7 +134,7 @@ pub struct FilterState {
     pub nominal: NominalState,
     /// P, covariance of the error of the mean.
     pub covariance: Covariance,
-    /// `true` if the ground holds the vehicle, so that no command moves or turns it.
+    /// `true` if the vehicle stands on the ground, where no command moves or turns it.
     pub stands: bool,
 }
 
@@ -152,7 +150,7 @@ pub struct Innovation {
 }
 
 impl Innovation {
-    /// Returns L⁻¹ residual with L Lᵀ = Z: of unit covariance if the filter is right.
+    /// Returns L⁻¹ residual with L Lᵀ = Z: of unit covariance for a consistent filter.
     #[must_use]
     pub fn whitened(&self) -> SVector<f64, MEASURED> {
         let mut whitened = self.residual;
@@ -168,7 +166,7 @@ impl Innovation {
 }
 
 impl FilterState {
-    /// Makes the state of the first pose: at rest, undisturbed, and uncertain of both.
+    /// Makes the state of the first pose: at rest and undisturbed, with a large covariance of both.
     #[must_use]
     pub fn from_pose(
         time_ns: u64,
@@ -211,8 +209,8 @@ impl FilterState {
         at_the_tracked_point.referred_to_center()
     }
 
-    /// Returns the state with the position of the centre of mass, p − R r, in place of that of the tracked point, which is
-    /// known by itself.
+    /// Converts the position from that of the tracked point to that of the centre of mass, p − R r. The position must be
+    /// uncorrelated with the other states.
     fn referred_to_center(mut self) -> Self {
         let r = self.nominal.world_from_body;
         self.nominal.position_world -= r * self.nominal.marker_offset_body;
@@ -250,8 +248,8 @@ impl FilterState {
         state
     }
 
-    /// Makes the state of a vehicle that has come down to the ground at a pose. ω_bias, d and r are those of `flight`, the
-    /// vehicle in flight: they hold again when it lifts off.
+    /// Makes the state of a vehicle that has landed at a pose, with ω_bias, d and r of `flight`, the state in flight: they
+    /// hold again at the next take-off.
     #[must_use]
     pub fn landed(&self, time_ns: u64, pose: &Pose, noise: PoseNoise, flight: &NominalState) -> Self {
         let known = MarkerOffset {
@@ -263,7 +261,7 @@ impl FilterState {
         state.referred_to_center()
     }
 
-    /// Takes over ω_bias, d and r, with their covariance.
+    /// Copies ω_bias, d and r, with their covariance.
     fn keep_slow(&mut self, nominal: &NominalState, covariance: &Covariance) {
         self.nominal.marker_offset_body = nominal.marker_offset_body;
         self.nominal.rate_bias_body = nominal.rate_bias_body;
@@ -274,8 +272,8 @@ impl FilterState {
             .copy_from(&slow);
     }
 
-    /// Makes the state of a pose after the vehicle was lost: as of the first one, but ω_bias, d and r are kept, with their
-    /// possible drift since.
+    /// Makes the state of a pose after the vehicle was lost: as of the first pose, but with the last ω_bias, d and r and
+    /// their drift since.
     #[must_use]
     pub fn restarted(
         &self,
@@ -301,8 +299,8 @@ impl FilterState {
         state.referred_to_center()
     }
 
-    /// Propagates the state to a later time, under the commands that act until then. A vehicle that stands does so
-    /// until its thrust may lift it.
+    /// Propagates the state to a later time, under the commands in effect until then. A standing vehicle stands until its
+    /// thrust may lift it.
     pub fn propagate(&mut self, to_ns: u64, process: &ProcessModel, history: &CommandHistory) {
         if to_ns <= self.time_ns {
             return;
@@ -329,26 +327,26 @@ impl FilterState {
         self.time_ns = to_ns;
     }
 
-    /// Returns the acceleration by which gravity and the disturbance pull the vehicle down at least, m/s².
+    /// Returns the minimum downward acceleration by gravity and disturbance, m/s².
     #[must_use]
     pub fn pull(&self) -> f64 {
         let variance = self.covariance[(DISTURBANCE + 2, DISTURBANCE + 2)];
         GRAVITY + self.nominal.disturbance_world.z - PULL_DEVIATIONS * variance.max(0.0).sqrt()
     }
 
-    /// Returns whether the tilt is known well enough to fly by positions alone.
+    /// Returns whether the tilt is accurate enough for corrections by positions alone.
     #[must_use]
-    pub fn knows_tilt(&self) -> bool {
+    pub fn is_tilt_known(&self) -> bool {
         let [roll, pitch] = [0, 1].map(|axis| self.covariance[(ATTITUDE + axis, ATTITUDE + axis)]);
         roll.max(pitch) <= UNKNOWN_TILT * UNKNOWN_TILT
     }
 
-    /// Returns whether all variances are positive numbers, as they are while rounding errors are small beside them.
+    /// Returns whether all variances are finite and positive: rounding errors can make them negative.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let variances = self.covariance.diagonal();
         let (moving, offset) = variances.as_slice().split_at(MARKER_OFFSET);
-        // An offset that is not estimated has none.
+        // An offset that is not estimated has zero variance.
         moving
             .iter()
             .all(|variance| variance.is_finite() && *variance > 0.0)
@@ -357,24 +355,23 @@ impl FilterState {
                 .all(|variance| variance.is_finite() && *variance >= 0.0)
     }
 
-    /// Returns the same state with a larger variance of the attitude, by a standard deviation of `turn` (rad) about
-    /// every axis.
+    /// Returns the state with a variance of the attitude that is larger by `turn`² (rad²) about every axis.
     #[must_use]
-    pub fn less_sure_of_attitude(&self, turn: f64) -> Self {
+    pub fn with_attitude_deviation(&self, turn: f64) -> Self {
         let mut state = *self;
         add_to_diagonal(&mut state.covariance, ATTITUDE, ATTITUDE, turn * turn);
         state
     }
 
-    /// Returns the same state with its covariance so many times as large.
+    /// Returns the state with its covariance multiplied by a factor.
     #[must_use]
-    pub fn less_sure(&self, times: f64) -> Self {
+    pub fn inflated(&self, factor: f64) -> Self {
         let mut state = *self;
-        state.covariance *= times;
+        state.covariance *= factor;
         state
     }
 
-    /// Returns the residual of a pose: (p_measured − p, log RᵀR_measured). It depends on the nominal state alone.
+    /// Returns the residual of a pose: (p_measured − p, log RᵀR_measured).
     #[must_use]
     pub fn residual(&self, pose: &Pose) -> SVector<f64, MEASURED> {
         let attitude_residual = log(&(self.nominal.world_from_body.transpose() * pose.world_from_body));
@@ -385,8 +382,8 @@ impl FilterState {
         residual
     }
 
-    /// Returns the innovation of a pose with this residual; `None` if its covariance is not positive definite, which
-    /// happens only if poses are stated to be free of noise.
+    /// Returns the innovation of a pose with this residual; `None` if its covariance is not positive definite, which requires
+    /// a stated pose noise of zero.
     #[must_use]
     pub fn innovation(&self, residual: SVector<f64, MEASURED>, noise: PoseNoise) -> Option<Innovation> {
         let cross_covariance = self.measured_columns(&self.covariance);
@@ -462,7 +459,7 @@ impl FilterState {
         let corrected = if self.estimates_offset() {
             joseph(&kept, &self.covariance, &gain, noise)
         } else {
-            // The same numbers for three fifths of the work.
+            // The same numbers with three fifths of the operations.
             let moving = joseph::<MARKER_OFFSET>(
                 &kept.fixed_view::<MARKER_OFFSET, MARKER_OFFSET>(0, 0).into(),
                 &self
@@ -500,8 +497,8 @@ impl FilterState {
     }
 }
 
-/// Returns Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ, of `kept`, I − K H: positive definite for any rounding. The short
-/// form (I − K H) P subtracts nearly equal matrices, and rounding could make a variance negative.
+/// Returns Joseph's form, (I − K H) P (I − K H)ᵀ + K V Kᵀ, with `kept` = I − K H: positive definite despite rounding. The
+/// short form (I − K H) P subtracts nearly equal matrices, and rounding could make a variance negative.
 fn joseph<const N: usize>(
     kept: &SMatrix<f64, N, N>,
     covariance: &SMatrix<f64, N, N>,
@@ -522,7 +519,7 @@ fn reset(covariance: &Covariance, theta: &Vector3<f64>) -> Covariance {
     reset
 }
 
-/// Returns one of the six parts of an error.
+/// Returns three components of an error.
 fn part(error: &ErrorVector, first_row: usize) -> Vector3<f64> {
     error.fixed_rows::<3>(first_row).into()
 }

@@ -1,4 +1,4 @@
-//! Nominal state and its motion: the model without its noise.
+//! Nominal state and its motion, without noise.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::{GRAVITY, Model};
@@ -11,7 +11,7 @@ use super::attitude::right_jacobian;
 use super::commands::{Command, CommandHistory, Stretch};
 use super::error_state::Transition;
 
-/// Share of its weight from which on thrust may lift the vehicle, whatever its estimated mass.
+/// Minimum thrust that may lift the vehicle, as a share of the weight: the mass is not exact.
 const LIFTING: f64 = 0.5;
 
 /// Estimated motion of the vehicle: the mean of the filter.
@@ -29,11 +29,11 @@ pub struct NominalState {
     pub disturbance_world: Vector3<f64>,
     /// r, tracked point seen from the centre of mass, in {B}, m.
     pub marker_offset_body: Vector3<f64>,
-    /// Thrust and body rates by the frames; regarded as known without error.
+    /// Thrust and body rates that follow from the frames, assumed exact.
     pub actuation: Actuation,
 }
 
-/// Thrust and body rates by the frames.
+/// Thrust and body rates that follow from the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation {
     /// T̂, N.
@@ -61,7 +61,6 @@ impl Actuation {
     }
 }
 
-/// Model of the vehicle.
 #[derive(Clone, Copy, Debug)]
 pub struct VehicleModel {
     /// m, kg.
@@ -91,14 +90,14 @@ impl VehicleModel {
         }
     }
 
-    /// Returns whether a vehicle that stands on the ground stays there with this thrust. `pull` (m/s²) is what gravity and
-    /// the disturbance pull it down with at least; nothing is known of a vehicle that has not flown yet.
+    /// Returns whether a standing vehicle stays on the ground with this thrust. `pull` (m/s²) is the minimum downward
+    /// acceleration by gravity and disturbance; 0 if unknown, before the first flight.
     #[must_use]
     pub fn is_held(&self, actuation: &Actuation, pull: f64) -> bool {
         actuation.thrust < self.mass * pull.max(LIFTING * GRAVITY)
     }
 
-    /// Returns the vehicle in free flight from one time to another, ns, under the commands that act until then.
+    /// Returns the state after free flight from one time to another, ns, under the commands in effect until then.
     #[must_use]
     pub fn flown(
         &self,

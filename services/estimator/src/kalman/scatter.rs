@@ -1,32 +1,29 @@
-//! Noise of the cameras, measured from the captures themselves.
+//! Noise of the cameras, estimated from the captures.
 //!
-//! The stated deviations are a guess. If the cameras scatter more, a filter that relies on the statement follows the
-//! noise and refuses good captures, and the vehicle turns over. If ν is the innovation of a capture, then for white
-//! noise
+//! The stated deviations are a guess. If the cameras scatter more, a filter with the stated deviations follows the noise and
+//! refuses good captures, and the vehicle turns over. For the innovation ν of a capture and white noise
 //!
 //! ```text
 //!     ½ E‖νₖ − νₖ₋₁‖²/3 ≈ V + P          for position and attitude each
 //! ```
 //!
-//! A running mean of that less P estimates V. A difference contains only the noise from capture to capture: a jump
-//! counts at its begin and its end, a slightly wrong model hardly at all. Neither is noise, and V must not grow by
-//! them.
+//! A running mean of that less P estimates V. A difference contains only the noise from capture to capture: a jump counts
+//! only at its beginning and its end, a slightly wrong model almost not. Neither is noise, and V must not grow by them.
 //!
-//! The filter uses the larger of the stated noise and a quarter (`TRUSTED`) of that mean. With cameras as stated that
-//! is the stated noise, to the bit.
+//! The filter uses the larger of the stated noise and a quarter (`TRUSTED`) of that mean. For cameras as stated, this is the
+//! stated noise, bit for bit.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::filter_state::{MEASURED, PoseNoise};
 
-/// Captures over which the mean runs.
+/// Time constant of the mean, in captures.
 const CAPTURES: f64 = 20.0;
 
-/// Share of the scatter that counts: cameras may be noisier than stated by half their deviation before it has an
-/// effect.
+/// Share of the scatter that counts: deviations of up to twice the stated ones have no effect.
 const TRUSTED: f64 = 0.25;
 
-/// Largest weight of one capture, in means: a jump adds 40 % to the mean, and noise of ten times the deviation is
+/// Maximum contribution of one capture, in means: a jump adds 40 % to the mean, and noise of ten times the deviation is
 /// detected after a dozen captures.
 const LARGEST_SHARE: f64 = 9.0;
 
@@ -35,7 +32,7 @@ const LARGEST_SHARE: f64 = 9.0;
 pub struct Scatter {
     /// Mean of the observed variances.
     pub(super) seen: PoseNoise,
-    /// Innovation of the capture before; 0 for one that the filter started from.
+    /// Innovation of the previous capture; 0 if the filter started from it.
     pub(super) innovation: SVector<f64, MEASURED>,
 }
 
@@ -49,7 +46,7 @@ impl Scatter {
         }
     }
 
-    /// Adds the innovation of a capture, whether it is used or not; P is the covariance of the estimated pose.
+    /// Adds the innovation of a capture, used or not; `p` is the covariance of the estimated pose.
     pub fn observe(
         &mut self,
         innovation: &SVector<f64, MEASURED>,

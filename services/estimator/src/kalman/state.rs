@@ -1,4 +1,4 @@
-//! Filter's memory as a record, so that a restarted estimator goes on with the same bytes.
+//! Filter state as a record, from which a restarted estimator resumes bit for bit.
 
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::Flag;
@@ -7,7 +7,7 @@ use zerocopy::FromZeros;
 use super::attitude_trust::AttitudeTrust;
 use super::commands::{CAPACITY, Command, CommandHistory};
 use super::error_state::{Covariance, ERRORS};
-use super::filter::{KalmanFilter, Memory, Track};
+use super::filter::{KalmanFilter, PersistentState, Track};
 use super::filter_state::{FilterState, Pose, PoseNoise};
 use super::ground_contact::{Ground, Rest};
 use super::motion::{Actuation, NominalState};
@@ -111,31 +111,31 @@ shared_types::sample! {
 const _: () = assert!(CAPACITY == 64 && ERRORS * ERRORS == 324);
 
 impl KalmanFilter {
-    /// Returns the filter's memory as a record.
+    /// Returns the filter state as a record.
     #[must_use]
     pub fn save(&self) -> KalmanState {
         let mut state = KalmanState::new_zeroed();
-        let (commands, count) = self.memory.history.save();
+        let (commands, count) = self.persistent.history.save();
         state.commands = commands;
         state.command_count = count as u64;
-        state.captures_refused = self.memory.captures_refused;
-        let Scatter { seen, innovation } = self.memory.scatter;
+        state.captures_refused = self.persistent.captures_refused;
+        let Scatter { seen, innovation } = self.persistent.scatter;
         state.scatter = [seen.position, seen.attitude];
         state.innovation = innovation.into();
-        state.rests = self.memory.rests_since_ns.is_some().into();
-        state.rests_since_ns = self.memory.rests_since_ns.unwrap_or(0);
-        state.rates_stated_ns = self.memory.rates_stated_ns.unwrap_or(u64::MAX);
-        state.turn_known_from_ns = self.memory.turn_known_from_ns;
-        if let Some(track) = &self.memory.track {
+        state.rests = self.persistent.rests_since_ns.is_some().into();
+        state.rests_since_ns = self.persistent.rests_since_ns.unwrap_or(0);
+        state.rates_stated_ns = self.persistent.rates_stated_ns.unwrap_or(u64::MAX);
+        state.turn_known_from_ns = self.persistent.turn_known_from_ns;
+        if let Some(track) = &self.persistent.track {
             save_track(track, &mut state);
         }
         state
     }
 
-    /// Restores a saved memory.
+    /// Restores a saved filter state.
     pub fn restore(&mut self, state: &KalmanState) {
         let count = usize::try_from(state.command_count).unwrap_or(CAPACITY);
-        self.memory = Memory {
+        self.persistent = PersistentState {
             history: CommandHistory::restored(state.commands, count),
             track: state.started.is_set().then(|| restored_track(state)),
             rests_since_ns: state.rests.is_set().then_some(state.rests_since_ns),

@@ -1,6 +1,7 @@
-//! The latest samples of a topic.
+//! Latest samples of a topic.
 //!
-//! Of a `STEADY` flight every service steps at every tick and gets what the others then publish, which need not be asked.
+//! In a `STEADY` flight every service steps and publishes all its outputs at every tick: the compiler removes the queries of
+//! the schedule.
 
 use shared_types::schedule::Publication;
 use shared_types::{Schedule, Topic};
@@ -8,7 +9,7 @@ use shared_types::{Schedule, Topic};
 use crate::owned_sample::OwnedSample;
 use crate::sample_ring::SampleRing;
 
-/// The latest samples of a topic, as many as any consumer may still need.
+/// Latest samples of a topic, as many as its consumers need.
 pub(super) struct History {
     pub(super) publication: Publication,
     pub(super) samples: SampleRing,
@@ -41,17 +42,17 @@ impl History {
 
     #[inline]
     pub(super) fn bytes_of<const STEADY: bool>(&self, tick: u64) -> &[u8] {
-        self.samples.at(self.place_of::<STEADY>(tick))
+        self.samples.at(self.number_of::<STEADY>(tick))
     }
 
-    /// Takes the sample of a tick; `draft` becomes one that is not needed any more.
+    /// Publishes the sample of a tick from `draft`, which receives the overwritten sample in exchange.
     #[inline]
     pub(super) fn publish<const STEADY: bool>(&mut self, tick: u64, draft: &mut OwnedSample) {
-        self.samples.swap(self.place_of::<STEADY>(tick), draft);
+        self.samples.swap(self.number_of::<STEADY>(tick), draft);
     }
 
     #[inline]
-    fn place_of<const STEADY: bool>(&self, tick: u64) -> u64 {
+    fn number_of<const STEADY: bool>(&self, tick: u64) -> u64 {
         if STEADY {
             tick
         } else {

@@ -1,4 +1,4 @@
-//! A service of a flight in one process, with the sources of its inputs and the place of its outputs.
+//! A service of a flight in one process, with the sources of its inputs and the histories of its outputs.
 
 use std::ops::Range;
 
@@ -15,38 +15,38 @@ use crate::step::{self, Slots, Timetable, Views};
 /// Service with its steps, inputs and outputs.
 pub(super) struct ServiceSlot {
     pub(super) service: Box<dyn ErasedService>,
-    /// The service's state before its first step.
-    newborn: Vec<u8>,
+    /// State before the first step.
+    initial_state: Vec<u8>,
     pub(super) timetable: Timetable,
-    /// Its inputs, in the order of the wiring table.
+    /// Inputs, in the order of the wiring table.
     feeds: Vec<Feed>,
-    /// `true` if any of them has planned faults.
+    /// `true` if any input has planned faults.
     pub(super) has_stores: bool,
-    /// Places of the histories of its outputs that the flight has; others come after them in the wiring table.
+    /// Indices of the histories of the outputs. Outputs that the flight does not have come last in the wiring table.
     pub(super) own: Range<usize>,
-    /// `true` if the saved state of the service is to be tried after each step.
+    /// `true` if the saved state of the service is verified after each step.
     has_trials: bool,
-    /// These outputs while they are written.
+    /// Outputs of the current step.
     drafts: Vec<OwnedSample>,
 }
 
 /// Source of an input.
 struct Feed {
     edge: Edge,
-    /// Place of the topic's history.
+    /// Index of the topic's history.
     source: usize,
-    /// Latency in a `STEADY` flight, ticks; [`u64::MAX`] of an input that is never due.
+    /// Latency in a `STEADY` flight, ticks; [`u64::MAX`] if the input is never due.
     steady_latency: u64,
-    /// Samples so far, if faults of the input are planned.
+    /// Samples that may be due, if faults of the input are planned.
     store: Option<Box<EdgeStore>>,
 }
 
 impl ServiceSlot {
-    /// The slot of a service whose outputs are among `histories`, as are its inputs.
+    /// Makes the slot of a service. `histories` contain its inputs and outputs.
     pub(super) fn new(service: Box<dyn ErasedService>, schedule: &Schedule, histories: &[History]) -> Self {
         let id = service.id();
         let timetable = Timetable::new(schedule, id);
-        let newborn = state_of(service.as_ref());
+        let initial_state = state_of(service.as_ref());
         let place = |topic| {
             let mut topics = histories.iter().map(|history| history.publication.topic);
             let place = topics.position(|other| other == topic);
@@ -66,21 +66,21 @@ impl ServiceSlot {
         Self {
             has_trials: service.has_trials(),
             service,
-            newborn,
+            initial_state,
             feeds: feeds.collect(),
             has_stores: timetable.inputs.iter().any(Edge::has_faults),
             own: first_own..first_own + outputs.len(),
             drafts: outputs
                 .iter()
-                .map(|output| OwnedSample::of(output.topic))
+                .map(|output| OwnedSample::zeroed(output.topic))
                 .collect(),
             timetable,
         }
     }
 
-    /// Lets another service fly in this slot, from its own initial state on.
+    /// Replaces the service, which starts from its present state.
     pub(super) fn replace(&mut self, service: Box<dyn ErasedService>) {
-        self.newborn = state_of(service.as_ref());
+        self.initial_state = state_of(service.as_ref());
         self.has_trials = service.has_trials();
         self.service = service;
     }
@@ -90,11 +90,10 @@ impl ServiceSlot {
         self.timetable.steps.is_always() && !self.has_stores
     }
 
-    /// Steps, if a step is due, on the samples that the schedule says are due, and publishes what it makes. In a
-    /// `STEADY` flight all of it is, which need not be asked.
+    /// Executes a step on the due samples, if one is due, and publishes the due outputs. In a `STEADY` flight all are due.
     ///
     /// # Panics
-    /// If the service forgets a part of its state.
+    /// If the service's saved state is incomplete.
     #[inline]
     pub(super) fn step<const STEADY: bool>(
         &mut self,
@@ -111,7 +110,7 @@ impl ServiceSlot {
         let mut views = Views::default();
         let (inputs, outputs) = (self.feeds.len(), self.timetable.outputs.len());
         for (view, feed) in views.iter_mut().zip(&mut self.feeds) {
-            feed.look::<STEADY>(histories, tick, view);
+            feed.read::<STEADY>(histories, tick, view);
         }
         let mut slots = Slots::default();
         let drafts = slots.iter_mut().zip(&mut self.drafts);
@@ -136,18 +135,18 @@ impl ServiceSlot {
         }
     }
 
-    /// Loses the service's state where that is planned, and keeps the samples of inputs with planned faults.
+    /// Resets the service at a planned cold start, and stores the samples of inputs with planned faults.
     fn prepare(&mut self, histories: &[History], tick: u64) {
-        if self.timetable.begins_anew_at(tick) {
-            self.service.restore(&self.newborn);
+        if self.timetable.is_cold_start_at(tick) {
+            self.service.restore(&self.initial_state);
         }
         if self.has_stores {
-            // What is published later in the tick is due later as well.
+            // Samples that are published later in the tick are due later.
             self.keep_published(histories, tick, |edge| edge.latency == 0);
         }
     }
 
-    /// Keeps what is published at `tick` over those of the edges with planned faults that are `wanted`.
+    /// Stores the samples of `tick` for the `wanted` edges with planned faults.
     #[cold]
     pub(super) fn keep_published(
         &mut self,
@@ -166,12 +165,12 @@ impl ServiceSlot {
         }
     }
 
-    /// Returns the samples so far of its inputs.
+    /// Returns the stored samples of the inputs.
     pub(super) fn stores(&self) -> Vec<Option<Box<EdgeStore>>> {
         self.feeds.iter().map(|feed| feed.store.clone()).collect()
     }
 
-    /// Goes back, or forth, to these samples.
+    /// Restores the stored samples of the inputs.
     pub(super) fn restore_stores(&mut self, stores: &[Option<Box<EdgeStore>>]) {
         for (feed, store) in self.feeds.iter_mut().zip(stores) {
             feed.store.clone_from(store);
@@ -187,9 +186,9 @@ pub(super) fn state_of(service: &dyn ErasedService) -> Vec<u8> {
 }
 
 impl Feed {
-    /// Puts the sample that is due at `tick` into a view, if there is one.
+    /// Sets a view to the sample that is due at `tick`, if there is one.
     #[inline]
-    fn look<'a, const STEADY: bool>(
+    fn read<'a, const STEADY: bool>(
         &'a mut self,
         histories: &'a [History],
         tick: u64,
@@ -210,8 +209,12 @@ impl Feed {
             }
             _ => {
                 let bytes = histories[self.source].bytes_of::<STEADY>(due);
-                debug_assert_eq!(header_of(bytes).tick, due, "histories hold all that is still due");
-                // Member by member: a view that is made elsewhere and copied costs a wait for its last byte.
+                debug_assert_eq!(
+                    header_of(bytes).tick,
+                    due,
+                    "histories hold all samples that may be due"
+                );
+                // Field by field: the copy of a whole view stalls on store forwarding of its last byte.
                 view.bytes = Some(bytes);
                 view.fresh = STEADY || self.edge.is_fresh(tick, due);
             }

@@ -15,7 +15,6 @@ pub struct Circle {
 }
 
 impl Circle {
-    /// Makes the circle of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Circle) -> Self {
         Self {

@@ -11,7 +11,6 @@ pub struct Hover {
 }
 
 impl Hover {
-    /// Makes the point of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Hover) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! A straight line without end.
+//! An infinite straight line.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,6 @@ pub struct Line {
 }
 
 impl Line {
-    /// Makes the line of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Line) -> Self {
         Self {

@@ -14,7 +14,6 @@ pub struct Lissajous {
 }
 
 impl Lissajous {
-    /// Makes the figure of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::Lissajous) -> Self {
         Self {

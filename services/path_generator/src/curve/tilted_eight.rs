@@ -15,7 +15,6 @@ pub struct TiltedEight {
 }
 
 impl TiltedEight {
-    /// Makes the eight of these parameters.
     #[must_use]
     pub fn new(parameters: &scenario::TiltedEight) -> Self {
         Self {

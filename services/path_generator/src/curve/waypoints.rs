@@ -1,18 +1,18 @@
-//! A smooth curve through points: a uniform quintic B-spline, hence C⁴, with five knots to the interval.
+//! A smooth curve through points: a uniform quintic B-spline, hence C⁴, with five knots per interval.
 //!
-//! Every waypoint lies on a knot and owns the five control points around it. At that knot the other control
-//! points have no weight, so the five alone decide the position and four derivatives there. Hence
+//! Every waypoint lies on a knot and has the five control points around it. At that knot the other control points have no
+//! weight, so these five determine the position and four derivatives there. Hence
 //! * the curve passes through a waypoint if its own five satisfy (c₋₂ + 26c₋₁ + 66c₀ + 26c₁ + c₂)/120 = P;
-//! * it is at rest there, all four derivatives zero, if the five coincide, and then goes on as a constant
-//!   without loss of smoothness: so it begins and ends, unless it is closed.
+//! * it is at rest there, all four derivatives zero, if the five coincide, and can continue as a constant without loss of
+//!   smoothness: so an open curve begins and ends.
 //!
-//! With one knot to the interval a curve could not have both properties. The remaining freedom makes the curve as
+//! With one knot per interval a curve could not have both properties. The remaining freedom makes the curve as
 //! smooth as possible, see [`smoothest`]; a closed one is then the periodic quintic interpolating spline of the
 //! textbooks.
 //!
-//! Overshoot: in a ball around any centre that holds all waypoints, the curve strays from the centre to at most
-//! [`Waypoints::OVERSHOOT_OPEN`] or [`Waypoints::OVERSHOOT_CLOSED`] times the radius, whatever the points. From
-//! rest at one of two points to rest at the other it goes straight, at up to three times its mean speed.
+//! Overshoot: for any ball that contains all waypoints, the distance of the curve from the centre is at most
+//! [`Waypoints::OVERSHOOT_OPEN`] or [`Waypoints::OVERSHOOT_CLOSED`] times the radius. Between rest at two points the curve is
+//! straight, at up to three times its mean speed.
 
 mod smoothest;
 
@@ -21,27 +21,27 @@ use nalgebra::Vector3;
 use super::{CurveError, CurvePoint};
 use smoothest::control_points;
 
-/// Knots from one waypoint to the next: one for the position and each of four derivatives.
+/// Knots per interval: one for the position and one for each of four derivatives.
 const KNOTS_PER_INTERVAL: usize = 5;
 
-/// Position and five derivatives by γ at a knot: the whole polynomial from there to the next.
+/// Position and five derivatives by γ at a knot: the polynomial from there to the next knot.
 type Piece = [Vector3<f64>; 6];
 
 /// A curve through points, `interval` in γ from one to the next, the first at γ = 0.
 ///
-/// Open, it rests at the first point before γ = 0 and at the last after γ = (n − 1)·interval. Closed, it goes
-/// around and around, for all γ.
+/// An open curve rests at the first point before γ = 0 and at the last one after γ = (n − 1)·interval. A closed curve is
+/// periodic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Waypoints {
     /// γ from one knot to the next.
     spacing: f64,
     closed: bool,
-    /// Polynomial from each knot on; the last one of an open curve is its rest at the end.
+    /// Polynomial from each knot on; the last one of an open curve is constant.
     pieces: Vec<Piece>,
 }
 
 impl Waypoints {
-    /// Largest distance of an open curve from the centre of a ball that holds all waypoints, in its radii.
+    /// Maximum distance of an open curve from the centre of a ball that contains all waypoints, in radii.
     pub const OVERSHOOT_OPEN: f64 = 2.1;
 
     /// The same as [`Self::OVERSHOOT_OPEN`] for a closed curve.
@@ -68,7 +68,7 @@ impl Waypoints {
             if closed {
                 control[index % control.len()]
             } else {
-                // The rest at the end repeats its last control point.
+                // At the rest at the end the last control point is repeated.
                 control[index.min(control.len() - 1)]
             }
         };
@@ -87,13 +87,13 @@ impl Waypoints {
     pub fn at(&self, gamma: f64) -> CurvePoint {
         let last = self.pieces.len() - 1;
         let knots = if self.closed {
-            // The remainder is exact and cannot overflow: the curve keeps its accuracy also after many rounds.
+            // The remainder is exact and cannot overflow, so the accuracy does not depend on the number of laps.
             let round = self.pieces.len() as f64 * self.spacing;
             gamma.rem_euclid(round) / self.spacing
         } else {
             (gamma / self.spacing).clamp(0.0, last as f64)
         };
-        // Rounding can bring a remainder up to the whole round: there the last piece ends.
+        // Rounding can increase the remainder to a whole lap, where the last piece ends.
         let index = (knots as usize).min(last);
         let piece = &self.pieces[index];
         let past_knot = (knots - index as f64) * self.spacing;
@@ -141,8 +141,8 @@ fn check(parameters: &scenario::Waypoints) -> Result<(), CurveError> {
 
 /// Returns the polynomial from a knot to the next, of the six control points with weight there.
 ///
-/// Except for the position it consists of differences of control points. Where the points coincide, the derivatives are
-/// exactly zero and the position is exactly theirs.
+/// The derivatives are differences of control points. If the points coincide, the derivatives are exactly zero and the
+/// position is exact.
 fn piece(c: [Vector3<f64>; 6], spacing: f64) -> Piece {
     let outer_sum = (c[0] - c[2]) + (c[4] - c[2]);
     let inner_sum = (c[1] - c[2]) + (c[3] - c[2]);

@@ -1,7 +1,7 @@
 //! Flights from the ground to the path and back: phases in their order, references without jumps.
 
 use path_generator::PathGeneratorService;
-use path_generator::phases::{LIFTED, PATIENCE};
+use path_generator::phases::{ARRIVAL_TIMEOUT, LIFTED};
 use scenario::{Curve, Flight, Path, PathMode, TiltedEight};
 use shared_types::flight_phase::{NotReady, STANDING};
 use shared_types::samples::{PathReference, RcFrame};
@@ -237,7 +237,7 @@ fn a_take_off_that_does_not_lift_off_is_given_up_and_needs_a_new_arming() {
     flown.until(ARMED, PathReference::PHASE_TAKE_OFF);
     let from = flown.tick;
     flown.until(ARMED, PathReference::PHASE_DISARMED);
-    assert!((flown.tick - from) as f64 * H > PATIENCE);
+    assert!((flown.tick - from) as f64 * H > ARRIVAL_TIMEOUT);
     flown.for_seconds(ARMED, 3.0);
     assert_eq!(flown.reference.phase, PathReference::PHASE_DISARMED);
     assert_eq!(flown.reference.cause, PathReference::CAUSE_OVERDUE);

@@ -1,5 +1,5 @@
-//! Trial of a service's saved state: a second instance gets it, takes the same steps for a while, and must write the same
-//! samples. What `save` forgets is found so wherever the service flies, and not only where a death needs the state.
+//! Verification of a service's saved state: a second instance restores it, repeats some steps, and must write the same
+//! samples. So an incomplete `save` is detected in every flight, and not only after a death.
 
 use std::ffi::c_void;
 
@@ -10,8 +10,7 @@ use super::{PluginService, Ports};
 use crate::abi;
 use crate::guarded::Guarded;
 
-/// Steps from the beginning of a trial to that of the next; the first one begins at the second step, when there is
-/// something to forget.
+/// Steps between the beginnings of two trials. The first one begins at the second step, when the state is not initial.
 const PERIOD: u64 = 500;
 
 /// Steps of a trial.
@@ -25,9 +24,9 @@ pub(super) struct Trial {
     second: PluginService,
     /// Steps of the service since it was made.
     steps: u64,
-    /// State of the service before a step that is tried.
+    /// State of the service before a verified step.
     state: Guarded,
-    /// The last step of the service, if the second instance is to repeat it; its inputs are there already.
+    /// The last step of the service, if it is verified; the second instance has its inputs.
     step: Option<(abi::Now, Ports)>,
 }
 
@@ -41,7 +40,7 @@ impl Trial {
         }
     }
 
-    /// Keeps what the second instance needs to repeat the step that comes, if it is to be tried.
+    /// Stores state and inputs of the next step for the second instance, if the step is verified.
     #[inline]
     pub(super) fn prepare(
         &mut self,
@@ -50,19 +49,20 @@ impl Trial {
         inputs: &[InputView<'_>],
         outputs: &[OutputSlot<'_>],
     ) {
-        let is_tried = (1..=STEPS).contains(&(self.steps % PERIOD));
+        let is_verified = (1..=STEPS).contains(&(self.steps % PERIOD));
         self.steps += 1;
-        self.step = is_tried.then(|| {
+        self.step = is_verified.then(|| {
             service.save_with(&mut |state| self.state.bytes_mut().copy_from_slice(state));
-            (*now, self.second.take_in(inputs, outputs))
+            (*now, self.second.copy_ports(inputs, outputs))
         });
     }
 
-    /// Repeats the last step of `service` in the second instance, if it is tried. The state is restored only now: what both
-    /// instances share, such as a variable of the library, is then as it would be without the trial.
+    /// Repeats the last step of `service` in the second instance, if it is verified. Restores the state only now, so that
+    /// data shared by both instances, such as a global variable of the library, was unaffected during the step of
+    /// `service`.
     ///
     /// # Errors
-    /// What is wrong, if a sample differs.
+    /// The difference, if a sample differs.
     #[inline]
     pub(super) fn repeat(&mut self, service: &PluginService) -> Result<(), String> {
         match self.step.take() {
@@ -91,7 +91,7 @@ impl Trial {
         }
     }
 
-    /// Takes the second instance away, to be freed.
+    /// Takes the second instance, to free it.
     pub(super) fn take_instance(&mut self) -> *mut c_void {
         std::mem::replace(&mut self.second.instance, std::ptr::null_mut())
     }

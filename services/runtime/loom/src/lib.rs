@@ -60,14 +60,14 @@ fn a_reader_beside_the_writer_of_a_ring_sees_whole_records_or_that_they_are_gone
             thread::spawn(move || (1..4).for_each(|number| write(&ring, number)))
         };
         for number in 0..2 {
-            match ring.found(number) {
+            match ring.look_up(number) {
                 LookUp::Record(words) => assert_eq!(words, [number, !number]),
                 LookUp::Overwritten(oldest) => assert!(oldest > number),
-                LookUp::Nothing => assert!(number > 0),
+                LookUp::Pending => assert!(number > 0),
             }
         }
         writer.join().unwrap();
-        assert_eq!(ring.found(3), LookUp::Record([3, !3]));
+        assert_eq!(ring.look_up(3), LookUp::Record([3, !3]));
     });
 }
 

@@ -1,4 +1,4 @@
-//! Memory that delays no step: all pages locked, stack and heap touched before the flight.
+//! Prevents page faults in flight: locks all pages, and touches stack and heap before the flight.
 
 use std::hint::black_box;
 use std::io;
@@ -12,10 +12,10 @@ use super::raised_limit;
 /// Most memory that a service process locks, bytes: about ten times its mapped memory, shared memory included.
 pub const LOCKED_MEMORY: u64 = 256 << 20;
 
-/// Stack that is touched, bytes: far more than a step needs, far less than a process has.
+/// Size of the touched stack, bytes: far more than a step needs, far less than the limit of a process.
 const STACK: usize = 256 << 10;
 
-/// Heap that is touched and kept, bytes.
+/// Size of the heap that is touched and kept, bytes.
 const HEAP: usize = 1 << 20;
 
 /// Locks all present and future memory of this process, and touches stack and heap.
@@ -38,7 +38,7 @@ pub(super) fn lock() -> io::Result<()> {
     )?)
 }
 
-/// Returns whether the system lets this process lock as much as it may need.
+/// Returns whether this process may lock [`LOCKED_MEMORY`].
 fn may_lock() -> bool {
     let is_privileged = rustix::thread::capabilities(None)
         .is_ok_and(|capabilities| capabilities.effective.contains(CapabilitySet::IPC_LOCK));

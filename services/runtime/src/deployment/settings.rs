@@ -1,4 +1,4 @@
-//! Applies the scenario's settings of a service's deployment as far as the system permits.
+//! Applies a service's deployment settings as far as the system permits.
 
 use std::fmt;
 use std::num::NonZeroU64;
@@ -48,7 +48,7 @@ impl Setting {
 pub struct Refusal {
     /// The part.
     pub setting: Setting,
-    /// The refused request, and the answer of the system.
+    /// The refused request, and the error of the system.
     pub what: String,
 }
 
@@ -61,7 +61,7 @@ impl fmt::Display for Refusal {
 /// Applies the settings to the calling thread and the memory of its process. Unstated settings stay as they are;
 /// refused ones are left out and returned.
 ///
-/// Call it before the flight: it allocates, and touches memory.
+/// Allocates and touches memory: call it before the flight.
 #[must_use]
 pub fn apply(settings: &ServiceDeployment) -> Vec<Refusal> {
     let mut refusals = Vec::new();
@@ -83,7 +83,7 @@ pub fn apply(settings: &ServiceDeployment) -> Vec<Refusal> {
         let what = format!("memory may not be locked ({error})");
         refuse(Setting::LockMemory, what);
     }
-    // Last: the settings before may take their time at an ordinary priority.
+    // Last: the other settings may take long, and must not do so at a real-time priority.
     if let Some(priority) = settings.priority
         && let Err(error) = super::use_fifo(priority)
     {

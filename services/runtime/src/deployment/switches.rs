@@ -1,4 +1,4 @@
-//! Faster switches between processes.
+//! Faster context switches.
 
 use std::ffi::{OsStr, OsString};
 use std::process::Command;
@@ -8,8 +8,8 @@ const TUNABLES: &str = "GLIBC_TUNABLES";
 const RESTARTABLE_SEQUENCES: &str = "glibc.pthread.rseq";
 
 /// Makes the process that `command` starts run without restartable sequences, unless its parent's environment sets
-/// them. No process of a run uses them, and the system writes into their page at every switch to a process that might.
-pub fn spare_switches(command: &mut Command) {
+/// them. No process of a run uses them, and the kernel writes to the registered page at every switch to the process.
+pub fn disable_restartable_sequences(command: &mut Command) {
     let stated = std::env::var_os(TUNABLES).unwrap_or_default();
     if let Some(tunables) = without_restartable_sequences(&stated) {
         command.env(TUNABLES, tunables);

@@ -1,4 +1,4 @@
-//! Membership of a process in a run, by which it opens topics.
+//! Node of a process in a run, by which it opens topics.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -11,10 +11,10 @@ use super::{Delivery, PortError, TopicPorts, consumer_buffer};
 use crate::shared_memory;
 use host::watchdog::{self, Work};
 
-/// Configuration file of the run that this process belongs to: iceoryx2 keeps one for the whole process.
+/// Configuration file of this process's run: iceoryx2 has one global configuration a process.
 static RUN: OnceLock<PathBuf> = OnceLock::new();
 
-/// Membership of a process in the run.
+/// Node of a process in the run.
 pub struct RunNode {
     node: Node<ipc::Service>,
     /// Prefix of the names of the run's shared memory.
@@ -23,7 +23,7 @@ pub struct RunNode {
 
 impl RunNode {
     /// Joins the run of the given iceoryx2 configuration file. It must be the process's first use of iceoryx2: the
-    /// clean-up after dead processes falls back to the global configuration, whatever a node was given.
+    /// clean-up after dead processes uses the global configuration instead of the node's.
     ///
     /// # Errors
     /// [`PortError::Configuration`] or [`PortError::Node`].
@@ -43,8 +43,8 @@ impl RunNode {
         let mut config = Config::setup_global_config_from_file(&path)
             .map_err(|error| bad_configuration(error.into()))?
             .clone();
-        // The orchestrator alone cleans up after dead processes, and knows when. A search for them at every topic takes
-        // longer than all else.
+        // Only the orchestrator cleans up, after each death. A search for dead processes at every topic would take most of
+        // the start of a process.
         config.global.service.cleanup_dead_nodes_on_open = false;
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
@@ -66,22 +66,21 @@ impl RunNode {
         &self.node
     }
 
-    /// Frees the resources of dead processes of the run. They must have been waited for.
+    /// Frees the resources of dead processes of the run, which must have been reaped.
     pub fn clean_up_after_the_dead(&self) {
         shared_memory::without_waiting_for_the_unfinished(&self.prefix, || {
-            // A failure is repeated after the next death, and the run's end frees the rest at the latest.
+            // A failure is retried after the next death; the end of the run frees all remaining resources.
             watchdog::during(Work::CleanUp, || self.node.try_cleanup_dead_nodes());
         });
         self.remove_unfinished();
     }
 
-    /// Removes shared memory of the run that dead processes had only begun to make, and for which others may be
-    /// waiting.
+    /// Removes unfinished shared memory of dead processes of the run, for which other processes may wait.
     pub fn remove_unfinished(&self) {
         shared_memory::remove_unfinished(&self.prefix);
     }
 
-    /// Makes the topic; the orchestrator does so before any service starts.
+    /// Creates the topic; the orchestrator does so before any service starts.
     ///
     /// # Errors
     /// [`PortError::Open`].
@@ -94,7 +93,7 @@ impl RunNode {
         self.enter(topic, None, schedule, Access::Create(delivery))
     }
 
-    /// Makes a topic of the replay of a service, which only that service and the orchestrator open.
+    /// Creates a topic for the replay of a service, opened only by that service and the orchestrator.
     ///
     /// # Errors
     /// [`PortError::Open`].
@@ -104,12 +103,12 @@ impl RunNode {
         replayed: ServiceId,
         schedule: &Schedule,
     ) -> Result<Box<dyn TopicPorts>, PortError> {
-        // A service that misses an ordered sample reports the loss.
+        // No sample is lost silently: a service that misses one reports it.
         let access = Access::Create(Delivery::NewestWins);
         self.enter(topic, Some(replayed), schedule, access)
     }
 
-    /// Opens a topic that the orchestrator has made, if its layout is the one of this build.
+    /// Opens a topic that the orchestrator has created, if it has the layout of this build.
     ///
     /// # Errors
     /// [`PortError::Open`].

@@ -24,17 +24,17 @@ use host::watchdog::{self, Work};
 /// Access of a process to a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
-    /// The process makes it.
+    /// The process creates the topic.
     Create(Delivery),
-    /// The process expects it to exist, with the layout of this build.
+    /// The topic must exist with the layout of this build.
     Open,
 }
 
-/// Access to a topic for any sample type.
+/// Creation or opening of a topic of any sample type.
 pub(super) struct Enter<'a> {
     pub(super) node: &'a Node<ipc::Service>,
     pub(super) topic: Topic,
-    /// The service in whose replay the topic is, if it is in one.
+    /// The replayed service, in a replay.
     pub(super) replayed: Option<ServiceId>,
     pub(super) consumer_buffer: usize,
     pub(super) access: Access,
@@ -78,14 +78,14 @@ impl TopicVisitor for Enter<'_> {
                     .define(&key, &hash)
                     .map_err(|error| not_opened(topic, error))?;
                 let consumers = topic.consumers().count();
-                // The publisher and the consumers, each with the dead one that it replaces, and the recorder.
-                let members = 2 * (1 + consumers) + 1;
+                // The publisher and the consumers, each with a dead predecessor, and the recorder.
+                let nodes = 2 * (1 + consumers) + 1;
                 builder
                     .enable_safe_overflow(delivery == Delivery::NewestWins)
                     .history_size(0)
                     .max_publishers(1)
                     .max_subscribers(max_subscribers(topic))
-                    .max_nodes(members + OBSERVERS)
+                    .max_nodes(nodes + OBSERVERS)
                     .subscriber_max_buffer_size(RECORDER_BUFFER)
                     .subscriber_max_borrowed_samples(MAX_BORROWED)
                     .create_with_attributes(&attributes)
@@ -132,8 +132,8 @@ fn layout_attribute<T: Published>(topic: Topic) -> Result<Attribute, PortError> 
     ))
 }
 
-/// Makes or connects one port as a piece of work of its own: the watchdog limits the time without progress, and not that
-/// of all ports of a service on a busy machine.
+/// Makes or connects one port as a separate piece of work: the watchdog limits the time without progress, and not the
+/// total time for all ports of a service on a busy machine.
 pub(super) fn one_port<R>(act: impl FnOnce() -> R) -> R {
     watchdog::during(Work::Ports, act)
 }
@@ -165,8 +165,8 @@ impl<T: Published> TopicPorts for Ports<T> {
             .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
-                // iceoryx2 does not limit the wait for a stopped receiver, so the watchdog must not count it as one
-                // long work.
+                // iceoryx2 does not limit the wait for a stopped receiver. A new piece of work at each retry keeps the
+                // watchdog from ending this process.
                 watchdog::work(Work::Step);
                 let block = page.control_block();
                 let Some(owner) = block.owner(full.receiver_port_id) else {
@@ -176,7 +176,7 @@ impl<T: Published> TopicPorts for Ports<T> {
                     return BackpressureAction::DiscardDataAndFail;
                 }
                 if let Owner::Service(service) = owner {
-                    // The receiver sleeps for a later sample, or has a planned outage: it makes room when it looks.
+                    // The receiver sleeps for a later sample or has a planned outage: it makes room when it is woken.
                     doorbells[service.index()].ring();
                 }
                 BackpressureAction::Retry
@@ -199,7 +199,7 @@ impl<T: Published> TopicPorts for Ports<T> {
         self.receiver_of_size(self.consumer_buffer)
     }
 
-    fn recorder(&self, places: usize) -> Result<Box<dyn Receiver>, PortError> {
-        self.receiver_of_size(places)
+    fn recorder(&self, capacity: usize) -> Result<Box<dyn Receiver>, PortError> {
+        self.receiver_of_size(capacity)
     }
 }

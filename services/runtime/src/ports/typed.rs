@@ -15,7 +15,7 @@ use shared_types::{Sample, Topic};
 use super::topic::one_port;
 use super::{PortError, Receiver, Sender};
 
-/// Sample type as iceoryx2 sees it: with its name in the log instead of its path in Rust.
+/// Sample type in iceoryx2: named as in the log instead of by its path in Rust.
 #[repr(transparent)]
 pub struct Wire<T>(pub T);
 
@@ -35,8 +35,7 @@ unsafe impl<T: Sample> ZeroCopySend for Wire<T> {
 
 /// Publisher of a topic, and the sample that is being written.
 pub(super) struct TypedSender<T: Sample> {
-    // Declared before the publisher, and so dropped before it: a loaned sample returns to a publisher that still
-    // exists.
+    // Declared before the publisher and so dropped before it: a loaned sample returns to its publisher.
     loaned: Option<Loaned<ipc::Service, Wire<T>, ()>>,
     publisher: Publisher<ipc::Service, Wire<T>, ()>,
     topic: Topic,
@@ -55,7 +54,7 @@ impl<T: Sample> TypedSender<T> {
 impl<T: Sample> Sender for TypedSender<T> {
     #[inline]
     fn loan(&mut self) -> Result<&mut [u8], PortError> {
-        // A match: `map_err` would copy all that iceoryx2 keeps beside the few words of a sample.
+        // A match: `map_err` would copy iceoryx2's whole loan, which is much larger than the pointer to the sample.
         let sample = match self.publisher.loan_uninit() {
             // SAFETY: mapped shared memory always holds some bytes, and a `Sample` is valid for any (`FromBytes`).
             Ok(sample) => unsafe { sample.assume_init() },
@@ -69,7 +68,7 @@ impl<T: Sample> Sender for TypedSender<T> {
         Ok(self.loaned.insert(sample).payload_mut().0.as_mut_bytes())
     }
 
-    fn take_back(&mut self) {
+    fn discard_loan(&mut self) {
         self.loaned = None;
     }
 

@@ -13,15 +13,15 @@ pub(super) struct FaultRecord {
     fault: PlannedFault,
     /// First tick at which the error counts as that before the fault.
     before_tick: u64,
-    /// First tick that is another fault's.
+    /// End of the observation, first tick after it.
     watched_until: u64,
     tick_ns: u64,
     detection: Option<Detection>,
     largest_before: f64,
     peak: Option<f64>,
-    /// Largest distance as a share of what it must come back to.
+    /// Maximum ratio of the distance to its bound.
     largest_share: f64,
-    /// Tick from which the error has been within the bound, the fault being over; as it was when a landing began.
+    /// Tick since which the error has been within the bound after the fault; frozen at the beginning of a landing.
     inside_since: Option<u64>,
     /// First tick of a landing after the fault's begin.
     landing_from: Option<u64>,
@@ -79,7 +79,7 @@ impl FaultRecord {
         }
     }
 
-    /// Takes what a sample tells into account.
+    /// Adds the sign of a sample.
     #[inline]
     pub(super) fn observe_look(&mut self, tick: u64, look: &Look) {
         if (self.fault.from..self.watched_until).contains(&tick) {
@@ -90,7 +90,7 @@ impl FaultRecord {
         }
     }
 
-    /// The fault as reported, of a flight that came to its `last_tick`.
+    /// Returns the report for a flight up to `last_tick`.
     pub(super) fn finish(&self, last_tick: u64, schedule: &Schedule) -> FaultReport {
         let time = |tick| seconds(schedule.time_ns(tick));
         let PlannedFault { words, from, until } = &self.fault;

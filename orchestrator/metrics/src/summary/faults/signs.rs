@@ -1,4 +1,4 @@
-//! The signs in the samples of services that they have noticed something, and what they do about it.
+//! Signs of detection and reaction in the samples of the services.
 
 use serde::Serialize;
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState};
@@ -50,7 +50,7 @@ impl Condition {
     }
 }
 
-/// The conditions that are so, one bit each.
+/// Set of conditions, one bit each.
 type Conditions = u16;
 
 fn conditions<const N: usize>(all: [(bool, Condition); N]) -> Conditions {
@@ -58,7 +58,7 @@ fn conditions<const N: usize>(all: [(bool, Condition); N]) -> Conditions {
     set.fold(0, |bits, (_, condition)| bits | 1 << condition as u16)
 }
 
-/// The topics that are looked at, with what their services refuse.
+/// Observed topics.
 const WATCHED: [Topic; 4] = [
     Topic::VehicleState,
     Topic::PathReference,
@@ -69,16 +69,16 @@ const WATCHED: [Topic; 4] = [
 /// The condition of the service that published a sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Look {
-    /// Position in [`WATCHED`].
+    /// Index in [`WATCHED`].
     place: usize,
     conditions: Conditions,
-    /// The number of inputs more that the service has refused.
+    /// Inputs refused since the previous sample.
     refused: u32,
-    /// The sign that just began to show, if one did.
+    /// The sign that begins with this sample, if any.
     pub(super) sign: Option<(ServiceId, &'static str)>,
 }
 
-/// Sees what changes from sample to sample.
+/// Changes from sample to sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Observers([Before; WATCHED.len()]);
 
@@ -90,9 +90,9 @@ struct Before {
 }
 
 impl Observers {
-    /// Looks at a sample; nothing if the topic tells nothing of the kind.
+    /// Returns the condition in a sample; `None` for a topic without one.
     ///
-    /// A sign is what was not so in the sample before: what shows all the time says nothing of a fault.
+    /// Only the beginning of a condition is a sign: a permanent one is not evidence of a fault.
     #[inline]
     pub(super) fn look(&mut self, topic: Topic, bytes: &[u8]) -> Option<Look> {
         let place = WATCHED.iter().position(|&watched| watched == topic)?;
@@ -114,7 +114,7 @@ impl Observers {
     }
 }
 
-/// The conditions in a sample, and how many inputs its service has refused so far.
+/// Returns the conditions in a sample, and the number of inputs that its service has refused so far.
 #[inline]
 fn state_of(topic: Topic, bytes: &[u8]) -> (Conditions, u32) {
     match topic {
@@ -159,7 +159,7 @@ fn state_of(topic: Topic, bytes: &[u8]) -> (Conditions, u32) {
     }
 }
 
-/// Counts what services did, in samples.
+/// Durations of the reactions, in samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
     samples: [u64; Condition::ALL.len()],
@@ -177,7 +177,7 @@ impl Tally {
         }
     }
 
-    /// In seconds: every sample speaks for a period of its topic.
+    /// Converts to seconds: every sample counts for one period of its topic.
     pub(super) fn finish(&self, schedule: &Schedule) -> Reactions {
         let time = |condition: Condition, topic: Topic| {
             let ticks = self.samples[condition as usize] * schedule.topic_rate(topic).period;
@@ -213,7 +213,7 @@ pub struct Reactions {
     pub coasted: f64,
     /// The number of captures that it refused.
     pub captures_refused: u64,
-    /// Time for which the path stood, not knowing where the vehicle is.
+    /// Time for which the path stood still because the position was unknown.
     pub path_stood: f64,
     /// The number of states that its generator refused.
     pub states_refused: u64,

@@ -1,9 +1,9 @@
-//! Planned faults as people read of them.
+//! Planned faults in the summary's table.
 
 use super::FaultReport;
 use crate::summary::table::{length, wrapped};
 
-/// Writes the effects of the faults, some lines each.
+/// Returns the effects of the faults, some lines each.
 pub(in crate::summary) fn faults_in_words(faults: &[FaultReport]) -> String {
     faults.iter().map(in_words).collect()
 }

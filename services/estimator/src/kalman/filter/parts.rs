@@ -1,5 +1,4 @@
-//! Captures of which one part is right: the position of a body whose markers were confused, or the attitude of one whose
-//! position is frozen.
+//! Partly valid captures: the position of a body with confused markers, or the attitude of a body with a frozen position.
 
 use shared_types::service::seconds;
 
@@ -7,22 +6,22 @@ use super::super::attitude_trust::AttitudeTrust;
 use super::super::filter_state::Pose;
 use super::{KalmanFilter, Track};
 
-/// Largest distance from the estimate at which the position of a body whose markers were confused is used, m.
+/// Maximum distance from the estimate of a used position of a body with confused markers, m.
 const FARTHEST_CONFUSED: f64 = 0.08;
-/// What the time without sight adds to it, m/s.
+/// Growth of that distance with the time since the last used capture, m/s.
 const FARTHER_UNSEEN: f64 = 0.3;
-/// Longest time without sight after which such a position is used, s.
+/// Maximum time since the last used capture for such a position, s.
 const LONGEST_UNSEEN: f64 = 1.0;
 
 impl KalmanFilter {
-    /// Takes of a capture whose attitude is false its position, unless that is false as well.
-    pub(super) fn take_position(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, mut track: Track) {
+    /// Corrects the state by the position of a capture with a false attitude, if the position is plausible.
+    pub(super) fn use_position(&mut self, now_ns: u64, exposure_ns: u64, pose: &Pose, mut track: Track) {
         let with_attitude = |world_from_body| Pose {
             world_from_body,
             ..*pose
         };
         if self.has_ground && track.ground.has_flown {
-            // A vehicle at rest has the attitude that it had.
+            // At rest the attitude does not change.
             let pose = with_attitude(track.ground.rest.pose.world_from_body);
             if self.touches_down(&pose, &mut track) {
                 self.land(now_ns, exposure_ns, &pose, &track);
@@ -39,14 +38,14 @@ impl KalmanFilter {
         let farthest = FARTHEST_CONFUSED + FARTHER_UNSEEN * unseen;
         if let Some(innovation) = track.state.innovation(residual, noise)
             && unseen <= LONGEST_UNSEEN
-            && track.state.knows_tilt()
+            && track.state.is_tilt_known()
             && residual.norm() <= farthest
             && innovation.squared_distance() <= self.gate
         {
             let mut corrected = track.state;
             corrected.correct(&innovation, noise);
             if corrected.is_sound() {
-                // What positions tell of the attitude does not bring a false one within reach.
+                // A correction of the attitude by positions must not make a false attitude plausible.
                 track.trust.captured_from_estimated *= before * corrected.nominal.world_from_body.transpose();
                 track.state = corrected;
                 track.used_at_ns = now_ns;
@@ -54,11 +53,11 @@ impl KalmanFilter {
                 track.compare_rest(exposure_ns, &pose);
             }
         }
-        self.memory.track = Some(track);
+        self.persistent.track = Some(track);
     }
 
-    /// Takes of a capture whose position is false its attitude, which the vehicle can have reached.
-    pub(super) fn take_attitude(
+    /// Corrects the state by the plausible attitude of a capture with a false position.
+    pub(super) fn use_attitude(
         &mut self,
         now_ns: u64,
         exposure_ns: u64,
@@ -72,17 +71,17 @@ impl KalmanFilter {
         };
         let (noise, residual) = (self.noise().of_attitude(), track.state.residual(&pose));
         let unused_ns = now_ns.saturating_sub(track.levelled_at_ns);
-        let likely = self.likely(&track.state, turn_if_missed, unused_ns, residual, noise);
-        if let Some((mut believed, innovation)) = likely {
-            believed.correct(&innovation, noise);
-            if believed.is_sound() {
-                let corrected = &believed.nominal.world_from_body;
+        let gated = self.gated(&track.state, turn_if_missed, unused_ns, residual, noise);
+        if let Some((mut assumed, innovation)) = gated {
+            assumed.correct(&innovation, noise);
+            if assumed.is_sound() {
+                let corrected = &assumed.nominal.world_from_body;
                 track.trust = AttitudeTrust::new(exposure_ns, corrected, &pose.world_from_body);
-                track.state = believed;
+                track.state = assumed;
                 track.levelled_at_ns = now_ns;
                 track.refused_since_ns = None;
             }
         }
-        self.memory.track = Some(track);
+        self.persistent.track = Some(track);
     }
 }

@@ -337,12 +337,21 @@ fn a_repeated_an_older_and_an_unseen_capture_change_nothing() {
         tracked: true.into(),
         ..MocapPose::new_zeroed()
     };
-    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    assert!(matches!(
+        rig.filter.add_capture(now_ns, &capture),
+        Outcome::Ignored
+    ));
     capture.capture_time_ns -= CAPTURE_PERIOD * TICK_NS;
-    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    assert!(matches!(
+        rig.filter.add_capture(now_ns, &capture),
+        Outcome::Ignored
+    ));
     capture.capture_time_ns = now_ns;
     capture.tracked = false.into();
-    assert!(matches!(rig.filter.see(now_ns, &capture), Outcome::Ignored));
+    assert!(matches!(
+        rig.filter.add_capture(now_ns, &capture),
+        Outcome::Ignored
+    ));
     assert_eq!(rig.filter.save().as_bytes(), before.as_bytes());
 }
 
@@ -367,11 +376,20 @@ fn a_capture_from_the_future_and_one_that_is_no_pose_are_refused_and_never_start
         position_world: [0.0, 1e10, 0.0],
         ..good
     };
-    assert!(matches!(filter.see(5 * TICK_NS - 1, &good), Outcome::Refused));
-    assert!(matches!(filter.see(10 * TICK_NS, &reflected), Outcome::Refused));
-    assert!(matches!(filter.see(10 * TICK_NS, &far), Outcome::Refused));
+    assert!(matches!(
+        filter.add_capture(5 * TICK_NS - 1, &good),
+        Outcome::Refused
+    ));
+    assert!(matches!(
+        filter.add_capture(10 * TICK_NS, &reflected),
+        Outcome::Refused
+    ));
+    assert!(matches!(filter.add_capture(10 * TICK_NS, &far), Outcome::Refused));
     assert!(filter.state().is_none() && filter.captures_refused() == 3);
-    assert!(matches!(filter.see(10 * TICK_NS, &good), Outcome::Started));
+    assert!(matches!(
+        filter.add_capture(10 * TICK_NS, &good),
+        Outcome::Started
+    ));
 }
 
 /// A number of any size.
@@ -419,8 +437,8 @@ proptest! {
                 ..RcFrame::new_zeroed()
             };
             frame.header.stamp_ns = now_ns - TICK_NS;
-            filter.hear(now_ns, &frame);
-            filter.see(now_ns, &MocapPose {
+            filter.add_frame(now_ns, &frame);
+            filter.add_capture(now_ns, &MocapPose {
                 capture_time_ns: now_ns - age * TICK_NS,
                 position_world: position,
                 world_from_body: attitude,

@@ -46,14 +46,14 @@ impl Lift {
     fn go_on(&mut self, ticks: u64, asked: Option<f64>, mut look: impl FnMut(&Self)) {
         for _ in 0..ticks {
             if self.tick.is_multiple_of(20) {
-                self.filter.hear(self.now_ns(), &frame(self.now_ns(), asked));
+                self.filter.add_frame(self.now_ns(), &frame(self.now_ns(), asked));
             }
             if self.tick.is_multiple_of(10) {
                 let mut seen = capture(self.now_ns(), self.height);
                 if let Some(height) = self.frozen {
                     seen.position_world[2] = -height;
                 }
-                self.filter.see(self.now_ns(), &seen);
+                self.filter.add_capture(self.now_ns(), &seen);
                 // As after a death.
                 let mut restarted = grounded();
                 restarted.restore(&self.filter.save());
@@ -137,10 +137,10 @@ fn a_vehicle_carried_about_on_the_ground_is_where_it_is_seen() {
     let mut filter = grounded();
     for number in 0..500_u64 {
         let now_ns = number * 10 * TICK_NS;
-        filter.hear(now_ns, &frame(now_ns, None));
+        filter.add_frame(now_ns, &frame(now_ns, None));
         let height = (number / 50 % 2) as f64 * 0.7;
         let seen = capture(now_ns, height);
-        assert!(matches!(filter.see(now_ns, &seen), Outcome::Started));
+        assert!(matches!(filter.add_capture(now_ns, &seen), Outcome::Started));
         let told = filter.estimate(now_ns).unwrap();
         assert_eq!(told.position_world, seen.position_world);
         assert_eq!(

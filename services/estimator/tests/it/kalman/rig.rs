@@ -247,7 +247,7 @@ impl Rig {
         let pending = self.pending.take();
         let heard = pending.filter(|_| !self.world.silence.contains(&self.tick));
         if let Some(frame) = &heard {
-            self.filter.hear(now_ns, frame);
+            self.filter.add_frame(now_ns, frame);
         }
         let has_arrived =
             |capture: &mut MocapPose| capture.capture_time_ns + CAPTURE_LATENCY * TICK_NS == now_ns;
@@ -255,7 +255,9 @@ impl Rig {
         if let Some(capture) = seen.as_mut().filter(|_| self.stamps_are_wrong) {
             capture.capture_time_ns = 0;
         }
-        let outcome = seen.as_ref().map(|capture| self.filter.see(now_ns, capture));
+        let outcome = seen
+            .as_ref()
+            .map(|capture| self.filter.add_capture(now_ns, capture));
         let mut told = None;
         if self.tick.is_multiple_of(self.world.frame_period) {
             told = self.filter.estimate(now_ns);

@@ -1,13 +1,12 @@
-//! Smoothest of all quintic splines through the waypoints: the one of the least ∫‖pd‴‖² dγ.
+//! Smoothest quintic spline through the waypoints: the one with the minimum ∫‖pd‴‖² dγ.
 //!
-//! The five control points of a waypoint P are P + N y with four free vectors y, so that the curve passes
-//! through P for every y. The third derivative between two waypoints depends on their ten control points
-//! only. So the integral is a quadratic form that couples neighbours only, the same for every pair, and its
-//! minimum solves
+//! The five control points of a waypoint P are P + N y with four free vectors y, so that the curve passes through P for
+//! every y. The third derivative between two waypoints depends only on their ten control points. So the integral is a
+//! quadratic form that couples only neighbours, equal for every pair, and its minimum solves
 //!
 //!   Bᵀ yᵢ₋₁ + A yᵢ + B yᵢ₊₁ = e (Pᵢ − Pᵢ₊₁)ᵀ + f (Pᵢ − Pᵢ₋₁)ᵀ
 //!
-//! with yᵢ ∈ R⁴ˣ³, y = 0 at an end at rest, and indices around a closed curve. The solution determines only the
+//! with yᵢ ∈ R⁴ˣ³, y = 0 at an end at rest, and indices around a closed curve. The solution affects only the
 //! smoothness: the curve is C⁴ and passes through its points for any y.
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, Vector3, Vector4};
@@ -104,8 +103,8 @@ impl Energy {
         at_rest.clone().chain(between).chain(at_rest).collect()
     }
 
-    /// The chain of all but the last waypoint is solved for the pulls and, in four more columns, for the
-    /// influence of the last waypoint's y, which then follows from its own equation.
+    /// Solves the chain of all but the last waypoint for the right-hand sides and, in four more columns, for the influence of
+    /// the last waypoint's y, which then follows from the last equation.
     fn closed_minimum(&self, points: &[Vector3<f64>]) -> Vec<Offsets> {
         let last = points.len() - 1;
         let pull = |i: usize| {
