@@ -1,10 +1,10 @@
-//! The commands of the last moments: what the vehicle has followed since a state that comes late.
+//! History of commands: those that the vehicle has followed since a late state.
 
 use shared_types::service::seconds;
 
 use control_law::signals::Commanded;
 
-/// Spans of time that are remembered.
+/// Number of spans in the history.
 const SPANS: usize = 16;
 
 shared_types::sample! {
@@ -18,30 +18,22 @@ shared_types::sample! {
 }
 
 shared_types::sample! {
-    /// The newest spans, one after the other, the newest first.
+    /// The last spans without gaps, the newest first; all zero before the first command.
     pub struct CommandHistory {
-        /// Each of them; without a duration before the first command.
+        /// The spans.
         pub spans: [CommandSpan; SPANS],
     }
 }
 
 impl CommandHistory {
-    /// Before the first command.
-    pub const NOTHING: Self = Self {
-        spans: [CommandSpan {
-            duration_ns: 0,
-            command: Commanded::NOTHING,
-        }; SPANS],
-    };
-
-    /// Adds a command that was followed for a time, ns; a memory of `memory_ns` is kept.
-    pub fn push(&mut self, command: &Commanded, duration_ns: u64, memory_ns: u64) {
+    /// Adds a command that was followed for a time, ns, to a history of at least `length_ns`.
+    pub fn push(&mut self, command: &Commanded, duration_ns: u64, length_ns: u64) {
         if duration_ns == 0 {
             return;
         }
         let [newest, ..] = &mut self.spans;
-        // One span less than there are: the newest is filled meanwhile.
-        if newest.duration_ns == 0 || newest.duration_ns >= memory_ns / (SPANS as u64 - 1) {
+        // All spans but the newest, which is not full, make up the length.
+        if newest.duration_ns == 0 || newest.duration_ns >= length_ns / (SPANS as u64 - 1) {
             self.spans.rotate_right(1);
             self.spans[0] = CommandSpan {
                 duration_ns,
@@ -54,9 +46,9 @@ impl CommandHistory {
         newest.duration_ns += duration_ns;
     }
 
-    /// Returns the commands of the last `time_ns`, each with the time (s) for which it was followed, the oldest first. What is
-    /// older than the memory is taken for as the oldest command.
-    pub fn of_the_last(&self, time_ns: u64) -> impl Iterator<Item = (&Commanded, f64)> {
+    /// Returns the commands of the last `time_ns`, each with the time (s) for which it was followed, the oldest first. The
+    /// oldest command counts for the time before the history as well.
+    pub fn last(&self, time_ns: u64) -> impl Iterator<Item = (&Commanded, f64)> {
         let mut left_ns = time_ns;
         let newest_first = self.spans.each_ref().map(|span| {
             let taken_ns = span.duration_ns.min(left_ns);
@@ -68,8 +60,8 @@ impl CommandHistory {
             .into_iter()
             .enumerate()
             .rev()
-            .map(move |(place, (command, taken_ns))| {
-                let before_ns = if Some(place) == oldest { left_ns } else { 0 };
+            .map(move |(index, (command, taken_ns))| {
+                let before_ns = if Some(index) == oldest { left_ns } else { 0 };
                 (command, seconds(taken_ns + before_ns))
             })
             .filter(|(_, time)| *time > 0.0)
@@ -90,6 +82,7 @@ fn mean(one: &Commanded, other: &Commanded, share: f64) -> Commanded {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use zerocopy::FromZeros;
 
     fn of_thrust(thrust: f64) -> Commanded {
         Commanded {
@@ -98,59 +91,59 @@ mod tests {
         }
     }
 
-    const MEMORY_NS: u64 = 200_000_000;
+    const LENGTH_NS: u64 = 200_000_000;
 
     proptest! {
         #[test]
-        fn the_impulse_of_the_last_moments_is_that_of_the_commands(
+        fn the_impulse_of_the_history_is_that_of_the_commands(
             commands in proptest::collection::vec((0.0..4.0f64, 1_000_000..30_000_000u64), 1..300), share in 0.0..1.0f64,
         ) {
-            let mut history = CommandHistory::NOTHING;
+            let mut history = CommandHistory::new_zeroed();
             for (thrust, duration_ns) in &commands {
-                history.push(&of_thrust(*thrust), *duration_ns, MEMORY_NS);
+                history.push(&of_thrust(*thrust), *duration_ns, LENGTH_NS);
             }
-            let time_ns = (share * MEMORY_NS as f64) as u64;
-            let told: Vec<_> = history.of_the_last(time_ns).collect();
-            let whole: f64 = told.iter().map(|(_, time)| time).sum();
+            let time_ns = (share * LENGTH_NS as f64) as u64;
+            let found: Vec<_> = history.last(time_ns).collect();
+            let whole: f64 = found.iter().map(|(_, time)| time).sum();
             prop_assert!((whole - seconds(time_ns)).abs() < 1e-9, "{whole}");
-            let impulse: f64 = told.iter().map(|(command, time)| command.thrust * time).sum();
+            let impulse: f64 = found.iter().map(|(command, time)| command.thrust * time).sum();
             let (mut expected, mut left_ns) = (0.0, time_ns);
             for (thrust, duration_ns) in commands.iter().rev() {
                 let taken_ns = left_ns.min(*duration_ns);
                 expected += thrust * seconds(taken_ns);
                 left_ns -= taken_ns;
             }
-            // Before all that is known, as the oldest span says, which may be the mean of several commands.
-            expected += told.first().map_or(0.0, |(oldest, _)| oldest.thrust) * seconds(left_ns);
-            // A span has a mean: at its older end up to 4 N are taken for others, over the 15th part of the memory and a step.
-            let tolerance = 4.0 * (seconds(MEMORY_NS) / 15.0 + 0.03);
+            // Before the history the oldest span counts, which may be the mean of several commands.
+            expected += found.first().map_or(0.0, |(oldest, _)| oldest.thrust) * seconds(left_ns);
+            // A span is a mean: at its older end it is wrong by up to 4 N, over the 15th part of the history and a step.
+            let tolerance = 4.0 * (seconds(LENGTH_NS) / 15.0 + 0.03);
             prop_assert!((impulse - expected).abs() < tolerance, "{impulse} {expected}");
         }
     }
 
     #[test]
-    fn the_memory_is_as_long_as_it_should_be_whatever_the_step() {
+    fn the_history_has_its_length_whatever_the_step() {
         for step_ns in (100_000..30_000_000).step_by(700_000) {
-            let mut history = CommandHistory::NOTHING;
-            for _ in 0..3 * MEMORY_NS / step_ns {
-                history.push(&of_thrust(1.0), step_ns, MEMORY_NS);
+            let mut history = CommandHistory::new_zeroed();
+            for _ in 0..3 * LENGTH_NS / step_ns {
+                history.push(&of_thrust(1.0), step_ns, LENGTH_NS);
             }
-            let remembered: u64 = history.spans.iter().map(|span| span.duration_ns).sum();
-            assert!(remembered >= MEMORY_NS, "{step_ns}: {remembered}");
+            let length: u64 = history.spans.iter().map(|span| span.duration_ns).sum();
+            assert!(length >= LENGTH_NS, "{step_ns}: {length}");
         }
     }
 
     #[test]
-    fn commands_that_are_as_long_as_a_span_or_longer_are_told_exactly() {
-        let mut history = CommandHistory::NOTHING;
-        assert_eq!(history.of_the_last(1).count(), 0);
+    fn commands_at_least_as_long_as_a_span_are_returned_exactly() {
+        let mut history = CommandHistory::new_zeroed();
+        assert_eq!(history.last(1).count(), 0);
         for step in 0..40 {
-            history.push(&of_thrust(f64::from(step)), 22_000_000, MEMORY_NS);
+            history.push(&of_thrust(f64::from(step)), 22_000_000, LENGTH_NS);
         }
-        let told: Vec<_> = history
-            .of_the_last(50_000_000)
+        let found: Vec<_> = history
+            .last(50_000_000)
             .map(|(command, time)| (command.thrust, (1e3 * time).round()))
             .collect();
-        assert_eq!(told, [(37.0, 6.0), (38.0, 22.0), (39.0, 22.0)]);
+        assert_eq!(found, [(37.0, 6.0), (38.0, 22.0), (39.0, 22.0)]);
     }
 }

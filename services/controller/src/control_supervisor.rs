@@ -116,7 +116,7 @@ impl ControlSupervisor {
                 .observer_gain
                 .map(|gain| MassObserver::new(gain, controller.initial.mass)),
             safety: safety.map(|safety| Safety::new(scenario, safety)),
-            commands: CommandHistory::NOTHING,
+            commands: CommandHistory::new_zeroed(),
             last: None,
             stage: FailsafeStage::Nominal,
             step: scenario.controller_step(),
@@ -154,7 +154,7 @@ impl ControlSupervisor {
 
     /// Commands nothing, and makes a cold start with the next flight: only the estimates are kept.
     pub fn stand_by(&mut self, mode: ControlMode) {
-        self.stage = if mode == ControlMode::Rest {
+        self.stage = if mode == ControlMode::Stop {
             FailsafeStage::Failsafe
         } else {
             FailsafeStage::Nominal
@@ -167,7 +167,7 @@ impl ControlSupervisor {
         if let Some(observer) = &mut self.observer {
             observer.interrupt();
         }
-        self.commands = CommandHistory::NOTHING;
+        self.commands = CommandHistory::new_zeroed();
         if let Some(safety) = &mut self.safety {
             (safety.reckoned, safety.transfer, safety.unseen_ns) = (Reckoned::NOTHING, Transfer::NONE, 0);
         }

@@ -3,9 +3,9 @@
 //! | stage | command |
 //! | --- | --- |
 //! | nominal | the law's, on a predicted state ([`crate::dead_reckoning`]) if the measured one is late |
-//! | hold | the last command again: for a tenth of a second nothing is better |
+//! | hold | the last command again: the best for a tenth of a second |
 //! | level | the vehicle levels out and neither climbs nor sinks |
-//! | descend | level, with a thrust below the weight: it goes down with [`DESCENT`] |
+//! | descend | level, with a thrust below the weight: it accelerates downwards by [`DESCENT`] |
 //! | failsafe | the motors stop |
 //!
 //! The scenario states the stages and their ages; a stage begins when the state is *older* than its age. Level means R
@@ -21,8 +21,8 @@
 //! in air that does not brake, that takes √(2h/a) and ends at √(2ah): 0.95 m/s from 1.5 m. PX4 descends without a vertical
 //! velocity at the same 0.3 m/s² (`FlightTaskDescend`).
 //!
-//! **A landing** goes over to this stage early, `COASTS` after the cameras have lost the vehicle on its straight way
-//! down: neither the stage *level* nor the law on a predicted state is safe where the ground may hold the vehicle.
+//! **A landing** enters this stage early, `COASTS` after the last detection by the cameras on the straight way down:
+//! neither the stage *level* nor the law on a predicted state is safe where the vehicle may stand on the ground.
 //!
 //! Failure policy: without a last command to hold, as after a cold start of the controller, the vehicle levels out
 //! instead. Before the first good state the controller commands nothing. No stage is final: the next good state returns
@@ -39,7 +39,7 @@ use control_law::signals::Commanded;
 
 /// Acceleration of the descent, m/s².
 pub const DESCENT: f64 = 0.3;
-/// Time after which a landing that the cameras do not see goes over to the descent, s.
+/// Time without a detection by the cameras after which a landing enters the descent, s.
 const COASTS: f64 = 0.1;
 /// k, gain of the body rates on the tilt, 1/s.
 const LEVELLING: f64 = 5.0;
@@ -50,7 +50,7 @@ const TURNING: f64 = 20.0;
 const LARGEST_GAIN: f64 = 0.5;
 /// Smallest n3 that the thrust compensates: 60 degrees.
 const LEAST_UPRIGHTNESS: f64 = 0.5;
-/// Largest thrust, in weights.
+/// Largest thrust, as a multiple of the weight.
 const MOST_THRUST: f64 = 1.5;
 
 /// Source of the commands.
@@ -125,8 +125,8 @@ impl FailsafeStages {
             .map_or(FailsafeStage::Nominal, |&(stage, _)| stage)
     }
 
-    /// Returns the stage for an age, ns, on the straight way down of a landing on which the cameras have not seen the
-    /// vehicle for a time, ns.
+    /// Returns the stage for an age, ns, on the straight way down of a landing without a detection by the cameras for a
+    /// time, ns.
     #[must_use]
     pub fn at_landing(&self, age_ns: u64, unseen_ns: u64) -> FailsafeStage {
         let [_, _, (descend, begins), _] = self.begins;

@@ -1,9 +1,10 @@
-//! Landing without a path generator: if a landing is demanded and no reference has come for some seconds, the law leads the
-//! vehicle straight down.
+//! Landing without a path generator: if a landing is demanded and no reference has arrived for some seconds, the controller
+//! makes a reference straight down.
 //!
-//! The reference goes down from where the path has come to rest, at the speed of all landings. When it is ahead of a vehicle that
-//! does not sink, and whose thrust does not carry it, the vehicle stands on the ground, and the motors stop. Nothing is learned
-//! meanwhile. The next reference ends all this: a path generator that is back finds the vehicle where it is.
+//! This reference goes down from the point at which the path has come to rest, at the speed of all landings. When it is ahead of
+//! a vehicle that does not sink, and whose thrust does not carry it, the vehicle stands on the ground, and the motors stop. The
+//! estimates are frozen meanwhile. The next reference ends the landing: a restarted path generator continues at the vehicle's
+//! position.
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
@@ -12,19 +13,19 @@ use shared_types::samples::VehicleState;
 
 use control_law::signals::Reference;
 
-/// Age of a reference after which nothing leads the vehicle any more, s: a path generator that is restarted is back before.
+/// Age of a reference after which the path generator counts as lost, s: a restart takes less.
 pub const ABANDONED: f64 = 5.0;
-/// Time in which the descent gets its speed, s.
+/// Time in which the descent reaches its speed, s.
 const SPEEDS_UP: f64 = 1.0;
-/// Way of the reference below a vehicle that may stand, m.
+/// Distance of the reference below a vehicle that may stand, m.
 const AHEAD: f64 = 0.3;
 
-/// The landing of a vehicle that nothing leads.
+/// Landing without a path generator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoneLanding {
     /// Speed of the descent, m/s.
     speed: f64,
-    /// Time since its begin, s.
+    /// Time since its start, s.
     pub under_way_for: f64,
     /// Time for which the vehicle has stood, s.
     pub standing_for: f64,
@@ -41,7 +42,7 @@ impl LoneLanding {
         })
     }
 
-    /// Goes on by the time since the step before, s, if nothing leads the vehicle; else it is over.
+    /// Continues by the time since the previous step, s, if the path generator is lost; else ends the landing.
     pub fn advance(&mut self, elapsed: f64, is_abandoned: bool) {
         if is_abandoned {
             self.under_way_for += elapsed;
@@ -75,8 +76,15 @@ impl LoneLanding {
         }
     }
 
-    /// Watches for the ground, for the time since the step before, by the thrust (N) on a vehicle of this mass (kg).
-    pub fn watch(&mut self, elapsed: f64, state: &VehicleState, target: &Reference, thrust: f64, mass: f64) {
+    /// Detects the ground, over the time since the previous step, by the thrust (N) on a vehicle of this mass (kg).
+    pub fn detect_ground(
+        &mut self,
+        elapsed: f64,
+        state: &VehicleState,
+        target: &Reference,
+        thrust: f64,
+        mass: f64,
+    ) {
         let [.., z] = state.position_world;
         let stands = target.position_world.z - z > AHEAD
             && state.velocity_world().z < SINKING * self.speed
@@ -109,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_goes_down_without_a_jump_of_place_or_velocity() {
+    fn the_reference_goes_down_without_a_jump_of_position_or_velocity() {
         let rests = Reference::from(&PathReference::new_zeroed());
         let mut landing = landing();
         let mut before = landing.reference(&rests);
@@ -144,7 +152,7 @@ mod tests {
             state.velocity_body[2] = sinks;
             let mut landing = landing();
             for _ in 0..50 {
-                landing.watch(0.01, &state, &below, thrust, 0.2);
+                landing.detect_ground(0.01, &state, &below, thrust, 0.2);
             }
             assert_eq!(landing.has_landed(), stands, "{depth} {sinks} {thrust}");
         }

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | disarmed, and before the first reference | failsafe: the motors stop | frozen |
 //! | armed | no thrust, no torque and no rates: the motors idle | frozen |
-//! | take-off, fly, land | the law's | learn while the vehicle is airborne |
+//! | take-off, fly, land | the law's | adapt while the vehicle is airborne |
 //!
 //! A flight without phases is flown from the first reference to the last.
 
@@ -16,13 +16,12 @@ use shared_types::samples::PathReference;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ControlMode {
     /// The motors stop.
-    Rest,
+    Stop,
     /// The motors idle.
     Idle,
-    /// The law flies the vehicle, which stands on the ground or is regarded as standing there; the estimates do not
-    /// learn.
-    FlyUntaught,
-    /// The law flies the vehicle, and the estimates learn from its motion.
+    /// The law commands, and the estimates are frozen: the vehicle stands on the ground, or counts as standing there.
+    FlyFrozen,
+    /// The law commands, and the estimates adapt to the motion.
     Fly,
 }
 
@@ -44,20 +43,20 @@ impl ControlModes {
     /// Returns the control mode of the last good reference.
     #[must_use]
     #[inline]
-    pub fn of(self, reference: Option<&PathReference>) -> ControlMode {
+    pub fn mode(self, reference: Option<&PathReference>) -> ControlMode {
         if !self.has_phases {
             return ControlMode::Fly;
         }
         let Some(reference) = reference else {
-            return ControlMode::Rest;
+            return ControlMode::Stop;
         };
         match FlightPhase::from_code(reference.phase) {
-            FlightPhase::Disarmed => ControlMode::Rest,
+            FlightPhase::Disarmed => ControlMode::Stop,
             FlightPhase::Armed => ControlMode::Idle,
             FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land if reference.airborne.is_set() => {
                 ControlMode::Fly
             }
-            FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land => ControlMode::FlyUntaught,
+            FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land => ControlMode::FlyFrozen,
         }
     }
 }

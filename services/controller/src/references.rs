@@ -20,8 +20,9 @@ const MOVES: f64 = 1e-6;
 /// Input of references.
 #[derive(Clone, Debug)]
 pub struct References {
-    patience: Option<AgeLimits>,
-    gate: InputValidator<PathReference>,
+    /// Policy for the age; `None` without.
+    age_limits: Option<AgeLimits>,
+    validator: InputValidator<PathReference>,
 }
 
 /// Age limits of a reference.
@@ -29,8 +30,8 @@ pub struct References {
 struct AgeLimits {
     /// Oldest age without faults, ns.
     ordinary: u64,
-    /// Time for which the path goes on beyond that before it comes to rest, s.
-    goes_on_for: f64,
+    /// Time for which the path continues beyond that before it comes to rest, s.
+    continues_for: f64,
 }
 
 impl References {
@@ -39,19 +40,19 @@ impl References {
     pub fn new(scenario: &Scenario) -> Self {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
         Self {
-            patience: scenario.path_goes_on_for().map(|goes_on_for| AgeLimits {
+            age_limits: scenario.path_goes_on_for().map(|continues_for| AgeLimits {
                 ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
-                goes_on_for,
+                continues_for,
             }),
-            gate: InputValidator::default(),
+            validator: InputValidator::default(),
         }
     }
 
     /// Validates the newest reference if it is new.
     #[inline]
-    pub fn look(&mut self, now: &Now, input: &Input<'_, PathReference>) {
-        let has_policy = self.patience.is_some();
-        self.gate.look(input, LARGEST, |reference, held| {
+    pub fn update(&mut self, now: &Now, input: &Input<'_, PathReference>) {
+        let has_policy = self.age_limits.is_some();
+        self.validator.look(input, LARGEST, |reference, held| {
             if !has_policy {
                 Validity::Good
             } else if !is_of_the_past(reference, now) {
@@ -68,7 +69,7 @@ impl References {
     #[must_use]
     #[inline]
     pub fn held(&self) -> Option<&PathReference> {
-        self.gate.held()
+        self.validator.held()
     }
 
     /// Returns the reference for the law: continued if it is late, until it rests.
@@ -76,44 +77,43 @@ impl References {
     #[inline]
     pub fn target(&self, now: &Now, reference: &PathReference) -> Reference {
         let target = Reference::from(reference);
-        let age_ns = self.gate.age_ns(now).unwrap_or(0);
-        match self.patience {
+        let age_ns = self.validator.age_ns(now).unwrap_or(0);
+        match self.age_limits {
             Some(AgeLimits {
                 ordinary,
-                goes_on_for,
-            }) if age_ns > ordinary => target.coasted(seconds(age_ns - ordinary), goes_on_for),
+                continues_for,
+            }) if age_ns > ordinary => target.coasted(seconds(age_ns - ordinary), continues_for),
             _ => target,
         }
     }
 
-    /// Returns whether a landing is demanded and nothing leads the vehicle any more: its path generator is gone, and nothing has
-    /// replaced it.
+    /// Returns whether a landing is demanded and the path generator is lost: it has ended, and none has replaced it.
     #[must_use]
     #[inline]
     pub fn are_abandoned(&self, now: &Now) -> bool {
-        let age_ns = self.gate.age_ns(now).unwrap_or(0);
-        now.operator.land && self.patience.is_some() && age_ns > nanoseconds(ABANDONED)
+        let age_ns = self.validator.age_ns(now).unwrap_or(0);
+        now.operator.land && self.age_limits.is_some() && age_ns > nanoseconds(ABANDONED)
     }
 
     /// Returns the number of references refused since the start of the flight.
     #[must_use]
     pub fn refused(&self) -> u32 {
-        self.gate.refused()
+        self.validator.refused()
     }
 
-    /// Returns its state and the last good reference.
+    /// Returns the state of the validator, and the last good reference.
     #[must_use]
     pub fn save(&self) -> (GateState, PathReference) {
-        self.gate.save()
+        self.validator.save()
     }
 
     /// Restores a saved state.
     pub fn restore(&mut self, state: &GateState, held: &PathReference) {
-        self.gate.restore(state, held);
+        self.validator.restore(state, held);
     }
 }
 
-/// Returns whether a reference is an old one once more: that of a moving path has another γ.
+/// Returns whether a reference repeats the last one: on a moving path each has another γ.
 fn repeats(reference: &PathReference, held: &PathReference) -> bool {
     let [new, old] = [reference, held].map(|one| (one.gamma, one.gamma_dot, one.phase));
     new == old && held.gamma_dot.abs() > MOVES
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use zerocopy::FromZeros;
 
-    /// A landing that is demanded at the step after the take-off began: γ is that of the path's begin in both.
+    /// A landing that is demanded at the step after the start of the take-off: γ is that of the path's start in both.
     #[test]
     fn a_reference_of_another_phase_is_new_although_its_gamma_is_the_old_one() {
         let takes_off = PathReference {

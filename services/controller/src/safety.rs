@@ -62,7 +62,7 @@ impl Safety {
             0
         };
         let late_ns = self.late_ns(input);
-        let stage = if leads_straight_down(input.reference) {
+        let stage = if is_straight_down(input.reference) {
             self.stages.at_landing(input.age_ns, self.unseen_ns.max(late_ns))
         } else {
             self.stages.at(input.age_ns)
@@ -93,7 +93,7 @@ impl Safety {
             self.reckoned =
                 self.dead_reckoning
                     .begin(&self.reckoned, input.state, last, estimate, input.teaches);
-            for (command, time) in commands.of_the_last(self.late_ns(input)) {
+            for (command, time) in commands.last(self.late_ns(input)) {
                 self.pass(time, command, estimate);
             }
         } else {
@@ -160,8 +160,8 @@ impl Safety {
     }
 }
 
-/// Returns whether a reference leads the vehicle straight down to land.
-fn leads_straight_down(reference: &PathReference) -> bool {
+/// Returns whether a reference is that of a landing straight down.
+fn is_straight_down(reference: &PathReference) -> bool {
     let [x, y, z] = reference.derivative1_world;
     reference.phase == PathReference::PHASE_LAND && x == 0.0 && y == 0.0 && z > 0.0
 }

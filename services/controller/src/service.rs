@@ -185,18 +185,18 @@ impl Service for ControllerService {
                 supervisor.observer.map_or(0.0, |observer| 1.0 / observer.theta);
         }
         let is_new = states.look(now, &inputs.state);
-        references.look(now, &inputs.reference);
+        references.update(now, &inputs.reference);
         let mut command = Commanded::NOTHING;
         let (mut learns, mut is_nonsense) = (false, false);
-        let mut mode = modes.of(references.held());
+        let mut mode = modes.mode(references.held());
         let is_abandoned = references.are_abandoned(now);
         if let Some(landing) = lone_landing {
             landing.advance(now.elapsed(), is_abandoned);
             if landing.has_landed() {
-                mode = ControlMode::Rest;
+                mode = ControlMode::Stop;
             }
         }
-        if matches!(mode, ControlMode::Rest | ControlMode::Idle) {
+        if matches!(mode, ControlMode::Stop | ControlMode::Idle) {
             supervisor.stand_by(mode);
         } else if let (Some(state), Some(reference)) = (states.held(), references.held()) {
             let mut target = references.target(now, reference);
@@ -207,7 +207,7 @@ impl Service for ControllerService {
                 if state.tracked.is_set() {
                     let thrust = supervisor.last.map_or(0.0, |last| last.thrust);
                     let mass = ModelEstimate::new(&supervisor.parameters, &supervisor.estimates).mass;
-                    landing.watch(now.elapsed(), state, &target, thrust, mass);
+                    landing.detect_ground(now.elapsed(), state, &target, thrust, mass);
                 }
             }
             let input = ControlInput {

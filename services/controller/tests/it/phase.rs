@@ -62,37 +62,37 @@ fn is_silent(command: &ControlCommand) -> bool {
 }
 
 #[test]
-fn disarmed_it_commands_failsafe_and_learns_nothing() {
+fn disarmed_it_commands_failsafe_and_freezes_the_estimates() {
     let mut service = phased();
     let without_reference = step(&mut service, 0, None);
     assert_eq!(without_reference.command.mode, ControlCommand::MODE_FAILSAFE);
-    let (last, learnt) = flown(&mut service, 1, &reference(PathReference::PHASE_DISARMED, false));
+    let (last, change) = flown(&mut service, 1, &reference(PathReference::PHASE_DISARMED, false));
     assert_eq!(last.command.mode, ControlCommand::MODE_FAILSAFE);
     assert!(is_silent(&last.command) && last.adaptation.resting.is_set());
-    assert_eq!((last.errors.zeta, learnt), ([0.0; 3], 0.0));
+    assert_eq!((last.errors.zeta, change), ([0.0; 3], 0.0));
 }
 
 #[test]
 fn armed_the_motors_idle() {
-    let (last, learnt) = flown(&mut phased(), 0, &reference(PathReference::PHASE_ARMED, false));
+    let (last, change) = flown(&mut phased(), 0, &reference(PathReference::PHASE_ARMED, false));
     assert_eq!(last.command.mode, ControlCommand::MODE_TORQUE);
     assert!(is_silent(&last.command) && last.adaptation.resting.is_set());
-    assert_eq!(learnt, 0.0);
+    assert_eq!(change, 0.0);
 }
 
 #[test]
-fn the_law_flies_from_take_off_to_landing_and_learns_only_in_the_air() {
+fn the_law_commands_from_take_off_to_landing_and_adapts_only_in_the_air() {
     for phase in [
         PathReference::PHASE_TAKE_OFF,
         PathReference::PHASE_FLY,
         PathReference::PHASE_LAND,
     ] {
         for airborne in [false, true] {
-            let (last, learnt) = flown(&mut phased(), 0, &reference(phase, airborne));
+            let (last, change) = flown(&mut phased(), 0, &reference(phase, airborne));
             assert!(last.command.thrust > 0.5, "{phase}");
             assert_eq!(last.command.mode, ControlCommand::MODE_TORQUE);
             assert_eq!(
-                (last.adaptation.resting.is_set(), learnt > 0.0),
+                (last.adaptation.resting.is_set(), change > 0.0),
                 (!airborne, airborne),
                 "{phase}"
             );
@@ -102,12 +102,12 @@ fn the_law_flies_from_take_off_to_landing_and_learns_only_in_the_air() {
 
 #[test]
 fn a_flight_without_phases_does_not_ask_for_them() {
-    let (last, learnt) = flown(
+    let (last, change) = flown(
         &mut service(""),
         0,
         &reference(PathReference::PHASE_DISARMED, false),
     );
-    assert!(last.command.thrust > 0.5 && learnt > 0.0);
+    assert!(last.command.thrust > 0.5 && change > 0.0);
 }
 
 #[test]

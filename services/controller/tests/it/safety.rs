@@ -165,7 +165,7 @@ fn stages_begin_above_exactly_the_stated_ages_and_restart_in_any_changes_nothing
             assert_eq!(published.adaptation.stage, expected, "{age} ms");
             assert!(
                 published.adaptation.resting.is_set(),
-                "the estimates do not learn without a measurement"
+                "the estimates do not adapt without a measurement"
             );
             let is_failsafe = expected == ControlAdaptation::STAGE_FAILSAFE;
             assert_eq!(
@@ -409,6 +409,9 @@ fn on_the_straight_way_down_a_late_state_is_followed_by_the_descent_and_not_by_l
             stages.push(stage);
         }
     }
-    use ControlAdaptation as Told;
-    assert_eq!(stages, [Told::STAGE_LAW, Told::STAGE_HOLD, Told::STAGE_DESCEND]);
+    use ControlAdaptation as Stage;
+    assert_eq!(
+        stages,
+        [Stage::STAGE_LAW, Stage::STAGE_HOLD, Stage::STAGE_DESCEND]
+    );
 }
