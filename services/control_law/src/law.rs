@@ -1,15 +1,17 @@
 //! Control laws, as the control supervisor flies them.
 //!
 //! The supervisor surrounds every law with input validation, failsafe stages, dead reckoning, bumpless transfer and
-//! limits; it knows [`flight_law::FlightLaw`] and no law. For a vehicle with a rate loop a law is an evaluation at one
-//! moment ([`Law`]), which the roll-out over the hold of a command repeats, and, for the baselines, what it learns from
-//! step to step ([`baseline::Baseline`]).
+//! limits; [`FlightLaw`](flight_law::FlightLaw) is its only interface to a law, and [`registry`] the only list of laws.
+//! A law for a vehicle with a rate loop is an evaluation at one moment ([`RollOutLaw`]), which the roll-out repeats over
+//! the hold of a command; a baseline adds an estimator that steps once a command
+//! ([`baseline::DisturbanceEstimator`]).
 //!
-//! * [`flight_law`]: the law of a flight;
-//! * [`baseline`]: the trait of the baselines;
-//! * [`baseline_law`]: a baseline with the nominal loop;
+//! * [`flight_law`]: the interface of a law, and its state in a checkpoint;
+//! * [`registry`]: the constructor of each law;
+//! * [`baseline`]: the estimator of a baseline;
+//! * [`baseline_law`]: a baseline, the nominal loop with an estimator;
 //! * [`nominal`]: the loop that the baselines have in common;
-//! * [`geometric_pid`], [`l1`], [`indi`], [`nf_constant`], [`px4`], [`immersion_mass`]: one baseline each;
+//! * [`geometric_pid`], [`l1`], [`indi`], [`nf_constant`], [`px4`], [`immersion_mass`]: one estimator each;
 //! * [`immersion_inertia`]: a baseline that commands torque;
 //! * [`nmpc`]: model predictive control, which plans the hold itself.
 
@@ -25,20 +27,14 @@ pub mod nf_constant;
 pub mod nmpc;
 pub mod nominal;
 pub mod px4;
+pub mod registry;
 
 use nalgebra::Vector3;
 
-use crate::signals::Commanded;
-use crate::signals::{Acting, EstimateRates, Measured, Reference};
-
-/// Numbers of the memory of a law in the controller's checkpoint.
-pub const MEMORY: usize = 208;
-
-/// State of a law from step to step; each law says what its numbers are.
-pub type Memory = [f64; MEMORY];
+use crate::signals::{Acting, Commanded, Measured, Reference};
 
 /// A law in the roll-out over the hold of a command ([`crate::rates`]).
-pub trait Law {
+pub trait RollOutLaw {
     /// Values of the law at one moment.
     type Evaluation: Copy;
 
@@ -54,7 +50,7 @@ pub trait Law {
     /// Returns the vehicle's acceleration under a thrust (N) by the law's model, in {I}, m/s².
     fn acceleration(&self, vehicle: &Measured, reference: &Reference, thrust: f64) -> Vector3<f64>;
 
-    /// Returns what is recorded of an evaluation.
+    /// Returns the recorded values of an evaluation.
     fn telemetry(&self, evaluation: &Self::Evaluation) -> Telemetry;
 }
 
@@ -69,10 +65,10 @@ pub struct Moment<'a> {
     pub reference: &'a Reference,
     /// ψd, rad.
     pub yaw: f64,
-    /// Time since the step before, s, which is longer than usual where steps were left out; at the first the usual one.
+    /// Time since the previous step, s, which is longer than usual where steps were left out; at the first the usual one.
     pub elapsed: f64,
-    /// `true` if the estimates may learn from the motion: it is measured, and the vehicle is airborne.
-    pub teaches: bool,
+    /// `true` if the estimates may adapt to the motion: it is measured, and the vehicle is airborne.
+    pub may_adapt: bool,
 }
 
 /// Command of a law.
@@ -82,10 +78,27 @@ pub struct LawOutput {
     pub command: Commanded,
     /// T as the link will carry it, N.
     pub limited_thrust: f64,
-    /// What is recorded of the law.
+    /// Recorded values of the law.
     pub telemetry: Telemetry,
-    /// `true` if the vehicle can follow the command, so that the estimates may learn from its motion.
-    pub is_telling: bool,
+    /// `true` if the vehicle can follow the command, so that the estimates may adapt to its motion.
+    pub is_feasible: bool,
+}
+
+impl LawOutput {
+    /// Makes the output of a law that commands thrust (N) and torque (N m), which the vehicle follows at once.
+    #[must_use]
+    pub fn of_torque(thrust: f64, torque_body: Vector3<f64>, telemetry: Telemetry) -> Self {
+        Self {
+            command: Commanded {
+                thrust,
+                torque_body: torque_body.into(),
+                ..Commanded::NOTHING
+            },
+            limited_thrust: thrust,
+            telemetry,
+            is_feasible: true,
+        }
+    }
 }
 
 /// Recorded values of a law; those that a law does not have are zero.
@@ -99,6 +112,4 @@ pub struct Telemetry {
     pub zeta: Vector3<f64>,
     /// Desired angular velocity, in {B}, rad/s.
     pub omega_desired: Vector3<f64>,
-    /// Rates of the adaptive law's estimates.
-    pub rates: EstimateRates,
 }

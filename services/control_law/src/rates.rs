@@ -4,14 +4,14 @@
 //! one by its torque ([`AdaptiveLaw`](crate::adaptive::rate_law::AdaptiveLaw)). Its third component is free in (20) and
 //! follows the yaw law (28).
 //!
-//! A command is held for a whole frame, over which the continuous law would go on. So the law is *rolled out* over the
+//! A command is held for a whole frame, over which the continuous law would change it. So the law is *rolled out* over the
 //! hold: vehicle, path and artificial ω move along in small steps, each with a new torque. The command is the mean of ω
 //! over the hold, and the thrust at its end. This is the exact discretisation of the continuous loop: the attitude
 //! loop's sampled gain saturates at one. A direct command of ω would have a gain of (g/δ)H, unstable above 2.
 //!
-//! In the roll-out the vehicle flies by the estimates of mass and disturbance, and by the further acceleration that the
-//! estimator sees, which is held. Without that acceleration the law would rely, at the hold's end, on a motion back to
-//! the path that a push not yet learned prevents: every push would act by a factor of about 1 + (k1 + k2)H more.
+//! In the roll-out the vehicle flies by the estimates of mass and disturbance, and by the measured acceleration that
+//! they do not explain, which is held. Without that acceleration the law would rely, at the hold's end, on a motion back to
+//! the path that a push not yet in the estimates prevents: every push would act by a factor of about 1 + (k1 + k2)H more.
 //!
 //! The vehicle follows with first-order lags, for which the command compensates: a lag with time constant τ that is
 //! held at x̂ + (x − x̂)/(1 − e^(−H/τ)) brings x̂ to x at the end of the hold H.
@@ -23,14 +23,12 @@ use shared_types::rotation;
 use vehicle_model::integrator::travelled;
 use vehicle_model::lag::Lag;
 
-use crate::law::Law;
+use crate::law::RollOutLaw;
 use crate::signals::{Acting, Measured, Reference};
 
 /// Roll-out with its model of vehicle and link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollOut {
-    /// Diagonal of J of (4), kg m².
-    pub inertia: Vector3<f64>,
     /// H, duration of a hold, s.
     pub hold: f64,
     /// Number of steps of a hold.
@@ -85,7 +83,6 @@ impl RollOut {
     )]
     pub fn new(rates: &RateCommand, model: &Model, hold: f64) -> Self {
         Self {
-            inertia: model.inertia().into(),
             hold,
             steps: rates.steps(hold) as u32,
             moves: rates.roll_out,
@@ -98,7 +95,7 @@ impl RollOut {
 
     /// Rolls a law out over a hold.
     #[must_use]
-    pub fn command<L: Law>(&self, law: &L, start: &HoldStart<'_>) -> RateOutput<L::Evaluation> {
+    pub fn command<L: RollOutLaw>(&self, law: &L, start: &HoldStart<'_>) -> RateOutput<L::Evaluation> {
         let HoldStart {
             measured,
             reference,
@@ -177,13 +174,13 @@ struct Flight {
 
 impl Flight {
     #[inline]
-    fn evaluate<L: Law>(&self, law: &L) -> L::Evaluation {
+    fn evaluate<L: RollOutLaw>(&self, law: &L) -> L::Evaluation {
         law.evaluate(&self.vehicle, &self.reference, &self.push)
     }
 
     /// Steps (1)–(3) by `h` seconds.
     #[inline]
-    fn move_vehicle<L: Law>(&mut self, law: &L, thrust: f64, h: f64) {
+    fn move_vehicle<L: RollOutLaw>(&mut self, law: &L, thrust: f64, h: f64) {
         let acceleration = law.acceleration(&self.vehicle, &self.reference, thrust) + self.push;
         let vehicle = &mut self.vehicle;
         let r = vehicle.world_from_body;
@@ -206,11 +203,11 @@ impl Reference {
         }
     }
 
-    /// Returns the reference some seconds later, if none comes and the path goes on for a time (s) before its stop.
+    /// Returns the reference `elapsed` seconds later without a newer one: the path continues for a time (s) and then stops.
     #[must_use]
-    pub fn coasted(&self, elapsed: f64, goes_on_for: f64) -> Self {
+    pub fn coasted(&self, elapsed: f64, continues_for: f64) -> Self {
         let rates = [self.gamma_dot, self.gamma_ddot];
-        let Coasted { way, rates, .. } = Coasted::after(elapsed, rates, goes_on_for);
+        let Coasted { way, rates, .. } = Coasted::after(elapsed, rates, continues_for);
         let [gamma_dot, gamma_ddot, gamma_dddot] = rates;
         Self {
             gamma_dot,

@@ -6,9 +6,8 @@ use shared_types::rotation;
 use shared_types::samples::{PathReference, VehicleState};
 
 use crate::adaptive::parameter_vector::{ParameterVector, parameter_vector};
-use crate::adaptive::parameters::Parameters;
 
-/// State of the vehicle as the law sees it.
+/// State of the vehicle at the input of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// p in {I}, m.
@@ -134,25 +133,35 @@ impl Reference {
     }
 }
 
-/// Projections (5) of the estimates of η and b.
+/// Estimates of η = 1/m and b.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProjectedEstimates {
-    /// π(η̂), 1/kg.
+pub struct VehicleEstimate {
+    /// Estimate of η, 1/kg.
     pub eta: f64,
-    /// π(b̂) in {I}, m/s².
+    /// Estimate of b in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
 }
 
+shared_types::sample! {
+    /// Numbers of [`Estimates`] or [`EstimateRates`] in a checkpoint.
+    pub struct EstimatesRecord {
+        /// Of η.
+        pub eta: f64,
+        /// Of b.
+        pub disturbance_world: [f64; 3],
+        /// Of w.
+        pub w: [f64; 15],
+    }
+}
+
 impl Estimates {
-    /// Returns the projections of η̂ and b̂.
+    /// Returns η̂ and b̂.
     #[must_use]
     #[inline]
-    pub fn projected(&self, parameters: &Parameters) -> ProjectedEstimates {
-        ProjectedEstimates {
-            eta: parameters.eta_projection.value(self.eta),
-            disturbance_world: self
-                .disturbance_world
-                .map(|b| parameters.disturbance_projection.value(b)),
+    pub fn vehicle(&self) -> VehicleEstimate {
+        VehicleEstimate {
+            eta: self.eta,
+            disturbance_world: self.disturbance_world,
         }
     }
 
@@ -233,5 +242,23 @@ impl From<&InitialEstimates> for Estimates {
             disturbance_world,
             w: parameter_vector(&Vector3::from(initial.inertia), eta, &disturbance_world),
         }
+    }
+}
+
+impl EstimatesRecord {
+    /// Makes the record of these numbers.
+    #[must_use]
+    pub fn new(eta: f64, disturbance_world: Vector3<f64>, w: ParameterVector) -> Self {
+        Self {
+            eta,
+            disturbance_world: disturbance_world.into(),
+            w: w.into(),
+        }
+    }
+
+    /// Returns the numbers: of η, b and w.
+    #[must_use]
+    pub fn parts(&self) -> (f64, Vector3<f64>, ParameterVector) {
+        (self.eta, self.disturbance_world.into(), self.w.into())
     }
 }

@@ -6,10 +6,10 @@
 //! torque:         T = T*              ω̇ = J⁻¹(τ* − ω × Jω)    J nominal
 //! ```
 //!
-//! `push` is the acceleration that the filter saw at the last good state and that the estimates do not explain. It
-//! fades to its mean over the last seconds in the air, the lasting push: a law that estimates nothing leaves every error
-//! of mass and thrust to it, and without it a blind vehicle would climb or fall by that error. Ideal cameras give none:
-//! with commands of torque the push is zero.
+//! `push` is the measured acceleration at the last good state that the estimates do not explain. It fades to its mean
+//! over the last seconds in the air, the lasting push: a law without estimates leaves every error of mass and thrust to
+//! it, and without it the prediction would climb or fall by that error. With commands of torque no acceleration is
+//! measured, and the push is zero.
 //!
 //! The prediction stays finite for every initial state of a flight: the rates are bounded, and the attitude is pulled
 //! back to SO(3).
@@ -24,11 +24,10 @@ use vehicle_model::integrator::travelled;
 use vehicle_model::lag::{Lag, between};
 use vehicle_model::rigid_body::{self, Motion, angular_acceleration, free_fall};
 
-use control_law::adaptive::parameters::Parameters;
 use control_law::rate_controller::link_limits;
-use control_law::signals::{Commanded, Estimates};
+use control_law::signals::{Commanded, VehicleEstimate};
 
-/// Longest step of the prediction, s, and most steps at once: a longer time is predicted in longer steps.
+/// Longest step of the prediction, s, and largest number of steps at once: a longer time is predicted in longer steps.
 const STEP: f64 = 0.002;
 const MOST_STEPS: f64 = 200.0;
 /// Decay of the push to the lasting one.
@@ -64,7 +63,7 @@ shared_types::sample! {
     }
 }
 
-/// Effect of thrust and gravity on the vehicle, by the estimates.
+/// Estimated effect of thrust and gravity on the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelEstimate {
     /// m̂, kg.
@@ -73,17 +72,17 @@ pub struct ModelEstimate {
     pub disturbance_world: Vector3<f64>,
 }
 
-impl ModelEstimate {
-    /// Returns the model of the projected estimates.
-    #[must_use]
-    pub fn new(parameters: &Parameters, estimates: &Estimates) -> Self {
-        let projected = estimates.projected(parameters);
+impl From<&VehicleEstimate> for ModelEstimate {
+    /// Makes the model of projected estimates.
+    fn from(projected: &VehicleEstimate) -> Self {
         Self {
             mass: 1.0 / projected.eta,
             disturbance_world: projected.disturbance_world,
         }
     }
+}
 
+impl ModelEstimate {
     fn acceleration(&self, world_from_body: &Matrix3<f64>, thrust: f64) -> Vector3<f64> {
         let fall = free_fall(&self.disturbance_world);
         rigid_body::acceleration(world_from_body, thrust / self.mass, &fall)
@@ -132,8 +131,8 @@ impl DeadReckoning {
         }
     }
 
-    /// Begins at a measured state, with the last command. `is_airborne`: the vehicle flies since the state of `before`, and
-    /// a push that lasts is learned.
+    /// Begins at a measured state, with the last command. If the vehicle has been airborne since the state of `before`, the
+    /// lasting push moves towards the present one.
     #[must_use]
     pub fn begin(
         &self,
@@ -398,7 +397,7 @@ pub(crate) mod tests {
         assert!((after.thrust - (2.5 - 0.6 * libm::exp(-0.02 / 0.03))).abs() < 1e-12);
     }
 
-    /// The acceleration that the filter saw continues in the prediction, and fades.
+    /// The measured acceleration continues in the prediction, and fades.
     #[test]
     fn an_unexplained_acceleration_continues_and_fades() {
         let dead_reckoning = DeadReckoning::new(&scenario(true));
@@ -414,7 +413,7 @@ pub(crate) mod tests {
         assert!(late.velocity_world[2].abs() < 1e-9);
     }
 
-    /// A push of the whole flight is no gust: it stays.
+    /// A push that has lasted for the whole flight stays.
     #[test]
     fn an_unexplained_acceleration_that_has_lasted_stays_and_a_gust_on_top_of_it_fades() {
         let dead_reckoning = DeadReckoning::new(&scenario(true));

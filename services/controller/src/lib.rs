@@ -1,18 +1,18 @@
-//! Controller as a service: the control supervisor around a [law](control_law).
+//! Controller as a service: the control supervisor around a [law](control_law::law).
 //!
 //! * [`failsafe`]: the stages of commands when the vehicle's state is too old for the law;
-//! * [`command_history`]: the commands of the last moments, for a state that comes late;
+//! * [`command_history`]: the last commands, for a state that comes late;
 //! * [`dead_reckoning`]: the predicted state of the vehicle, from the last good one and the commands since;
 //! * [`bumpless_transfer`]: the return of commands to the law's without a jump;
 //! * [`safety`]: these three together, by the age of the state;
-//! * [`lone_landing`]: the way down of a vehicle whose path generator is gone;
+//! * [`lone_landing`]: the landing of a vehicle whose path generator is lost;
 //! * [`references`]: the reference for the law;
 //! * [`phase`]: the control mode in each phase of the flight;
 //! * [`control_supervisor`]: commands by the law or a failsafe stage;
-//! * [`service`]: the law and its estimators as a service of the flight.
+//! * [`service`]: the supervisor as a service of the flight.
 //!
-//! The controller does not know the path or its timing law: [`PathReference`](shared_types::samples::PathReference)
-//! brings all that it needs of them.
+//! The controller does not depend on the path or its timing law: a
+//! [`PathReference`](shared_types::samples::PathReference) holds all that it needs of them.
 
 pub mod bumpless_transfer;
 pub mod command_history;

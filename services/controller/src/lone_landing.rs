@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
 use shared_types::flight_phase::{SINKING, STANDING, UNLOADED};
 use shared_types::samples::VehicleState;
+use zerocopy::FromZeros;
 
 use control_law::signals::Reference;
 
@@ -25,10 +26,18 @@ const AHEAD: f64 = 0.3;
 pub struct LoneLanding {
     /// Speed of the descent, m/s.
     speed: f64,
-    /// Time since its start, s.
-    pub under_way_for: f64,
-    /// Time for which the vehicle has stood, s.
-    pub standing_for: f64,
+    /// Progress of the landing.
+    pub state: LandingState,
+}
+
+shared_types::sample! {
+    /// Progress of a landing.
+    pub struct LandingState {
+        /// Time since its start, s.
+        pub under_way_for: f64,
+        /// Time for which the vehicle has stood, s.
+        pub standing_for: f64,
+    }
 }
 
 impl LoneLanding {
@@ -37,24 +46,23 @@ impl LoneLanding {
     pub fn new(scenario: &Scenario) -> Option<Self> {
         scenario.flight.as_ref().map(|flight| Self {
             speed: flight.landing_speed,
-            under_way_for: 0.0,
-            standing_for: 0.0,
+            state: LandingState::new_zeroed(),
         })
     }
 
     /// Continues by the time since the previous step, s, if the path generator is lost; else ends the landing.
     pub fn advance(&mut self, elapsed: f64, is_abandoned: bool) {
         if is_abandoned {
-            self.under_way_for += elapsed;
+            self.state.under_way_for += elapsed;
         } else {
-            (self.under_way_for, self.standing_for) = (0.0, 0.0);
+            self.state = LandingState::new_zeroed();
         }
     }
 
     /// Returns the reference on the way down from where the path rests.
     #[must_use]
     pub fn reference(&self, rests: &Reference) -> Reference {
-        let since = self.under_way_for;
+        let since = self.state.under_way_for;
         let ramp = since.min(SPEEDS_UP);
         let way = self.speed * (0.5 * ramp * ramp / SPEEDS_UP + (since - ramp));
         let rate = self.speed * ramp / SPEEDS_UP;
@@ -90,14 +98,15 @@ impl LoneLanding {
             && state.velocity_world().z < SINKING * self.speed
             && thrust < UNLOADED * mass * GRAVITY;
         if !self.has_landed() {
-            self.standing_for = if stands { self.standing_for + elapsed } else { 0.0 };
+            let standing_for = &mut self.state.standing_for;
+            *standing_for = if stands { *standing_for + elapsed } else { 0.0 };
         }
     }
 
     /// Returns whether the vehicle stands on the ground.
     #[must_use]
     pub fn has_landed(&self) -> bool {
-        self.standing_for >= STANDING
+        self.state.standing_for >= STANDING
     }
 }
 
@@ -106,13 +115,11 @@ mod tests {
     use super::*;
     use scenario::Flight;
     use shared_types::samples::PathReference;
-    use zerocopy::FromZeros;
 
     fn landing() -> LoneLanding {
         LoneLanding {
             speed: Flight::default().landing_speed,
-            under_way_for: 0.0,
-            standing_for: 0.0,
+            state: LandingState::new_zeroed(),
         }
     }
 

@@ -16,23 +16,40 @@ use crate::dead_reckoning::{DeadReckoning, ModelEstimate, Reckoned};
 use crate::failsafe::{FailsafeStage, FailsafeStages, Leveler};
 use control_law::signals::Commanded;
 
-/// Policy for the vehicle's state, and its memory.
+/// Policy for the vehicle's state, with its own state.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
     stages: FailsafeStages,
     recover_ns: u64,
-    /// Age up to which the law flies on a predicted state, ns.
+    /// Age up to which the law commands on a predicted state, ns.
     max_age_ns: u64,
     /// Oldest age of the state without faults, ns.
     ordinary_age_ns: u64,
     dead_reckoning: DeadReckoning,
     leveller: Leveler,
-    /// Time for which the cameras have not seen the vehicle, ns.
-    pub unseen_ns: u64,
-    /// The predicted vehicle.
-    pub reckoned: Reckoned,
-    /// The transfer back to the law.
-    pub transfer: Transfer,
+    /// State from step to step.
+    pub state: SafetyState,
+}
+
+shared_types::sample! {
+    /// State of the policy.
+    pub struct SafetyState {
+        /// The predicted vehicle.
+        pub reckoned: Reckoned,
+        /// The transfer back to the law.
+        pub transfer: Transfer,
+        /// Time for which the cameras have not detected the vehicle, ns.
+        pub unseen_ns: u64,
+    }
+}
+
+impl SafetyState {
+    /// State before the first step.
+    pub const INITIAL: Self = Self {
+        reckoned: Reckoned::NOTHING,
+        transfer: Transfer::NONE,
+        unseen_ns: 0,
+    };
 }
 
 impl Safety {
@@ -48,22 +65,21 @@ impl Safety {
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             dead_reckoning,
             leveller: Leveler::new(dead_reckoning.inertia, scenario.command_hold()),
-            unseen_ns: 0,
-            reckoned: Reckoned::NOTHING,
-            transfer: Transfer::NONE,
+            state: SafetyState::INITIAL,
         }
     }
 
     /// Returns the stage for the age of the state. Without a last command to hold, the vehicle levels out instead.
     pub fn stage(&mut self, now: &Now, input: &ControlInput<'_>, last: Option<&Commanded>) -> FailsafeStage {
-        self.unseen_ns = if input.state.coasting.is_set() {
-            self.unseen_ns.saturating_add(now.elapsed_ns)
+        self.state.unseen_ns = if input.state.coasting.is_set() {
+            self.state.unseen_ns.saturating_add(now.elapsed_ns)
         } else {
             0
         };
         let late_ns = self.late_ns(input);
         let stage = if is_straight_down(input.reference) {
-            self.stages.at_landing(input.age_ns, self.unseen_ns.max(late_ns))
+            self.stages
+                .at_landing(input.age_ns, self.state.unseen_ns.max(late_ns))
         } else {
             self.stages.at(input.age_ns)
         };
@@ -73,8 +89,7 @@ impl Safety {
         }
     }
 
-    /// Predicts the vehicle's state at present: from the last good state and the `commands` since, if it is new, else from the last
-    /// prediction.
+    /// Predicts the present state of the vehicle: from a new state and the `commands` since, else from the last prediction.
     pub fn reckon(
         &mut self,
         now: &Now,
@@ -89,10 +104,11 @@ impl Safety {
         };
         let last = last.unwrap_or(&hover);
         commands.push(last, now.elapsed_ns, self.max_age_ns);
-        if input.is_new || !self.reckoned.has_begun.is_set() {
-            self.reckoned =
-                self.dead_reckoning
-                    .begin(&self.reckoned, input.state, last, estimate, input.teaches);
+        let reckoned = &mut self.state.reckoned;
+        if input.is_new || !reckoned.has_begun.is_set() {
+            *reckoned = self
+                .dead_reckoning
+                .begin(reckoned, input.state, last, estimate, input.may_adapt);
             for (command, time) in commands.last(self.late_ns(input)) {
                 self.pass(time, command, estimate);
             }
@@ -108,9 +124,9 @@ impl Safety {
 
     fn pass(&mut self, elapsed: f64, command: &Commanded, estimate: &ModelEstimate) {
         if elapsed > 0.0 {
-            self.reckoned = self
-                .dead_reckoning
-                .advanced(&self.reckoned, command, estimate, elapsed);
+            self.state.reckoned =
+                self.dead_reckoning
+                    .advanced(&self.state.reckoned, command, estimate, elapsed);
         }
     }
 
@@ -118,7 +134,7 @@ impl Safety {
     #[must_use]
     pub fn state_for_law(&self, state: &VehicleState, age_ns: u64, estimate: &ModelEstimate) -> VehicleState {
         if age_ns > self.ordinary_age_ns {
-            self.reckoned.state(state, estimate)
+            self.state.reckoned.state(state, estimate)
         } else {
             *state
         }
@@ -134,8 +150,8 @@ impl Safety {
     ) -> Commanded {
         match stage {
             FailsafeStage::Nominal | FailsafeStage::Hold => last.copied().unwrap_or(Commanded::NOTHING),
-            FailsafeStage::Level => self.leveller.level(&self.reckoned, estimate),
-            FailsafeStage::Descend => self.leveller.descend(&self.reckoned, estimate),
+            FailsafeStage::Level => self.leveller.level(&self.state.reckoned, estimate),
+            FailsafeStage::Descend => self.leveller.descend(&self.state.reckoned, estimate),
             FailsafeStage::Failsafe => Commanded::NOTHING,
         }
     }
@@ -151,12 +167,13 @@ impl Safety {
         last: Option<&Commanded>,
         law: &Commanded,
     ) -> Commanded {
-        self.transfer = match (before, last) {
-            (FailsafeStage::Nominal, _) => self.transfer.advanced(now.elapsed_ns),
+        let transfer = &mut self.state.transfer;
+        *transfer = match (before, last) {
+            (FailsafeStage::Nominal, _) => transfer.advanced(now.elapsed_ns),
             (FailsafeStage::Failsafe, _) | (_, None) => Transfer::NONE,
             (_, Some(last)) => Transfer::new(last, law, self.recover_ns),
         };
-        self.transfer.command(law)
+        transfer.command(law)
     }
 }
 

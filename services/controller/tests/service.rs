@@ -183,7 +183,7 @@ fn a_restarted_controller_commands_on_the_held_samples_until_it_receives_others(
 }
 
 #[test]
-fn on_a_predicted_state_the_law_commands_but_does_not_learn() {
+fn on_a_predicted_state_the_law_commands_but_does_not_adapt() {
     let mut service = ControllerService::new(&scenario());
     let mut predicted = state(0);
     predicted.tracked = false.into();
@@ -289,7 +289,7 @@ fn gains_that_change_in_flight_act_from_the_next_step_on_and_are_no_part_of_the_
     Service::restore(&mut expected, &state);
     let as_tuned = flown(&mut tuned, 10..20);
     assert_eq!(as_tuned, flown(&mut expected, 10..20));
-    // Another process takes over, and is told the gains; then they are those of the scenario again.
+    // Another process takes over, and receives the gains; then they are those of the scenario again.
     let mut successor = ControllerService::new(&stated);
     Service::restore(&mut successor, &state);
     Service::tune(&mut successor, Some(&other.gains()));

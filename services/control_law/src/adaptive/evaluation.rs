@@ -30,8 +30,8 @@ pub struct Evaluation {
     pub thrust: f64,
     /// τ, eq. (20), in {B}, N m.
     pub torque: Vector3<f64>,
-    /// z2 + κε, from which the estimators of η, b and its harmonics learn, in {I}, m/s.
-    pub learned: Vector3<f64>,
+    /// z2 + κε, which drives the estimators of η, b and its harmonics, in {I}, m/s.
+    pub composite_error: Vector3<f64>,
     /// Rates of the estimators, eqs. (14), (15), (21).
     pub rates: EstimateRates,
     /// W of (20).
@@ -54,7 +54,7 @@ pub fn evaluate(
 /// Evaluates the law with composite adaptation (not in the paper).
 ///
 /// The prediction error ε is the measured acceleration less that of the estimates, in {I}, m/s². The estimators of η and
-/// b learn from z2 + κε instead of z2. Then V̇n = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖²: one κ must serve both, or the
+/// b are driven by z2 + κε instead of z2. Then V̇n = −k2 z2ᵀσ(z2) − k3 z3ᵀσ(z3) − κ‖ε‖²: one κ must serve both, or the
 /// cross terms do not cancel.
 ///
 /// `repeating` is the estimate of the part of b that repeats with the path ([`crate::adaptive::harmonics`]).
@@ -78,7 +78,7 @@ pub fn evaluate_composite(
     } = *parameters;
     let r = &measured.world_from_body;
     let omega = &measured.angular_velocity_body;
-    let pi_b = parameters.disturbance_projection;
+    let pi_b = parameters.projections.disturbance;
 
     let errors = Errors::new(parameters, measured, reference);
     let z2 = errors.z2;
@@ -91,28 +91,28 @@ pub fn evaluate_composite(
         + estimates.disturbance_world.map(|b| pi_b.value(b))
         + repeating.disturbance_world;
     let zeta = r.tr_mul(&u);
-    let thrust = zeta.z / parameters.eta_projection.value(estimates.eta);
+    let thrust = zeta.z / parameters.projections.eta.value(estimates.eta);
 
     // Virtual angular velocity (18).
     let omega_desired = with_third(-delta_m_times(delta, &zeta));
     let z3 = omega - omega_desired;
 
     // Estimators of η and b. Without κ, ε is not evaluated: it may not be finite.
-    let (learned, learned_body) = if parameters.prediction_gain == 0.0 {
+    let (composite_error, composite_error_body) = if parameters.prediction_gain == 0.0 {
         (z2, z2_body)
     } else {
-        let learned = z2 + prediction_error * parameters.prediction_gain;
-        (learned, r.tr_mul(&learned))
+        let composite_error = z2 + prediction_error * parameters.prediction_gain;
+        (composite_error, r.tr_mul(&composite_error))
     };
-    let eta_rate = -parameters.lambda_mass * thrust * learned_body.z; // (14)
-    let disturbance_rate = parameters.lambda_disturbance.component_mul(&learned); // (15)
+    let eta_rate = -parameters.lambda_mass * thrust * composite_error_body.z; // (14)
+    let disturbance_rate = parameters.lambda_disturbance.component_mul(&composite_error); // (15)
 
     // Torque (20), and the estimator of w (21).
     let disturbance_projected_rate = estimates
         .disturbance_world
         .map(|b| pi_b.slope(b))
         .component_mul(&disturbance_rate)
-        + learned * repeating.gain
+        + composite_error * repeating.gain
         + repeating.rate_world;
     let zeta_rate = ZetaRate::new(
         parameters,
@@ -140,7 +140,7 @@ pub fn evaluate_composite(
         omega_desired,
         thrust,
         torque,
-        learned,
+        composite_error,
         rates: EstimateRates {
             eta: eta_rate,
             disturbance_world: disturbance_rate,

@@ -12,52 +12,19 @@
 
 use nalgebra::Vector3;
 use scenario::Scenario;
+use zerocopy::FromZeros;
 
 use crate::adaptive::evaluation::Evaluation;
 use crate::adaptive::repeating::{InertiaTimesDisturbance, Repeating};
-use crate::law::{MEMORY, Memory};
 
 /// Largest number of harmonics N.
-pub const MOST: usize = 8;
+pub const MAX_COUNT: usize = 8;
 
 /// Largest number of the functions φ.
-pub const FUNCTIONS: usize = 2 * MOST;
+pub const FUNCTIONS: usize = 2 * MAX_COUNT;
 
 /// First of the elements of w that hold J1 b, J2 b and J3 b.
 const OF_DISTURBANCE: usize = 6;
-
-/// Estimates, and what they learn: γ, z2 + κε and the rate of w.
-const _: () = assert!(12 * FUNCTIONS + 13 <= MEMORY);
-
-/// What a moment of the flight teaches; held until the next step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lesson {
-    /// γ of the moment.
-    pub gamma: f64,
-    /// z2 + κε in {I}, m/s.
-    pub learned: Vector3<f64>,
-    /// β Λw Wbᵀ z3.
-    pub w_rate: InertiaTimesDisturbance,
-}
-
-impl Lesson {
-    /// Nothing to learn.
-    pub const NOTHING: Self = Self {
-        gamma: 0.0,
-        learned: Vector3::new(0.0, 0.0, 0.0),
-        w_rate: Repeating::NOTHING.w,
-    };
-
-    /// Returns the lesson of an evaluation at γ.
-    #[must_use]
-    pub fn of(evaluation: &Evaluation, gamma: f64) -> Self {
-        Self {
-            gamma,
-            learned: evaluation.learned,
-            w_rate: evaluation.rates.w.fixed_rows::<9>(OF_DISTURBANCE).into(),
-        }
-    }
-}
 
 /// Estimators of the harmonics.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,38 +35,96 @@ pub struct Harmonics {
     pub frequency: f64,
     /// λa.
     pub gain: f64,
-    /// Largest ‖z1‖ at which they learn, m: farther away, or where the path slows down, the motion does not repeat.
-    pub learns_within: f64,
+    /// Largest ‖z1‖ at which they adapt, m: farther away, or where the path slows down, the motion does not repeat.
+    pub radius: f64,
     /// âk in {I}, m/s².
     pub amplitudes_world: [Vector3<f64>; FUNCTIONS],
     /// ŵk.
     pub w: [InertiaTimesDisturbance; FUNCTIONS],
-    /// What the last step teaches until the next.
-    pub lesson: Lesson,
+    /// Input since the last step.
+    pub signal: AdaptationSignal,
+}
+
+shared_types::sample! {
+    /// State of the estimators.
+    pub struct HarmonicsState {
+        /// Estimates of each function.
+        pub estimates: [HarmonicEstimate; FUNCTIONS],
+        /// Input since the last step.
+        pub signal: AdaptationSignal,
+    }
+
+    /// Estimates of a function φk.
+    pub struct HarmonicEstimate {
+        /// âk in {I}, m/s².
+        pub amplitude_world: [f64; 3],
+        /// ŵk.
+        pub w: [f64; 9],
+    }
+
+    /// Input of the estimators; held until the next step. With zeros the estimates stay.
+    pub struct AdaptationSignal {
+        /// γ.
+        pub gamma: f64,
+        /// z2 + κε in {I}, m/s.
+        pub composite_error_world: [f64; 3],
+        /// β Λw Wbᵀ z3.
+        pub w_rate: [f64; 9],
+    }
+}
+
+impl AdaptationSignal {
+    /// Returns the signal of an evaluation at γ.
+    #[must_use]
+    pub fn new(evaluation: &Evaluation, gamma: f64) -> Self {
+        Self {
+            gamma,
+            composite_error_world: evaluation.composite_error.into(),
+            w_rate: InertiaTimesDisturbance::from(evaluation.rates.w.fixed_rows::<9>(OF_DISTURBANCE)).into(),
+        }
+    }
+}
+
+impl From<&Harmonics> for HarmonicsState {
+    fn from(harmonics: &Harmonics) -> Self {
+        let Harmonics {
+            amplitudes_world,
+            w,
+            signal,
+            ..
+        } = harmonics;
+        Self {
+            estimates: std::array::from_fn(|index| HarmonicEstimate {
+                amplitude_world: amplitudes_world[index].into(),
+                w: w[index].into(),
+            }),
+            signal: *signal,
+        }
+    }
 }
 
 impl Harmonics {
-    /// Makes estimators that know nothing yet: `count` harmonics of `frequency` (rad per unit of γ), with the gain λa.
+    /// Makes estimators that begin with zero: `count` harmonics of `frequency` (rad per unit of γ), with the gain λa.
     #[must_use]
     pub fn new(count: usize, frequency: f64, gain: f64) -> Self {
         Self {
-            count: count.min(MOST),
+            count: count.min(MAX_COUNT),
             frequency,
             gain,
-            learns_within: f64::INFINITY,
+            radius: f64::INFINITY,
             amplitudes_world: [Vector3::zeros(); FUNCTIONS],
             w: [Repeating::NOTHING.w; FUNCTIONS],
-            lesson: Lesson::NOTHING,
+            signal: AdaptationSignal::new_zeroed(),
         }
     }
 
     /// Makes those of a checked scenario; `None` if it states none.
     #[must_use]
-    pub fn of(scenario: &Scenario) -> Option<Self> {
+    pub fn from_scenario(scenario: &Scenario) -> Option<Self> {
         let stated = scenario.controller.harmonics.as_ref()?;
         let frequency = scenario.path.curve.frequency()?;
         Some(Self {
-            learns_within: stated.within.min(scenario.path.alpha1),
+            radius: stated.within.min(scenario.path.alpha1),
             ..Self::new(usize::from(stated.count), frequency, stated.gain)
         })
     }
@@ -118,58 +143,35 @@ impl Harmonics {
         })
     }
 
-    /// Keeps what an evaluation at γ teaches until the next step; nothing far from the path.
-    pub fn teach(&mut self, evaluation: &Evaluation, gamma: f64) {
-        self.lesson = if evaluation.z1.norm() > self.learns_within {
-            Lesson::NOTHING
+    /// Sets the signal to that of an evaluation at γ, or far from the path to zero.
+    pub fn set_signal(&mut self, evaluation: &Evaluation, gamma: f64) {
+        self.signal = if evaluation.z1.norm() > self.radius {
+            AdaptationSignal::new_zeroed()
         } else {
-            Lesson::of(evaluation, gamma)
+            AdaptationSignal::new(evaluation, gamma)
         };
     }
 
-    /// Drops what the last step teaches.
-    pub fn unlearn(&mut self) {
-        self.lesson = Lesson::NOTHING;
+    /// Discards the signal of the last step.
+    pub fn discard(&mut self) {
+        self.signal = AdaptationSignal::new_zeroed();
     }
 
-    /// Learns for `elapsed` seconds what the last step teaches.
+    /// Steps over the `elapsed` seconds since the last step, whose signal ends.
     pub fn advance(&mut self, elapsed: f64) {
-        let lesson = self.lesson;
-        self.learn(&lesson, elapsed);
-        self.unlearn();
-    }
-
-    /// The numbers of the state, in their order.
-    fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
-        let Lesson {
-            gamma,
-            learned,
-            w_rate,
-        } = &mut self.lesson;
-        let estimates = self.amplitudes_world.iter_mut().flatten();
-        estimates
-            .chain(self.w.iter_mut().flatten())
-            .chain([gamma])
-            .chain(learned.iter_mut())
-            .chain(w_rate.iter_mut())
-    }
-
-    /// Writes the state.
-    pub fn save(&self, memory: &mut Memory) {
-        let mut state = *self;
-        for (kept, number) in memory.iter_mut().zip(state.numbers()) {
-            *kept = *number;
-        }
+        let signal = self.signal;
+        self.integrate(&signal, elapsed);
+        self.discard();
     }
 
     /// Restores a saved state.
-    pub fn restore(&mut self, memory: &Memory) {
-        for (number, kept) in self.numbers().zip(memory) {
-            *number = *kept;
-        }
+    pub fn restore(&mut self, state: &HarmonicsState) {
+        self.amplitudes_world = state.estimates.map(|estimate| estimate.amplitude_world.into());
+        self.w = state.estimates.map(|estimate| estimate.w.into());
+        self.signal = state.signal;
     }
 
-    /// Returns the repeating part at γ, while the path goes on at γ̇.
+    /// Returns the repeating part at γ, while the path advances at γ̇.
     #[must_use]
     pub fn at(&self, gamma: f64, gamma_dot: f64) -> Repeating {
         let mut part = Repeating {
@@ -185,15 +187,17 @@ impl Harmonics {
         part
     }
 
-    /// Learns from a lesson for `elapsed` seconds: a step of the explicit Euler method. Estimates that would not be finite
+    /// Steps by `elapsed` seconds with a signal: a step of the explicit Euler method. Estimates that would not be finite
     /// stay.
-    pub fn learn(&mut self, lesson: &Lesson, elapsed: f64) {
+    pub fn integrate(&mut self, signal: &AdaptationSignal, elapsed: f64) {
         let before = *self;
-        let functions = self.functions(lesson.gamma);
+        let composite_error = Vector3::from(signal.composite_error_world);
+        let w_rate = InertiaTimesDisturbance::from(signal.w_rate);
+        let functions = self.functions(signal.gamma);
         let estimates = self.amplitudes_world.iter_mut().zip(&mut self.w);
         for ([value, _], (amplitude, w)) in functions.zip(estimates) {
-            *amplitude += lesson.learned * (self.gain * value * elapsed);
-            *w += lesson.w_rate * (value * elapsed);
+            *amplitude += composite_error * (self.gain * value * elapsed);
+            *w += w_rate * (value * elapsed);
         }
         let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
         let estimates = self.amplitudes_world.iter().zip(&self.w);

@@ -11,7 +11,7 @@ use crate::adaptive::parameter_vector::parameter_vector;
 use crate::adaptive::parameters::Parameters;
 use crate::signals::Estimates;
 
-/// Parameters of the vehicle that the law does not know.
+/// Parameters of the vehicle, unknown to the law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueParameters {
     /// Diag(J), kg m².
@@ -36,13 +36,13 @@ pub fn value(
     let w = parameter_vector(&actual.inertia, actual.eta, &actual.disturbance_world);
     let errors = 0.5 * z2.norm_squared() + 0.5 * parameters.beta * z3.dot(&actual.inertia.component_mul(z3));
     let of_w = 0.5 * (estimates.w - w).norm_squared() / parameters.lambda_inertia;
-    let of_eta = parameters.eta_projection.potential(actual.eta, estimates.eta) / parameters.lambda_mass;
+    let of_eta = parameters.projections.eta.potential(actual.eta, estimates.eta) / parameters.lambda_mass;
     let of_disturbance = actual
         .disturbance_world
         .zip_zip_map(
             &estimates.disturbance_world,
             &parameters.lambda_disturbance,
-            |b, b_hat, lambda| parameters.disturbance_projection.potential(b, b_hat) / lambda,
+            |b, b_hat, lambda| parameters.projections.disturbance.potential(b, b_hat) / lambda,
         )
         .sum();
     errors + of_w + of_eta + of_disturbance

@@ -1,11 +1,12 @@
 //! Gains and bounds of the law, in the law's form.
 
 use nalgebra::Vector3;
-use scenario::Scenario;
+use scenario::{Bounds, Scenario};
 use shared_types::Gains;
 
 use crate::adaptive::projection::Projection;
 use crate::adaptive::saturation::Saturation;
+use crate::signals::VehicleEstimate;
 
 /// Gains and bounds of the law, with the paper's symbols.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,18 +33,53 @@ pub struct Parameters {
     pub prediction_gain: f64,
     /// `true` if the law uses the measured acceleration that the estimates do not explain as a part of b at once.
     pub observes_disturbance: bool,
-    /// π for η̂, 1/kg.
-    pub eta_projection: Projection,
-    /// π for each component of b̂, m/s².
-    pub disturbance_projection: Projection,
+    /// π for η̂ and b̂.
+    pub projections: Projections,
     /// `true` if the law is shifted so that the vehicle hangs on the path and not below it.
     pub removes_offset: bool,
+}
+
+/// Projections (5) of the estimates of η and b.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projections {
+    /// π for η̂, 1/kg.
+    pub eta: Projection,
+    /// π for each component of b̂, m/s².
+    pub disturbance: Projection,
+}
+
+impl From<&Bounds> for Projections {
+    fn from(bounds: &Bounds) -> Self {
+        Self {
+            eta: Projection {
+                minimum: 1.0 / bounds.mass_max,
+                maximum: 1.0 / bounds.mass_min,
+                epsilon: bounds.epsilon_eta,
+            },
+            disturbance: Projection {
+                minimum: -bounds.disturbance,
+                maximum: bounds.disturbance,
+                epsilon: bounds.epsilon_disturbance,
+            },
+        }
+    }
+}
+
+impl Projections {
+    /// Returns π(η̂) and π(b̂).
+    #[must_use]
+    #[inline]
+    pub fn of(&self, estimate: &VehicleEstimate) -> VehicleEstimate {
+        VehicleEstimate {
+            eta: self.eta.value(estimate.eta),
+            disturbance_world: estimate.disturbance_world.map(|b| self.disturbance.value(b)),
+        }
+    }
 }
 
 impl From<&Scenario> for Parameters {
     fn from(scenario: &Scenario) -> Self {
         let controller = &scenario.controller;
-        let bounds = &controller.bounds;
         let gains = scenario.gains();
         Self {
             k1: gains.k1,
@@ -59,16 +95,7 @@ impl From<&Scenario> for Parameters {
             lambda_inertia: gains.lambda_inertia,
             prediction_gain: gains.prediction_gain,
             observes_disturbance: controller.disturbance_observer,
-            eta_projection: Projection {
-                minimum: 1.0 / bounds.mass_max,
-                maximum: 1.0 / bounds.mass_min,
-                epsilon: bounds.epsilon_eta,
-            },
-            disturbance_projection: Projection {
-                minimum: -bounds.disturbance,
-                maximum: bounds.disturbance,
-                epsilon: bounds.epsilon_disturbance,
-            },
+            projections: Projections::from(&controller.bounds),
             removes_offset: controller.remove_offset,
         }
     }

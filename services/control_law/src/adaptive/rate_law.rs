@@ -4,6 +4,7 @@
 //! vehicle; it is the command of the vehicle's rate loop.
 
 use nalgebra::Vector3;
+use scenario::Scenario;
 use vehicle_model::rigid_body::{acceleration, angular_acceleration, free_fall};
 
 use crate::adaptive::evaluation::{Evaluation, evaluate_composite};
@@ -11,32 +12,44 @@ use crate::adaptive::harmonics::Harmonics;
 use crate::adaptive::offset::hanging_offset;
 use crate::adaptive::parameters::Parameters;
 use crate::adaptive::repeating::Repeating;
-use crate::law::{Law, Telemetry};
-use crate::signals::{Estimates, Measured, ProjectedEstimates, Reference};
+use crate::law::{RollOutLaw, Telemetry};
+use crate::signals::{Estimates, Measured, Reference, VehicleEstimate};
 
-/// The law with what it uses over a hold.
+/// Law with its parameters and estimates.
 #[derive(Clone, Copy, Debug)]
-pub struct AdaptiveLaw<'a> {
+pub struct AdaptiveLaw {
     /// Gains and bounds.
-    pub parameters: &'a Parameters,
-    /// The estimates.
-    pub estimates: &'a Estimates,
-    /// Estimates of what repeats with the path, if there are any.
-    pub harmonics: Option<&'a Harmonics>,
+    pub parameters: Parameters,
+    /// η̂, b̂ and ŵ.
+    pub estimates: Estimates,
+    /// Estimators of the part of b that repeats with the path; `None` without.
+    pub harmonics: Option<Harmonics>,
     /// Diagonal of J of (4), kg m².
     pub inertia: Vector3<f64>,
 }
 
-impl AdaptiveLaw<'_> {
+impl AdaptiveLaw {
+    /// Makes the law of a checked scenario, with its initial estimates.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        let model = scenario.model.clone().unwrap_or_default();
+        Self {
+            parameters: Parameters::from(scenario),
+            estimates: Estimates::from(&scenario.controller.initial),
+            harmonics: Harmonics::from_scenario(scenario),
+            inertia: model.inertia().into(),
+        }
+    }
+
     #[inline]
     fn repeating(&self, reference: &Reference) -> Repeating {
-        self.harmonics.map_or(Repeating::NOTHING, |harmonics| {
+        self.harmonics.as_ref().map_or(Repeating::NOTHING, |harmonics| {
             harmonics.at(reference.gamma, reference.gamma_dot)
         })
     }
 }
 
-impl Law for AdaptiveLaw<'_> {
+impl RollOutLaw for AdaptiveLaw {
     type Evaluation = Evaluation;
 
     #[inline]
@@ -52,10 +65,10 @@ impl Law for AdaptiveLaw<'_> {
         }
         // An acceleration that the estimates do not explain is their prediction error.
         evaluate_composite(
-            self.parameters,
+            &self.parameters,
             &vehicle,
             reference,
-            self.estimates,
+            &self.estimates,
             &repeating,
             push,
         )
@@ -77,10 +90,10 @@ impl Law for AdaptiveLaw<'_> {
     /// v̇ of (2), with the estimates for the unknown parameters.
     #[inline]
     fn acceleration(&self, vehicle: &Measured, reference: &Reference, thrust: f64) -> Vector3<f64> {
-        let ProjectedEstimates {
+        let VehicleEstimate {
             eta,
             disturbance_world,
-        } = self.estimates.projected(self.parameters);
+        } = self.parameters.projections.of(&self.estimates.vehicle());
         acceleration(
             &vehicle.world_from_body,
             eta * thrust,
@@ -88,20 +101,13 @@ impl Law for AdaptiveLaw<'_> {
         )
     }
 
-    fn telemetry(&self, evaluation: &Evaluation) -> Telemetry {
-        Telemetry::from(evaluation)
-    }
-}
-
-impl From<&Evaluation> for Telemetry {
     #[inline]
-    fn from(evaluation: &Evaluation) -> Self {
-        Self {
+    fn telemetry(&self, evaluation: &Evaluation) -> Telemetry {
+        Telemetry {
             z2: evaluation.z2,
             z3: evaluation.z3,
             zeta: evaluation.zeta,
             omega_desired: evaluation.omega_desired,
-            rates: evaluation.rates,
         }
     }
 }

@@ -10,11 +10,11 @@ pub type InertiaTimesDisturbance = SVector<f64, 9>;
 pub struct Repeating {
     /// Σ φk âk in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
-    /// Σ φk′ γ̇ âk in {I}, m/s³: its rate as the path goes on.
+    /// Σ φk′ γ̇ âk in {I}, m/s³: its rate as the path advances.
     pub rate_world: Vector3<f64>,
     /// Σ φk ŵk.
     pub w: InertiaTimesDisturbance,
-    /// λa Σ φk² = λa N: its rate by learning, over z2 + κε, 1/s².
+    /// λa Σ φk² = λa N: its rate by adaptation, over z2 + κε, 1/s².
     pub gain: f64,
 }
 

@@ -1,58 +1,53 @@
 //! Geometric PID on SE(3): the nominal loop with an integral (Goodarzi, Lee and Leok, ECC 2013).
 //!
 //! İ = ki (ė + λe) with λ = 2 Kp/Kv, each component within a bound. The source's integral of the attitude error has no
-//! place behind commands of body rates. Memory: I.
+//! equivalent behind commands of body rates.
 
 use nalgebra::Vector3;
-use scenario::Baseline as Stated;
+use scenario::{Baseline as Gains, Controller};
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, error_slope, save_vector, vector_at};
+use super::baseline::{DisturbanceEstimator, Motion, error_slope};
 
-/// Integral of the errors.
+/// Integral of the errors: the disturbance that would cause them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometricPid {
     gain: f64,
     slope: f64,
     largest: f64,
-    /// I in {I}, m/s².
-    integral: Vector3<f64>,
 }
 
-impl GeometricPid {
-    /// Makes the integral of a scenario.
-    #[must_use]
-    pub fn new(stated: &Stated) -> Self {
-        Self {
-            gain: stated.integral_gain,
-            slope: error_slope(stated),
-            largest: stated.disturbance_max,
-            integral: Vector3::zeros(),
-        }
+shared_types::sample! {
+    /// State of the integral.
+    pub struct GeometricPidState {
+        /// I in {I}, m/s².
+        pub integral_world: [f64; 3],
     }
 }
 
-impl Baseline for GeometricPid {
-    fn learn(&mut self, seen: &Motion, elapsed: f64) {
-        let tracking = &seen.tracking;
+impl DisturbanceEstimator for GeometricPid {
+    type State = GeometricPidState;
+
+    fn new(gains: &Gains, _controller: &Controller) -> Self {
+        Self {
+            gain: gains.integral_gain,
+            slope: error_slope(gains),
+            largest: gains.disturbance_max,
+        }
+    }
+
+    fn adapt(&self, state: &mut GeometricPidState, motion: &Motion, elapsed: f64) {
+        let tracking = &motion.tracking;
         if tracking.is_limited {
             return;
         }
         let error = tracking.velocity_error + tracking.position_error * self.slope;
-        let grown = self.integral + error * (self.gain * elapsed);
-        self.integral = grown.map(|component| component.clamp(-self.largest, self.largest));
+        let grown = self.compensation(state) + error * (self.gain * elapsed);
+        state.integral_world = grown
+            .map(|component| component.clamp(-self.largest, self.largest))
+            .into();
     }
 
-    /// The integral of an error is the disturbance that would cause it.
-    fn compensation(&self) -> Vector3<f64> {
-        self.integral
-    }
-
-    fn save(&self, memory: &mut Memory) {
-        save_vector(memory, 0, &self.integral);
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.integral = vector_at(memory, 0);
+    fn compensation(&self, state: &GeometricPidState) -> Vector3<f64> {
+        state.integral_world.into()
     }
 }

@@ -1,76 +1,59 @@
 //! PD with an estimate of the mass by immersion and invariance, in the style of the paper's ref. \[30\].
 //!
 //! The nominal loop with the mass of the [observer](crate::observer), which explains everything along the thrust axis by
-//! the mass; nothing compensates a disturbance. Memory: θ̂, v, r3, T of the last hold, and whether there was one.
+//! the mass; nothing compensates a disturbance.
 
 use nalgebra::Vector3;
-use scenario::Bounds;
+use scenario::{Baseline as Gains, Controller};
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, save_vector, vector_at};
-use crate::observer::{MassObserver, ObserverSample};
+use super::baseline::{DisturbanceEstimator, Motion};
+use crate::observer::{ObserverSample, ObserverState};
 
-/// Estimate of the mass.
+/// Estimator of the mass alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImmersionMass {
-    observer: MassObserver,
+    /// γ, 1/(N² s).
+    gain: f64,
+    prior_mass: f64,
     /// Range of θ̂, 1/kg.
     range: [f64; 2],
 }
 
-impl ImmersionMass {
-    /// Makes the estimate of a scenario, with γ, 1/(N² s), and the prior mass, kg.
-    #[must_use]
-    pub fn new(gain: f64, prior_mass: f64, bounds: &Bounds) -> Self {
+impl DisturbanceEstimator for ImmersionMass {
+    type State = ObserverState;
+
+    fn new(gains: &Gains, controller: &Controller) -> Self {
+        let bounds = &controller.bounds;
         Self {
-            observer: MassObserver::new(gain, prior_mass),
+            gain: gains.immersion_gain,
+            prior_mass: controller.initial.mass,
             range: [1.0 / bounds.mass_max, 1.0 / bounds.mass_min],
         }
     }
-}
 
-impl Baseline for ImmersionMass {
-    fn learn(&mut self, seen: &Motion, elapsed: f64) {
+    fn initial(&self) -> ObserverState {
+        ObserverState::new(self.prior_mass)
+    }
+
+    fn adapt(&self, state: &mut ObserverState, motion: &Motion, elapsed: f64) {
         let sample = ObserverSample {
-            velocity_world: seen.velocity_world,
-            thrust_axis_world: seen.thrust_axis_world,
-            thrust: seen.thrust,
+            velocity_world: motion.velocity_world.into(),
+            thrust_axis_world: motion.thrust_axis_world.into(),
+            thrust: motion.thrust,
         };
-        self.observer.step(sample, elapsed);
-        self.observer.theta = self.observer.theta.clamp(self.range[0], self.range[1]);
+        state.step(self.gain, &sample, elapsed);
+        state.theta = state.theta.clamp(self.range[0], self.range[1]);
     }
 
-    fn rest(&mut self) {
-        self.observer.interrupt();
+    fn interrupt(&self, state: &mut ObserverState) {
+        state.interrupt();
     }
 
-    fn compensation(&self) -> Vector3<f64> {
+    fn compensation(&self, _state: &ObserverState) -> Vector3<f64> {
         Vector3::zeros()
     }
 
-    fn mass(&self) -> Option<f64> {
-        Some(1.0 / self.observer.theta)
-    }
-
-    fn is_finite(&self) -> bool {
-        self.observer.theta.is_finite()
-    }
-
-    fn save(&self, memory: &mut Memory) {
-        let before = self.observer.previous.unwrap_or(ObserverSample::NOTHING);
-        memory[0] = self.observer.theta;
-        save_vector(memory, 1, &before.velocity_world);
-        save_vector(memory, 4, &before.thrust_axis_world);
-        memory[7] = before.thrust;
-        memory[8] = f64::from(u8::from(self.observer.previous.is_some()));
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.observer.theta = memory[0];
-        self.observer.previous = (memory[8] != 0.0).then(|| ObserverSample {
-            velocity_world: vector_at(memory, 1),
-            thrust_axis_world: vector_at(memory, 4),
-            thrust: memory[7],
-        });
+    fn mass(&self, state: &ObserverState) -> Option<f64> {
+        Some(1.0 / state.theta)
     }
 }

@@ -2,34 +2,37 @@
 //!
 //! The increment of the force is what the desired acceleration lacks beside the measured one. With thrust and
 //! acceleration filtered alike this is the nominal loop with the residual acceleration d as the compensated
-//! disturbance. Cameras alone limit its bandwidth to that of the Kalman filter. Memory: d.
+//! disturbance. Cameras alone limit its bandwidth to that of the Kalman filter.
 
 use nalgebra::Vector3;
+use scenario::{Baseline as Gains, Controller};
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, save_vector, vector_at};
+use super::baseline::{DisturbanceEstimator, Motion};
 
-/// The last residual.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Indi {
-    /// d in {I}, m/s².
-    residual: Vector3<f64>,
+/// The residual acceleration as the disturbance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Indi;
+
+shared_types::sample! {
+    /// The last residual.
+    pub struct IndiState {
+        /// d in {I}, m/s².
+        pub residual_world: [f64; 3],
+    }
 }
 
-impl Baseline for Indi {
-    fn learn(&mut self, seen: &Motion, _elapsed: f64) {
-        self.residual = seen.residual;
+impl DisturbanceEstimator for Indi {
+    type State = IndiState;
+
+    fn new(_gains: &Gains, _controller: &Controller) -> Self {
+        Self
     }
 
-    fn compensation(&self) -> Vector3<f64> {
-        self.residual
+    fn adapt(&self, state: &mut IndiState, motion: &Motion, _elapsed: f64) {
+        state.residual_world = motion.residual.into();
     }
 
-    fn save(&self, memory: &mut Memory) {
-        save_vector(memory, 0, &self.residual);
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.residual = vector_at(memory, 0);
+    fn compensation(&self, state: &IndiState) -> Vector3<f64> {
+        state.residual_world.into()
     }
 }

@@ -14,19 +14,17 @@
 //!     ṽ = e^(−ah) ṽ⁻ + (1 − e^(−ah))/a (σ̂⁻ + u⁻ − (V − V⁻)/h) = (1 − e^(−ah))/a (u⁻ − (V − V⁻)/h)
 //! ```
 //!
-//! because σ̂⁻ is the value that takes e^(−ah) ṽ⁻ away. So ṽ needs no memory, no leak makes it diverge, and
+//! because σ̂⁻ is the value that takes e^(−ah) ṽ⁻ away. So ṽ is no state, no leak makes it diverge, and
 //!
 //! ```text
 //!     σ̂ = e^(−ah) ((V − V⁻)/h − u⁻)
 //! ```
-//!
-//! Memory: V⁻, u⁻, c, and whether there was a step before.
 
 use nalgebra::Vector3;
-use scenario::Baseline as Stated;
+use scenario::{Baseline as Gains, Controller};
+use shared_types::sample::Flag;
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, save_vector, vector_at};
+use super::baseline::{DisturbanceEstimator, Motion};
 
 /// Predictor, adaptation law and filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,60 +33,54 @@ pub struct L1 {
     leak: f64,
     /// ωc, rad/s.
     bandwidth: f64,
-    /// V⁻ in {I}, m/s, and u⁻ in {I}, m/s², if there was a step before.
-    before: Option<[Vector3<f64>; 2]>,
-    /// c in {I}, m/s².
-    filtered: Vector3<f64>,
 }
 
-impl L1 {
-    /// Makes the augmentation of a scenario.
-    #[must_use]
-    pub fn new(stated: &Stated) -> Self {
-        Self {
-            leak: stated.l1_leak,
-            bandwidth: stated.l1_bandwidth,
-            before: None,
-            filtered: Vector3::zeros(),
-        }
+shared_types::sample! {
+    /// State of the augmentation.
+    pub struct L1State {
+        /// V⁻ in {I}, m/s.
+        pub velocity_world: [f64; 3],
+        /// u⁻ in {I}, m/s².
+        pub modelled_acceleration: [f64; 3],
+        /// c in {I}, m/s².
+        pub filtered_world: [f64; 3],
+        /// `true` if V⁻ and u⁻ are those of the previous step.
+        pub has_previous: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
     }
 }
 
-impl Baseline for L1 {
-    fn learn(&mut self, seen: &Motion, elapsed: f64) {
-        if let Some([velocity, modelled]) = self.before {
-            let unexplained = (seen.velocity_world - velocity) / elapsed - modelled;
+impl DisturbanceEstimator for L1 {
+    type State = L1State;
+
+    fn new(gains: &Gains, _controller: &Controller) -> Self {
+        Self {
+            leak: gains.l1_leak,
+            bandwidth: gains.l1_bandwidth,
+        }
+    }
+
+    fn adapt(&self, state: &mut L1State, motion: &Motion, elapsed: f64) {
+        if state.has_previous.is_set() {
+            let change = motion.velocity_world - Vector3::from(state.velocity_world);
+            let unexplained = change / elapsed - Vector3::from(state.modelled_acceleration);
             let disturbance = unexplained * libm::exp(-self.leak * elapsed);
             let share = 1.0 - libm::exp(-self.bandwidth * elapsed);
-            self.filtered += (disturbance - self.filtered) * share;
+            let filtered = self.compensation(state);
+            state.filtered_world = (filtered + (disturbance - filtered) * share).into();
         }
-        self.before = Some([seen.velocity_world, seen.modelled_acceleration]);
+        state.velocity_world = motion.velocity_world.into();
+        state.modelled_acceleration = motion.modelled_acceleration.into();
+        state.has_previous = true.into();
     }
 
-    fn rest(&mut self) {
-        self.before = None;
+    fn interrupt(&self, state: &mut L1State) {
+        state.has_previous = Flag::CLEAR;
     }
 
-    fn compensation(&self) -> Vector3<f64> {
-        self.filtered
-    }
-
-    fn is_finite(&self) -> bool {
-        let vectors = self.before.iter().flatten().chain([&self.filtered]);
-        vectors.flatten().all(|number| number.is_finite())
-    }
-
-    fn save(&self, memory: &mut Memory) {
-        let [velocity, modelled] = self.before.unwrap_or_default();
-        for (index, vector) in [velocity, modelled, self.filtered].iter().enumerate() {
-            save_vector(memory, 3 * index, vector);
-        }
-        memory[9] = f64::from(u8::from(self.before.is_some()));
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.before = (memory[9] != 0.0).then(|| [vector_at(memory, 0), vector_at(memory, 3)]);
-        self.filtered = vector_at(memory, 6);
+    fn compensation(&self, state: &L1State) -> Vector3<f64> {
+        state.filtered_world.into()
     }
 }
 
@@ -116,10 +108,11 @@ mod tests {
     }
 
     fn law(l1_leak: f64) -> L1 {
-        L1::new(&Stated {
+        let gains = Gains {
             l1_leak,
-            ..Stated::default()
-        })
+            ..Gains::default()
+        };
+        L1::new(&gains, &Controller::default())
     }
 
     /// v̂, V and 1 as one linear system, stepped by scipy.linalg.expm with the published σ̂; ωc = 15 rad/s.
@@ -140,10 +133,11 @@ mod tests {
             (80.0, 0.009840166547130543, 0.10074406265196849),
             (200.0, 0.0007022067774495198, 0.007189224211112594),
         ] {
-            let mut law = law(leak);
+            let law = law(leak);
+            let mut state = law.initial();
             let compensated = motions.map(|(velocity, modelled)| {
-                law.learn(&motion(velocity, modelled), HOLD);
-                law.compensation().x
+                law.adapt(&mut state, &motion(velocity, modelled), HOLD);
+                law.compensation(&state).x
             });
             for (found, expected) in [(compensated[3], third), (compensated[6], last)] {
                 assert!(
@@ -157,30 +151,32 @@ mod tests {
     /// A push of 0.5 m/s² on a vehicle that accelerates by 2 m/s²: a longer step explains no more of it, and less by its
     /// e^(−ah) only.
     #[test]
-    fn the_time_since_the_step_before_counts() {
-        let mut law = law(1.0);
+    fn the_time_since_the_previous_step_counts() {
+        let law = law(1.0);
+        let mut state = law.initial();
         let mut time = 0.0;
         let least = libm::exp(-6.0 * HOLD);
         for elapsed in [0.0, 1.0, 1.0, 2.0, 1.0, 6.0, 0.5].map(|steps| steps * HOLD) {
             time += elapsed;
-            law.learn(&motion(2.5 * time, 2.0), elapsed);
+            law.adapt(&mut state, &motion(2.5 * time, 2.0), elapsed);
             let most = 0.5 * (1.0 - libm::exp(-15.0 * time));
-            let found = law.compensation().x;
+            let found = law.compensation(&state).x;
             assert!((least * most..=most).contains(&found), "{found} after {time} s");
         }
     }
 
     #[test]
-    fn after_a_rest_it_goes_on_with_what_it_has_learned() {
-        let mut law = law(1.0);
+    fn after_an_interruption_it_continues_with_its_estimate() {
+        let law = law(1.0);
+        let mut state = law.initial();
         for step in 0..200 {
-            law.learn(&motion(0.5 * HOLD * f64::from(step), 0.0), HOLD);
+            law.adapt(&mut state, &motion(0.5 * HOLD * f64::from(step), 0.0), HOLD);
         }
-        let learned = law.compensation();
-        law.rest();
-        law.learn(&motion(-3.0, 0.0), HOLD);
-        assert_eq!(law.compensation(), learned);
-        law.learn(&motion(-3.0 + 0.5 * HOLD, 0.0), HOLD);
-        assert!((law.compensation() - learned).norm() < 1e-9);
+        let before = law.compensation(&state);
+        law.interrupt(&mut state);
+        law.adapt(&mut state, &motion(-3.0, 0.0), HOLD);
+        assert_eq!(law.compensation(&state), before);
+        law.adapt(&mut state, &motion(-3.0 + 0.5 * HOLD, 0.0), HOLD);
+        assert!((law.compensation(&state) - before).norm() < 1e-9);
     }
 }

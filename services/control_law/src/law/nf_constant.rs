@@ -2,15 +2,13 @@
 //!
 //! â̇ = (p/r) (d − â) + p (ė + λe) with λ = 2 Kp/Kv: the prediction error of the measured residual d and the tracking
 //! error drive one estimate. p is constant where the source steps a covariance P(t), and its damping −λâ is left out.
-//! Memory: â.
 
 use nalgebra::Vector3;
-use scenario::Baseline as Stated;
+use scenario::{Baseline as Gains, Controller};
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, error_slope, save_vector, vector_at};
+use super::baseline::{DisturbanceEstimator, Motion, error_slope};
 
-/// Estimate of the disturbance.
+/// Composite adaptation of a constant disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NfConstant {
     /// p, 1/s².
@@ -19,45 +17,43 @@ pub struct NfConstant {
     prediction_gain: f64,
     slope: f64,
     largest: f64,
-    /// â in {I}, m/s².
-    estimate: Vector3<f64>,
 }
 
-impl NfConstant {
-    /// Makes the adaptation of a scenario.
-    #[must_use]
-    pub fn new(stated: &Stated) -> Self {
-        Self {
-            tracking_gain: stated.composite_tracking_gain,
-            prediction_gain: stated.composite_prediction_gain,
-            slope: error_slope(stated),
-            largest: stated.disturbance_max,
-            estimate: Vector3::zeros(),
-        }
+shared_types::sample! {
+    /// Estimate of the disturbance.
+    pub struct NfConstantState {
+        /// â in {I}, m/s².
+        pub estimate_world: [f64; 3],
     }
 }
 
-impl Baseline for NfConstant {
-    fn learn(&mut self, seen: &Motion, elapsed: f64) {
-        let tracking = &seen.tracking;
+impl DisturbanceEstimator for NfConstant {
+    type State = NfConstantState;
+
+    fn new(gains: &Gains, _controller: &Controller) -> Self {
+        Self {
+            tracking_gain: gains.composite_tracking_gain,
+            prediction_gain: gains.composite_prediction_gain,
+            slope: error_slope(gains),
+            largest: gains.disturbance_max,
+        }
+    }
+
+    fn adapt(&self, state: &mut NfConstantState, motion: &Motion, elapsed: f64) {
+        let tracking = &motion.tracking;
         let share = 1.0 - libm::exp(-self.prediction_gain * elapsed);
-        let mut estimate = self.estimate + (seen.residual - self.estimate) * share;
+        let before = self.compensation(state);
+        let mut estimate = before + (motion.residual - before) * share;
         if !tracking.is_limited {
             let error = tracking.velocity_error + tracking.position_error * self.slope;
             estimate += error * (self.tracking_gain * elapsed);
         }
-        self.estimate = estimate.map(|component| component.clamp(-self.largest, self.largest));
+        state.estimate_world = estimate
+            .map(|component| component.clamp(-self.largest, self.largest))
+            .into();
     }
 
-    fn compensation(&self) -> Vector3<f64> {
-        self.estimate
-    }
-
-    fn save(&self, memory: &mut Memory) {
-        save_vector(memory, 0, &self.estimate);
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.estimate = vector_at(memory, 0);
+    fn compensation(&self, state: &NfConstantState) -> Vector3<f64> {
+        state.estimate_world.into()
     }
 }

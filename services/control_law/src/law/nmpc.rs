@@ -1,10 +1,10 @@
 //! Nonlinear model predictive control, with the lags of thrust and rates in its model.
 //!
 //! The model has eleven states: p, V, the tilt, ωxy and T. Its inputs are the commanded ωx, ωy and T, one for each of
-//! the coming [`STEPS`] steps; ωz is the yaw law's. The residual acceleration d that the estimator sees pushes it all
+//! the coming [`STEPS`] steps; ωz is the yaw law's. The measured residual acceleration d pushes it all
 //! the way, so that a constant disturbance leaves no offset. A command is one pass of Gauss–Newton from the plan of the
 //! hold before, shifted by the time since: a linearisation along the plan, a Riccati recursion backwards, and the model
-//! forwards again with the inputs within their limits. The work is the same at every step. Memory: the plan, d.
+//! forwards again with the inputs within their limits. The work is the same at every step.
 //!
 //! The tilt is an error about the plan, R = R̄ exp(S(θ)) with θ = (θx, θy, 0), so that no attitude is special.
 
@@ -13,11 +13,10 @@ use scenario::{GRAVITY, Scenario};
 use shared_types::rotation;
 use vehicle_model::lag::Lag;
 
-use super::baseline::{save_vector, vector_at};
-use super::{LawOutput, Memory, Moment, Telemetry};
+use super::flight_law::{FlightLaw, LawState};
+use super::{LawOutput, Moment, Telemetry};
 use crate::rate_controller::RateController;
-use crate::signals::Commanded;
-use crate::signals::{EstimateRates, Measured, Reference};
+use crate::signals::{Commanded, Measured, Reference, VehicleEstimate};
 
 /// Number of steps that are planned.
 pub const STEPS: usize = 25;
@@ -41,14 +40,14 @@ type StateMatrix = SMatrix<f64, STATES, STATES>;
 type InputMatrix = SMatrix<f64, STATES, INPUTS>;
 type Gain = SMatrix<f64, INPUTS, STATES>;
 
-/// Places of the states in an error.
+/// Indices of the states in an error.
 const P: usize = 0;
 const V: usize = 3;
 const TILT: usize = 6;
 const RATE: usize = 8;
 const THRUST: usize = 10;
 
-/// The controller with its plan.
+/// Controller with its plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nmpc {
     model: Model,
@@ -62,9 +61,26 @@ pub struct Nmpc {
     plan: [Vector3<f64>; STEPS],
     /// d in {I}, m/s².
     residual: Vector3<f64>,
+    rate_controller: RateController,
 }
 
-/// The vehicle as it is believed.
+shared_types::sample! {
+    /// Plan, and residual acceleration.
+    pub struct NmpcState {
+        /// Inputs of the coming steps.
+        pub plan: [PlannedInput; STEPS],
+        /// d in {I}, m/s².
+        pub residual_world: [f64; 3],
+    }
+
+    /// Input of a step.
+    pub struct PlannedInput {
+        /// ωx and ωy, rad/s, and T, N.
+        pub components: [f64; 3],
+    }
+}
+
+/// Model of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Model {
     mass: f64,
@@ -91,7 +107,7 @@ struct Advance {
     by_input: InputMatrix,
 }
 
-/// What pushes and turns the model beside its inputs.
+/// Disturbances of the model: an acceleration, and the turn about the third axis.
 #[derive(Clone, Copy)]
 struct Push {
     residual: Vector3<f64>,
@@ -201,14 +217,14 @@ impl Nmpc {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let stated = scenario.controller.baseline.clone().unwrap_or_default();
-        let believed = scenario.model.clone().unwrap_or_default();
+        let model = scenario.model.clone().unwrap_or_default();
         let ([least, largest], rates) = crate::rate_controller::link_limits(scenario);
         let mass = scenario.controller.initial.mass;
         Self {
             model: Model {
                 mass,
-                thrust_lag: Lag::new(believed.thrust_lag),
-                rate_lag: Lag::new(believed.rate_lag),
+                thrust_lag: Lag::new(model.thrust_lag),
+                rate_lag: Lag::new(model.rate_lag),
                 limits: [
                     Vector3::new(-rates[0], -rates[1], least),
                     Vector3::new(rates[0], rates[1], largest),
@@ -219,61 +235,12 @@ impl Nmpc {
             step: scenario.command_hold().max(LEAST_STEP),
             plan: [Vector3::new(0.0, 0.0, mass * GRAVITY); STEPS],
             residual: Vector3::zeros(),
-        }
-    }
-
-    /// Returns the mass, kg.
-    #[must_use]
-    pub fn mass(&self) -> f64 {
-        self.model.mass
-    }
-
-    /// Returns d in {I}, m/s².
-    #[must_use]
-    pub fn residual(&self) -> Vector3<f64> {
-        self.residual
-    }
-
-    /// Returns the command of a hold.
-    pub fn command(&mut self, moment: &Moment<'_>, rate_controller: &mut RateController) -> LawOutput {
-        let (measured, acting) = (&moment.measured, &moment.acting);
-        if moment.teaches && rate_controller.is_airborne(acting) {
-            let axis = measured.world_from_body.column(2);
-            let modelled = Vector3::z() * GRAVITY - axis * (acting.thrust / self.model.mass);
-            self.residual = acting.acceleration_world - modelled;
-        }
-        let yaw_rate = rate_controller.yaw_rate(moment);
-        let start = Predicted {
-            position: measured.position_world,
-            velocity: measured.velocity_world(),
-            world_from_body: measured.world_from_body,
-            omega: measured.angular_velocity_body.xy(),
-            thrust: acting.thrust,
-        };
-        self.shift(moment.elapsed);
-        let push = Push {
-            residual: self.residual,
-            yaw_rate,
-        };
-        let planned = self.planned(&start, moment.reference, &push);
-        if planned.iter().flatten().all(|number| number.is_finite()) {
-            self.plan = planned;
-        }
-        let [x, y, thrust] = self.plan[0].into();
-        LawOutput {
-            command: Commanded {
-                thrust,
-                rates_body: [x, y, yaw_rate],
-                ..Commanded::NOTHING
-            },
-            limited_thrust: thrust,
-            telemetry: self.telemetry(measured, moment.reference),
-            is_telling: rate_controller.is_airborne(acting),
+            rate_controller: RateController::new(scenario),
         }
     }
 
     /// Moves the plan on by `elapsed` seconds; its last input stays.
-    pub fn shift(&mut self, elapsed: f64) {
+    fn shift(&mut self, elapsed: f64) {
         let steps = elapsed / self.step;
         // The input that begins within the last of these steps, and the share of that step.
         let whole = (libm::ceil(steps) - 1.0).clamp(0.0, STEPS as f64);
@@ -356,27 +323,81 @@ impl Nmpc {
             z3: Vector3::zeros(),
             zeta: Vector3::z() * (self.plan[0].z / self.model.mass),
             omega_desired: Vector3::new(self.plan[0].x, self.plan[0].y, 0.0),
-            rates: EstimateRates::ZERO,
+        }
+    }
+}
+
+impl FlightLaw for Nmpc {
+    fn command(&mut self, moment: &Moment<'_>) -> LawOutput {
+        let (measured, acting) = (&moment.measured, &moment.acting);
+        let is_airborne = self.rate_controller.is_airborne(acting);
+        if moment.may_adapt && is_airborne {
+            let axis = measured.world_from_body.column(2);
+            let modelled = Vector3::z() * GRAVITY - axis * (acting.thrust / self.model.mass);
+            self.residual = acting.acceleration_world - modelled;
+        }
+        let yaw_rate = self.rate_controller.yaw_rate(moment);
+        let start = Predicted {
+            position: measured.position_world,
+            velocity: measured.velocity_world(),
+            world_from_body: measured.world_from_body,
+            omega: measured.angular_velocity_body.xy(),
+            thrust: acting.thrust,
+        };
+        self.shift(moment.elapsed);
+        let push = Push {
+            residual: self.residual,
+            yaw_rate,
+        };
+        let planned = self.planned(&start, moment.reference, &push);
+        if planned.iter().flatten().all(|number| number.is_finite()) {
+            self.plan = planned;
+        }
+        let [x, y, thrust] = self.plan[0].into();
+        LawOutput {
+            command: Commanded {
+                thrust,
+                rates_body: [x, y, yaw_rate],
+                ..Commanded::NOTHING
+            },
+            limited_thrust: thrust,
+            telemetry: self.telemetry(measured, moment.reference),
+            is_feasible: is_airborne,
         }
     }
 
-    /// Begins with a hover again.
-    pub fn rest(&mut self) {
+    fn skip(&mut self, elapsed: f64) {
+        self.shift(elapsed);
+    }
+
+    /// Plans a hover.
+    fn pause(&mut self) {
         self.plan = [Vector3::new(0.0, 0.0, self.model.mass * GRAVITY); STEPS];
+        self.rate_controller.reset();
     }
 
-    /// Writes the state.
-    pub fn save(&self, memory: &mut Memory) {
-        for (index, input) in self.plan.iter().enumerate() {
-            save_vector(memory, 3 * index, input);
-        }
-        save_vector(memory, 3 * STEPS, &self.residual);
+    fn estimate(&self) -> Option<VehicleEstimate> {
+        Some(VehicleEstimate {
+            eta: 1.0 / self.model.mass,
+            disturbance_world: self.residual,
+        })
     }
 
-    /// Restores a saved state.
-    pub fn restore(&mut self, memory: &Memory) {
-        self.plan = std::array::from_fn(|index| vector_at(memory, 3 * index));
-        self.residual = vector_at(memory, 3 * STEPS);
+    fn save(&self) -> LawState {
+        let record = NmpcState {
+            plan: self.plan.map(|input| PlannedInput {
+                components: input.into(),
+            }),
+            residual_world: self.residual.into(),
+        };
+        LawState::new(&record, Some(&self.rate_controller))
+    }
+
+    fn restore(&mut self, state: &LawState) {
+        let NmpcState { plan, residual_world } = state.read();
+        self.plan = plan.map(|input| input.components.into());
+        self.residual = residual_world.into();
+        self.rate_controller.state = state.rate_controller;
     }
 }
 

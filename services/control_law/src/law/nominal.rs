@@ -12,13 +12,14 @@
 //! ```
 //!
 //! A force of no size has no direction, and one that points down that of a vehicle on its back. On the ground, where thrust
-//! winds down against an error that stays, the vehicle would be told to turn over.
+//! winds down against an error that stays, the law would command the vehicle to turn over.
 //!
 //! To first order in θ this is the law of Lee, Leok and McClamroch (CDC 2010) at the level of rates: ω = RᵀRd ωd − kR eR.
 
 use nalgebra::Vector3;
-use scenario::GRAVITY;
+use scenario::{Baseline as Gains, GRAVITY};
 
+use super::Telemetry;
 use crate::signals::{Measured, Reference};
 
 /// Least vertical component of the force whose direction the vehicle takes, as a share of the weight.
@@ -62,6 +63,17 @@ pub struct Command {
 }
 
 impl Nominal {
+    /// Makes the loop with the gains of a scenario.
+    #[must_use]
+    pub fn new(gains: &Gains) -> Self {
+        Self {
+            position_gain: Vector3::repeat(gains.position_gain),
+            velocity_gain: Vector3::repeat(gains.velocity_gain),
+            attitude_gain: gains.attitude_gain,
+            error_limit: gains.error_limit.unwrap_or(f64::INFINITY),
+        }
+    }
+
     /// Returns the errors of a state against a reference.
     #[must_use]
     pub fn tracking(&self, vehicle: &Measured, reference: &Reference) -> Tracking {
@@ -111,6 +123,23 @@ impl Nominal {
             force: vehicle.world_from_body.tr_mul(&force),
             thrust,
             omega: self.angular_velocity(vehicle, &axis, &force, &force_rate),
+        }
+    }
+
+    /// Returns the recorded values of a command.
+    #[must_use]
+    pub fn telemetry(&self, command: &Command) -> Telemetry {
+        let Command { tracking, omega, .. } = command;
+        let slowness = self.velocity_gain.map(|gain| 2.0 / gain);
+        Telemetry {
+            z2: tracking.velocity_error
+                + self
+                    .position_gain
+                    .component_mul(&slowness)
+                    .component_mul(&tracking.position_error),
+            z3: Vector3::zeros(),
+            zeta: command.force,
+            omega_desired: *omega,
         }
     }
 

@@ -4,14 +4,12 @@
 //! (MPC_XY_P 0.95, MPC_XY_VEL_P/I/D_ACC 1.8/0.4/0.2, MPC_Z_P 1, MPC_Z_VEL_P/I 4/2) become its gains; `cascade_scale`
 //! multiplies the rates of these two loops. The attitude loop is the nominal one: kR is `attitude_gain` and not
 //! MC_ROLL_P 6.5, and the jerk that it feeds forward is not PX4's. The hover thrust is a mass here: m̂ moves towards the
-//! mass that explains the measured vertical acceleration, with a time constant of 1.5 s. Memory: I, the damping term
-//! Kd v̇, m̂.
+//! mass that explains the measured vertical acceleration, with a time constant of 1.5 s.
 
 use nalgebra::Vector3;
-use scenario::Baseline as Stated;
+use scenario::{Baseline as Gains, Controller};
 
-use super::Memory;
-use super::baseline::{Baseline, Motion, save_vector, vector_at};
+use super::baseline::{DisturbanceEstimator, Motion};
 use super::nominal::Nominal;
 
 /// P of the position, 1/s.
@@ -24,97 +22,86 @@ const INTEGRAL: Vector3<f64> = Vector3::new(0.4, 0.4, 2.0);
 const DERIVATIVE: Vector3<f64> = Vector3::new(0.2, 0.2, 0.0);
 /// Time constant of the hover thrust, s.
 const HOVER_TIME: f64 = 1.5;
-/// Vertical thrust below which the hover thrust cannot be told, m/s².
+/// Vertical thrust below which the hover thrust is not observable, m/s².
 const LEAST_LIFT: f64 = 2.0;
 
-/// Integral of the velocity error, damping and mass.
+/// Integral of the velocity error, damping and hover thrust.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Px4 {
     scale: f64,
     largest: f64,
     prior_mass: f64,
-    /// I in {I}, m/s².
-    integral: Vector3<f64>,
-    /// Kd v̇ in {I}, m/s².
-    damping: Vector3<f64>,
-    /// m̂, kg.
-    mass: f64,
 }
 
-impl Px4 {
-    /// Makes the cascade's part that learns, with the prior mass (kg).
-    #[must_use]
-    pub fn new(stated: &Stated, prior_mass: f64) -> Self {
+shared_types::sample! {
+    /// State of the cascade.
+    pub struct Px4State {
+        /// I in {I}, m/s².
+        pub integral_world: [f64; 3],
+        /// Kd v̇ in {I}, m/s².
+        pub damping_world: [f64; 3],
+        /// m̂, kg.
+        pub mass: f64,
+    }
+}
+
+impl DisturbanceEstimator for Px4 {
+    type State = Px4State;
+
+    fn new(gains: &Gains, controller: &Controller) -> Self {
         Self {
-            scale: stated.cascade_scale,
-            largest: stated.disturbance_max,
-            prior_mass,
-            integral: Vector3::zeros(),
-            damping: Vector3::zeros(),
-            mass: prior_mass,
+            scale: gains.cascade_scale,
+            largest: gains.disturbance_max,
+            prior_mass: controller.initial.mass,
         }
     }
 
     /// Returns the loops of position and velocity, scaled, with the nominal one of the attitude.
-    #[must_use]
-    pub fn nominal(stated: &Stated) -> Nominal {
-        let scale = stated.cascade_scale;
+    fn nominal(gains: &Gains) -> Nominal {
+        let scale = gains.cascade_scale;
         Nominal {
             position_gain: POSITION.component_mul(&VELOCITY) * (scale * scale),
             velocity_gain: VELOCITY * scale,
-            attitude_gain: stated.attitude_gain,
-            error_limit: stated.error_limit.unwrap_or(f64::INFINITY),
+            ..Nominal::new(gains)
         }
     }
-}
 
-impl Baseline for Px4 {
-    fn learn(&mut self, seen: &Motion, elapsed: f64) {
-        let tracking = &seen.tracking;
+    fn initial(&self) -> Px4State {
+        Px4State {
+            integral_world: [0.0; 3],
+            damping_world: [0.0; 3],
+            mass: self.prior_mass,
+        }
+    }
+
+    fn adapt(&self, state: &mut Px4State, motion: &Motion, elapsed: f64) {
+        let tracking = &motion.tracking;
         if !tracking.is_limited {
             // The error of the velocity against v_sp.
             let error =
                 tracking.velocity_error + (POSITION * self.scale).component_mul(&tracking.position_error);
-            let grown = self.integral + INTEGRAL.component_mul(&error) * (self.scale * self.scale * elapsed);
-            self.integral = grown.map(|component| component.clamp(-self.largest, self.largest));
+            let grown = Vector3::from(state.integral_world)
+                + INTEGRAL.component_mul(&error) * (self.scale * self.scale * elapsed);
+            state.integral_world = grown
+                .map(|component| component.clamp(-self.largest, self.largest))
+                .into();
         }
-        let acceleration = seen.modelled_acceleration + seen.residual;
-        self.damping = DERIVATIVE.component_mul(&acceleration);
-        // T n_z/m0 is the lift that the prior mass explains; what is seen of it is less d_z.
-        let lift = seen.thrust * seen.thrust_axis_world.z / self.prior_mass;
-        let seen_lift = lift - seen.residual.z;
-        if seen_lift > LEAST_LIFT {
-            let explained = self.prior_mass * lift / seen_lift;
-            self.mass += (explained - self.mass) * (1.0 - libm::exp(-elapsed / HOVER_TIME));
+        let acceleration = motion.modelled_acceleration + motion.residual;
+        state.damping_world = DERIVATIVE.component_mul(&acceleration).into();
+        // T n_z/m0 is the lift that the prior mass explains; the measured one is less by d_z.
+        let lift = motion.thrust * motion.thrust_axis_world.z / self.prior_mass;
+        let measured_lift = lift - motion.residual.z;
+        if measured_lift > LEAST_LIFT {
+            let explained = self.prior_mass * lift / measured_lift;
+            state.mass += (explained - state.mass) * (1.0 - libm::exp(-elapsed / HOVER_TIME));
         }
     }
 
-    fn compensation(&self) -> Vector3<f64> {
-        self.integral + self.damping
+    fn compensation(&self, state: &Px4State) -> Vector3<f64> {
+        Vector3::from(state.integral_world) + Vector3::from(state.damping_world)
     }
 
-    fn mass(&self) -> Option<f64> {
-        Some(self.mass)
-    }
-
-    fn is_finite(&self) -> bool {
-        let vectors = [self.integral, self.damping];
-        vectors
-            .iter()
-            .flatten()
-            .chain([&self.mass])
-            .all(|number| number.is_finite())
-    }
-
-    fn save(&self, memory: &mut Memory) {
-        save_vector(memory, 0, &self.integral);
-        save_vector(memory, 3, &self.damping);
-        memory[6] = self.mass;
-    }
-
-    fn restore(&mut self, memory: &Memory) {
-        self.integral = vector_at(memory, 0);
-        self.damping = vector_at(memory, 3);
-        self.mass = memory[6];
+    fn mass(&self, state: &Px4State) -> Option<f64> {
+        Some(state.mass)
     }
 }

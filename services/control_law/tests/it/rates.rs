@@ -1,9 +1,10 @@
 //! Law for a vehicle with body-rate commands, against a vehicle with lags that is measured without error.
 
 use control_law::adaptive::offset::hanging_offset;
+use control_law::adaptive::rate_law::AdaptiveLaw;
 use control_law::law::Moment;
 use control_law::rate_controller::RateController;
-use control_law::{Acting, Estimates, Measured, Parameters, Reference};
+use control_law::{Acting, Estimates, Measured, Reference};
 use nalgebra::Vector3;
 use scenario::{Curve, GRAVITY, Hover, Path, RateCommand, Scenario, Vehicle};
 use shared_types::path_stop::Coasted;
@@ -61,7 +62,7 @@ impl Rig {
             reference,
             yaw,
             elapsed: HOLD,
-            teaches: true,
+            may_adapt: true,
         }
     }
 
@@ -106,22 +107,20 @@ pub(crate) fn resting_reference() -> Reference {
 
 /// Flies to a point. Returns the largest distance from it in the last seconds, and the estimates.
 fn flown(scenario: &Scenario, rig: &mut Rig, seconds: f64, last: f64, yaw: f64) -> (f64, Estimates) {
-    let mut rate_controller = RateController::new(scenario, scenario.controller.rates.as_ref().unwrap());
-    let parameters = Parameters::from(scenario);
-    let mut estimates = Estimates::from(&scenario.controller.initial);
+    let mut rate_controller = RateController::new(scenario);
+    let mut law = AdaptiveLaw::new(scenario);
     let (mut time, mut farthest) = (0.0, 0.0_f64);
     while time < seconds {
-        let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-        let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), yaw));
-        assert!(command.is_telling);
-        rig.fly(command.thrust.max(0.0), &command.rates_body);
-        estimates = estimates.advanced(&command.law.rates, HOLD);
+        let (output, evaluation) = rate_controller.command(&law, &rig.moment(&resting_reference(), yaw));
+        assert!(output.is_feasible);
+        rig.fly(output.command.thrust.max(0.0), &output.command.rates_body.into());
+        law.estimates = law.estimates.advanced(&evaluation.rates, HOLD);
         time += HOLD;
         if time > seconds - last {
             farthest = farthest.max(rig.motion.position_world.norm());
         }
     }
-    (farthest, estimates)
+    (farthest, law.estimates)
 }
 
 #[test]
@@ -129,7 +128,10 @@ fn the_paper_s_delta_flies_at_the_radio_s_rate_and_hangs_by_the_known_offset() {
     let scenario = scenario(0.1, false, RateCommand::default());
     let mut rig = Rig::new([0.3, -0.2, 0.1], [0.0, 0.0, 0.3]);
     let (_, estimates) = flown(&scenario, &mut rig, 60.0, 5.0, 0.0);
-    let offset = hanging_offset(&Parameters::from(&scenario), &rig.motion.world_from_body);
+    let offset = hanging_offset(
+        &AdaptiveLaw::new(&scenario).parameters,
+        &rig.motion.world_from_body,
+    );
     assert!(
         (rig.motion.position_world - offset).norm() < 5e-4,
         "{}",
@@ -157,16 +159,15 @@ fn the_roll_out_commands_smaller_body_rates() {
     };
     let [rolled_out, latched] = [RateCommand::default(), latched].map(|rates| {
         let scenario = scenario(0.1, true, rates);
-        let mut rate_controller = RateController::new(&scenario, scenario.controller.rates.as_ref().unwrap());
-        let parameters = Parameters::from(&scenario);
-        let estimates = Estimates::from(&scenario.controller.initial);
+        let mut rate_controller = RateController::new(&scenario);
+        let law = AdaptiveLaw::new(&scenario);
         let mut rig = Rig::new([0.3, 0.0, 0.0], [0.0; 3]);
         let mut squares = 0.0;
         for _ in 0..50 {
-            let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-            let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), 0.0));
-            rig.fly(command.thrust.max(0.0), &command.rates_body);
-            squares += command.rates_body.norm_squared();
+            let (output, _) = rate_controller.command(&law, &rig.moment(&resting_reference(), 0.0));
+            let rates_body = Vector3::from(output.command.rates_body);
+            rig.fly(output.command.thrust.max(0.0), &rates_body);
+            squares += rates_body.norm_squared();
         }
         squares.sqrt()
     });
@@ -174,7 +175,7 @@ fn the_roll_out_commands_smaller_body_rates() {
 }
 
 #[test]
-fn a_measured_push_moves_the_vehicle_less_before_it_is_learned() {
+fn a_measured_push_moves_the_vehicle_less_before_it_is_in_the_estimates() {
     let farthest = |unexplained: bool| {
         let rates = RateCommand {
             unexplained,
@@ -204,40 +205,35 @@ fn the_vehicle_turns_to_the_desired_yaw_without_leaving_its_place() {
 #[test]
 fn the_first_step_of_the_roll_out_is_the_law_itself() {
     let scenario = scenario(0.25, false, RateCommand::default());
-    let mut rate_controller = RateController::new(&scenario, &RateCommand::default());
+    let mut rate_controller = RateController::new(&scenario);
     let rig = Rig::new([0.1, 0.2, 0.3], [0.1, -0.2, 0.0]);
-    let parameters = Parameters::from(&scenario);
-    let estimates = Estimates::from(&scenario.controller.initial);
-    let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-    let command = rate_controller.fly(&law, &rig.moment(&resting_reference(), 0.0));
+    let law = AdaptiveLaw::new(&scenario);
+    let (_, first) = rate_controller.command(&law, &rig.moment(&resting_reference(), 0.0));
     assert_eq!(
-        command.law,
-        control_law::evaluate(&parameters, &rig.motion, &resting_reference(), &estimates)
+        first,
+        control_law::evaluate(&law.parameters, &rig.motion, &resting_reference(), &law.estimates)
     );
 }
 
 #[test]
-fn there_is_nothing_to_learn_on_the_ground_or_beyond_the_link_s_thrust() {
+fn a_command_is_not_feasible_on_the_ground_or_beyond_the_link_s_thrust() {
     let mut scenario = scenario(0.25, false, RateCommand::default());
     scenario.rc_output = Some(Default::default());
-    let parameters = Parameters::from(&scenario);
     scenario.controller.initial.mass = 0.5;
-    let estimates = Estimates::from(&scenario.controller.initial);
-    let telling = |depth: f64, thrust: f64| {
-        let mut rate_controller = RateController::new(&scenario, &RateCommand::default());
+    let law = AdaptiveLaw::new(&scenario);
+    let is_feasible = |depth: f64, thrust: f64| {
+        let mut rate_controller = RateController::new(&scenario);
         let rig = Rig {
             thrust,
             ..Rig::new([0.0, 0.0, depth], [0.0; 3])
         };
-        let law = rate_controller.adaptive_law(&parameters, &estimates, None);
-        rate_controller
-            .fly(&law, &rig.moment(&resting_reference(), 0.0))
-            .is_telling
+        let (output, _) = rate_controller.command(&law, &rig.moment(&resting_reference(), 0.0));
+        output.is_feasible
     };
-    assert!(telling(0.0, 1.96));
-    assert!(!telling(0.0, 0.1), "not airborne");
+    assert!(is_feasible(0.0, 1.96));
+    assert!(!is_feasible(0.0, 0.1), "not airborne");
     assert!(
-        !telling(20.0, 1.96),
+        !is_feasible(20.0, 1.96),
         "the law commands more than the link carries"
     );
 }

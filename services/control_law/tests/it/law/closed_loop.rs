@@ -1,8 +1,9 @@
 //! Closed loop in continuous time: vehicle (1) to (4), path, timing law, law and estimators.
 
 use control_law::adaptive::evaluation::evaluate_composite;
-use control_law::adaptive::harmonics::{FUNCTIONS, Harmonics, Lesson, MOST};
+use control_law::adaptive::harmonics::{AdaptationSignal, FUNCTIONS, Harmonics, MAX_COUNT};
 use control_law::adaptive::lyapunov::TrueParameters;
+use control_law::adaptive::parameters::Projections;
 use control_law::adaptive::projection::Projection;
 use control_law::adaptive::saturation::Saturation;
 use control_law::signals::EstimateRates;
@@ -48,7 +49,7 @@ pub(crate) struct Rates {
     pub(crate) gamma: f64,
     pub(crate) gamma_dot: f64,
     pub(crate) estimates: EstimateRates,
-    pub(crate) lesson: Lesson,
+    pub(crate) signal: AdaptationSignal,
 }
 
 /// φ and φ′ of the harmonics of the paper's eight, from their definition.
@@ -146,7 +147,7 @@ impl ClosedLoop {
 
     /// ε under a thrust: the true acceleration less that of the estimates, in {I}.
     pub(crate) fn prediction_error(&self, state: &State, thrust: f64) -> Vector3<f64> {
-        let estimated = state.estimates.projected(&self.parameters);
+        let estimated = self.parameters.projections.of(&state.estimates.vehicle());
         let axis = state.measured.world_from_body.column(2);
         self.disturbance(state)
             - estimated.disturbance_world
@@ -175,7 +176,7 @@ impl ClosedLoop {
             gamma: state.gamma_dot,
             gamma_dot: self.reference(state).gamma_ddot,
             estimates: evaluation.rates,
-            lesson: Lesson::of(evaluation, state.gamma),
+            signal: AdaptationSignal::new(evaluation, state.gamma),
         }
     }
 
@@ -201,10 +202,7 @@ impl ClosedLoop {
     /// ζ with its rate: Rᵀ(g e3 − p̈d + k1 dσ(z1)/dt + k2 σ(z2) + π(b̂)).
     fn zeta(&self, state: &State, rates: &Rates) -> Dual<Vector3<f64>> {
         let Parameters {
-            k1,
-            k2,
-            disturbance_projection,
-            ..
+            k1, k2, projections, ..
         } = self.parameters;
         let (z1, z1_dot) = self.position_error(state, rates);
         let sigma_z1_dot = self.sigma_slope(z1).component_mul(z1_dot);
@@ -213,8 +211,8 @@ impl ClosedLoop {
             rate: rates.estimates.disturbance_world,
         };
         let projected = b_hat.map(|b| Dual {
-            value: disturbance_projection.value(b.value),
-            rate: disturbance_projection.slope(b.value) * b.rate,
+            value: projections.disturbance.value(b.value),
+            rate: projections.disturbance.slope(b.value) * b.rate,
         });
         let u = Dual::constant(Vector3::z() * GRAVITY) - self.path_acceleration(state, rates)
             + sigma_z1_dot * k1
@@ -226,7 +224,11 @@ impl ClosedLoop {
 
     /// Rate of ½ Σ ‖âk − ak‖²/λa + ½ Σ ‖ŵk − wk‖²/Λw, with wk = (J1 ak, J2 ak, J3 ak).
     pub(crate) fn of_harmonics(&self, state: &State, rates: &Rates) -> f64 {
-        let Lesson { learned, w_rate, .. } = rates.lesson;
+        let AdaptationSignal {
+            composite_error_world,
+            w_rate,
+            ..
+        } = rates.signal;
         let estimates = state.harmonics.amplitudes_world.iter().zip(&state.harmonics.w);
         let parts = functions(state.gamma)
             .into_iter()
@@ -238,14 +240,15 @@ impl ClosedLoop {
                     let true_w = self.actual.inertia[at / 3] * true_amplitude[at % 3];
                     (w[at] - true_w) * w_rate[at] * value / self.parameters.lambda_inertia
                 });
-                (amplitude - true_amplitude).dot(&learned) * value + of_w.sum::<f64>()
+                (amplitude - true_amplitude).dot(&Vector3::from(composite_error_world)) * value
+                    + of_w.sum::<f64>()
             })
             .sum()
     }
 
     /// Σ φk âk with its rate.
     fn repeating(&self, state: &State, rates: &Rates) -> Dual<Vector3<f64>> {
-        let learned = rates.lesson.learned * self.lambda_harmonics;
+        let amplitude_rate = Vector3::from(rates.signal.composite_error_world) * self.lambda_harmonics;
         let estimates = functions(state.gamma)
             .into_iter()
             .zip(&state.harmonics.amplitudes_world);
@@ -253,7 +256,7 @@ impl ClosedLoop {
             value: sum(state.gamma, &state.harmonics.amplitudes_world),
             rate: estimates
                 .map(|([value, slope], amplitude)| {
-                    learned * (value * value) + amplitude * (slope * rates.gamma)
+                    amplitude_rate * (value * value) + amplitude * (slope * rates.gamma)
                 })
                 .sum(),
         }
@@ -325,17 +328,17 @@ fn path(state: &State, rates: &Rates) -> [Dual<Vector3<f64>>; 3] {
 }
 
 impl State {
-    /// The same state with harmonics that learn with the gain λa.
-    pub(crate) fn learning(self, gain: f64) -> Self {
+    /// The same state with harmonics that adapt with the gain λa.
+    pub(crate) fn with_gain(self, gain: f64) -> Self {
         let Harmonics {
             amplitudes_world, w, ..
         } = self.harmonics;
-        let learning = Harmonics::new(MOST, TiltedEight::default().frequency, gain);
+        let harmonics = Harmonics::new(MAX_COUNT, TiltedEight::default().frequency, gain);
         Self {
             harmonics: Harmonics {
                 amplitudes_world,
                 w,
-                ..learning
+                ..harmonics
             },
             ..self
         }
@@ -345,7 +348,7 @@ impl State {
     pub(crate) fn moved(&self, rates: &Rates, time: f64) -> Self {
         let measured = &self.measured;
         let mut harmonics = self.harmonics;
-        harmonics.learn(&rates.lesson, time);
+        harmonics.integrate(&rates.signal, time);
         Self {
             harmonics,
             measured: Measured {
@@ -434,8 +437,10 @@ prop_compose! {
             lambda_inertia,
             prediction_gain,
             observes_disturbance: false,
-            eta_projection: Projection { minimum: 1.0 / 0.6, maximum: 10.0, epsilon: 0.01 },
-            disturbance_projection: Projection { minimum: -3.0, maximum: 3.0, epsilon: 0.1 },
+            projections: Projections {
+                eta: Projection { minimum: 1.0 / 0.6, maximum: 10.0, epsilon: 0.01 },
+                disturbance: Projection { minimum: -3.0, maximum: 3.0, epsilon: 0.1 },
+            },
             removes_offset: false,
         }
     }
@@ -497,7 +502,7 @@ prop_compose! {
             harmonics: Harmonics {
                 amplitudes_world: std::array::from_fn(|index| harmonics[index].0),
                 w: std::array::from_fn(|index| harmonics[index].1.into()),
-                ..Harmonics::new(MOST, TiltedEight::default().frequency, 0.0)
+                ..Harmonics::new(MAX_COUNT, TiltedEight::default().frequency, 0.0)
             },
         }
     }

@@ -14,7 +14,7 @@ proptest! {
 
     #[test]
     fn every_term_of_the_rate_but_the_dissipation_cancels(closed_loop in closed_loop(), state in state()) {
-        let state = state.learning(closed_loop.lambda_harmonics);
+        let state = state.with_gain(closed_loop.lambda_harmonics);
         let ClosedLoop { parameters, actual, .. } = &closed_loop;
         let evaluation = closed_loop.evaluate(&state);
         let rates = closed_loop.rates(&state, &evaluation);
@@ -24,9 +24,9 @@ proptest! {
         let Estimates { eta, disturbance_world, w: w_hat } = state.estimates;
 
         // The rate of V(s, s̃) is (π(ŝ) − s) times that of ŝ.
-        let eta_error = parameters.eta_projection.value(eta) - actual.eta;
+        let eta_error = parameters.projections.eta.value(eta) - actual.eta;
         let disturbance_error =
-            disturbance_world.map(|b| parameters.disturbance_projection.value(b)) - actual.disturbance_world;
+            disturbance_world.map(|b| parameters.projections.disturbance.value(b)) - actual.disturbance_world;
         let terms = [
             z2.value.dot(&z2.rate),
             parameters.beta * evaluation.z3.dot(&actual.inertia.component_mul(&z3_rate)),

@@ -32,7 +32,7 @@ proptest! {
     fn the_regressor_times_the_truth_is_the_torque_that_follows_omega_desired(
         closed_loop in closed_loop(), state in state(),
     ) {
-        let defect = defect(&closed_loop, &state.learning(closed_loop.lambda_harmonics));
+        let defect = defect(&closed_loop, &state.with_gain(closed_loop.lambda_harmonics));
         prop_assert!(defect < 1e-8, "{}", defect);
     }
 
