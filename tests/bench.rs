@@ -1,9 +1,10 @@
-//! `gerono bench latency` measures what it says, as often as it was asked to, and leaves nothing behind.
+//! `gerono bench latency` and `gerono-bench` measure what they say, as often as they were asked to, and leave nothing behind.
 //!
 //! How long anything takes is not looked at: the machine is shared.
 
 mod common;
 
+use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{Place, succeed};
@@ -11,6 +12,12 @@ use serde_json::Value;
 
 /// The lock of a test that measures, which must be alone.
 static ALONE: Mutex<()> = Mutex::new(());
+
+impl Place {
+    fn gerono_bench(&self, arguments: &[&str]) -> Command {
+        self.program(env!("CARGO_BIN_EXE_gerono-bench"), arguments)
+    }
+}
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -87,7 +94,7 @@ fn the_recorder_stands_beside_the_library_and_nothing_is_left_behind() {
     let json = ["--json", "recorder.json"];
     let output = succeed(
         place
-            .gerono(&["bench", "recorder", "--repetitions", "2", "--minutes", "0.5"])
+            .gerono_bench(&["recorder", "--repetitions", "2", "--minutes", "0.5"])
             .args(json),
     );
     assert_eq!(place.leftovers(), Vec::<String>::new());
@@ -131,7 +138,7 @@ fn a_measurement_of_nothing_is_refused() {
 fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
     let _alone = alone();
     let place = Place::new();
-    let output = succeed(&mut place.gerono(&["bench", "deaths", "--deaths", "5", "--json", "deaths.json"]));
+    let output = succeed(&mut place.gerono_bench(&["deaths", "--deaths", "5", "--json", "deaths.json"]));
     assert_eq!(place.leftovers(), Vec::<String>::new());
     let text = std::fs::read_to_string(place.path("deaths.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();
@@ -150,15 +157,8 @@ fn what_deaths_cost_is_counted_and_nothing_is_left_behind() {
 fn frames_that_answer_packets_stand_beside_the_bare_hops_and_nothing_is_left_behind() {
     let _alone = alone();
     let place = Place::new();
-    let asked = [
-        "bench",
-        "laboratory",
-        "--seconds",
-        "2",
-        "--json",
-        "laboratory.json",
-    ];
-    let output = succeed(&mut place.gerono(&asked));
+    let asked = ["laboratory", "--seconds", "2", "--json", "laboratory.json"];
+    let output = succeed(&mut place.gerono_bench(&asked));
     assert_eq!(place.leftovers(), Vec::<String>::new());
     let text = std::fs::read_to_string(place.path("laboratory.json")).unwrap();
     let measured: Value = serde_json::from_str(&text).unwrap();

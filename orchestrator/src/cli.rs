@@ -1,9 +1,12 @@
 //! The command line of `gerono`.
 
+mod bench;
 mod campaigns;
 mod doctor;
 mod flight;
 mod grid;
+pub mod groups;
+mod host;
 mod identify;
 mod live;
 mod logs;
@@ -11,7 +14,9 @@ mod mocap;
 mod operator;
 mod rc;
 mod sweep;
+mod top;
 mod values;
+mod view;
 mod world;
 
 use std::path::PathBuf;
@@ -19,10 +24,12 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 
+pub use self::bench::*;
 pub use self::campaigns::*;
 pub use self::doctor::*;
 pub use self::flight::*;
 pub use self::grid::*;
+pub use self::host::*;
 pub use self::identify::*;
 pub use self::live::*;
 pub use self::logs::*;
@@ -30,12 +37,11 @@ pub use self::mocap::*;
 pub use self::operator::*;
 pub use self::rc::*;
 pub use self::sweep::*;
+pub use self::top::*;
 use self::values::service_process;
+pub use self::view::*;
 pub use self::world::*;
-pub use bench::arguments::*;
 use command_line::exit::Exit;
-use top::arguments::Top;
-use view::arguments::View;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -54,14 +60,25 @@ pub enum Command {
     /// Starts one process for each service, flies the scenario in simulated time and writes run.mcap (the experiment:
     /// the same bytes for the same scenario and seed), host.mcap (the machine) and summary.json.
     Run(Run),
-    /// Check a scenario without flying it: schedule, wiring, and whether the gains suit the vehicle.
-    Check(Check),
-    /// Draw the distance from the path over time of one or several logs as an SVG figure.
+    /// Check a scenario without flying it: schedule, wiring, gains.
     ///
-    /// Draws the true distance; in a laboratory, where the truth is not known, the estimated one. The theorem's bound
-    /// is drawn where it applies, and planned faults are shaded.
-    Plot(Plot),
-    /// Write a page about one or several flights that opens in any browser.
+    /// Says whether the gains suit the vehicle, by the rules of docs/tuning.md.
+    Check(Check),
+    /// Show the content of a log: scenario, topics, faults, outcome.
+    ///
+    /// Topics are shown with their rates and gaps.
+    /// Reads the whole log, so that damage is found. Adds what summary.json and host.mcap beside it know (verdicts,
+    /// deaths).
+    Info(Info),
+    /// Show a flight in a browser, while it is flown or afterwards.
+    ///
+    /// Serves one page at a port of this machine: the vehicle in space, all signals over time, the state of the services, and
+    /// what has happened. Of a flight under way, in real or in simulated time, it shows the newest samples some thirty times a
+    /// second, to at most eight browsers; of a finished one the page of `gerono report`. Read-only: nothing that a browser
+    /// sends can reach the flight.
+    #[command(after_help = View::EXAMPLES)]
+    View(View),
+    /// Write a page about flights that opens in any browser.
     ///
     /// DIR/report.html holds everything and needs no network: a 3D view that turns with the mouse and shows the vehicle at
     /// the time under the pointer; errors, commands, estimates, attitude and timing law on axes that zoom together; the
@@ -72,7 +89,21 @@ pub enum Command {
     /// A flight of one of the paper's figures is also drawn as that figure, as SVG beside the page.
     #[command(after_help = ReportArguments::EXAMPLES)]
     Report(ReportArguments),
-    /// Write samples of a log as JSON lines or as a table (CSV), or a copy of the log for viewers.
+    /// Draw the distance from the path over time as an SVG figure.
+    ///
+    /// Several logs are drawn into one figure.
+    /// Draws the true distance; in a laboratory, where the truth is not known, the estimated one. The theorem's bound
+    /// is drawn where it applies, and planned faults are shaded.
+    Plot(Plot),
+    /// Print the true distance from the path, part by part.
+    ///
+    /// Also of a flight in the HIL simulator.
+    /// The distance is that of the true position from the point where the path was at that time, at every tick, and not
+    /// the controller's z1, which rests on an estimate. The truth is in the flight's log, or in that of `gerono world`.
+    /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
+    #[command(after_help = TruthArguments::EXAMPLES)]
+    Truth(TruthArguments),
+    /// Write samples of a log as JSON lines or CSV, or for viewers.
     ///
     /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
     ///
@@ -80,40 +111,39 @@ pub enum Command {
     /// the flight in space: frames, the vehicle, its trajectory and the reference (docs/viewing.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
-    /// Show the content of a log: scenario, seed, topics with rates and gaps, faults, and the outcome.
+    /// Print the SHA-256 of a log's messages.
     ///
-    /// Reads the whole log, so that damage is found. Adds what summary.json and host.mcap beside it know (verdicts,
-    /// deaths).
-    Info(Info),
-    /// Make a proper log of an incomplete or damaged one, and report what was kept and lost.
+    /// The digest is over topic, time and payload: equal for equal experiments.
+    Digest(Digest),
+    /// Make a proper log of an incomplete or damaged one.
     ///
+    /// Reports what was kept and lost.
     /// Keeps every chunk whose checksum holds, before and after the damage. The new log says that it was recovered
     /// and what it lacks; the old one stays as it is. With the folder of a run, recovers run.mcap and host.mcap.
     #[command(after_help = Recover::EXAMPLES)]
     Recover(Recover),
-    /// Repeat the steps of a log on their recorded inputs, and compare the results byte for byte.
+    /// Repeat the steps of a log and compare the results byte for byte.
     ///
+    /// The steps are repeated on their recorded inputs.
     /// Every service gets the recorded samples, so a difference names the service that made it. Works on logs of
     /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The
     /// states of the services are compared with the checkpoints in host.mcap; after a gap in the log they continue from there.
     #[command(after_help = Replay::EXAMPLES)]
     Replay(Replay),
-    /// Compare two logs by topic: identical, or how many samples differ, the first of them, and by how much.
+    /// Compare two logs by topic.
+    ///
+    /// A topic is identical, or the number of samples that differ is shown, the first of them, and by how much.
     Diff(Diff),
-    /// Print the SHA-256 of a log's messages (topic, time, payload): equal for equal experiments.
-    Digest(Digest),
-    /// Measure this machine: simulated seconds per wall second of every host, beside iceoryx2 alone.
+    /// Fly the paper's figures over many seeds, judge and draw them.
     ///
-    /// `gerono bench latency` measures flights in real time, `gerono bench recorder` the cost of recording.
-    Bench(Bench),
-    /// Fly the paper's figures over many seeds in three laboratories, judge and draw them.
-    ///
+    /// Each figure is flown in three laboratories.
     /// Writes reproduce.json, figures.md, a drawing of each figure, a page about the first flight of each, and index.html,
     /// which links them. Fails only if a number has regressed: it neither reaches its limit nor is a known gap.
     /// The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
-    /// Let every service and every edge of the wiring fail in every way, and report what the vehicle does.
+    /// Let every service and every edge fail in every way.
     ///
+    /// Reports what the vehicle does.
     /// Flies the scenario once without a fault and once for each fault, at several times: every service but the plant
     /// off (warm and cold) and frozen; every edge with samples late by 0.05 s, half of them lost, stuck, wrong (a
     /// position by 0.1 m, a thrust by a fifth), random within ±10, and of random bits.
@@ -126,90 +156,23 @@ pub enum Command {
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
-    /// Compare control laws: their errors in many conditions, and the largest disturbance that each survives.
+    /// Compare control laws: their errors, and what each survives.
     ///
+    /// Errors are compared in many conditions; the other measure is the largest disturbance that a law survives.
     /// Every law flies the same conditions with the same seeds; what a condition changes is not told to the controller.
     /// Writes grid.json, grid.md and a page with a heat map.
     #[command(after_help = Grid::EXAMPLES)]
     Grid(Grid),
-    /// Fly thousands of varied scenarios, on all cores or on a cluster, and say what came of them.
+    /// Fly thousands of varied scenarios, and evaluate the results.
     ///
+    /// Flies on all cores or on a cluster.
     /// A sweep.toml states what is varied, compared and judged; docs/sweeps.md explains it. Sample i is a function of the
     /// sweep and of i alone: shards need nothing of each other, and every row can be repeated.
     #[command(after_help = Sweep::EXAMPLES)]
     Sweep(Sweep),
-    /// Find what the estimator should believe of markers, delay and noise, from the log of a flight.
+    /// Simulate a laboratory: vehicle, cameras, receiver.
     ///
-    /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more
-    /// than stated make a laboratory unstable, and the vehicle's state does not show them. Fly a figure such as the eight
-    /// for twenty seconds at least; the table compares what the scenario states with what the flight shows, and prints the lines to
-    /// put into the scenario.
-    #[command(after_help = Identify::EXAMPLES)]
-    Identify(Identify),
-    /// Check this machine before a flight: good (green), poor (yellow) or unusable (red), each with its fix.
-    ///
-    /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some
-    /// seconds the speed of the disk and the delay of wake-ups. With a scenario, judges all of it by the scenario's
-    /// `[deployment]`, the size of its log and its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes
-    /// nothing; docs/deployment.md explains every number.
-    #[command(after_help = Doctor::EXAMPLES)]
-    Doctor(Doctor),
-    /// Listen to a motion-capture system, or emulate one.
-    Mocap(Mocap),
-    /// Arm a flight in real time: the motors idle, and then the vehicle takes off.
-    ///
-    /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
-    /// tracked, its state is old, the estimator has not converged, the vehicle does not stand level or the transmitter
-    /// lacks an input, and unless the vehicle is disarmed. A vehicle that is not ready within 0.5 s, or no longer
-    /// before take-off, is disarmed and must be armed again; the run says what was not ready.
-    Arm(Operate),
-    /// Stop the motors immediately, even in the air. `gerono arm` re-enables them.
-    Disarm(Operate),
-    /// Stop the motors immediately until the end of the run, even in the air. Nothing re-enables them.
-    Kill(Operate),
-    /// Land the vehicle and end a flight in real time, as Ctrl-C in the run's terminal does.
-    ///
-    /// Asking again changes nothing: `gerono kill` stops motors in the air.
-    Stop(Operate),
-    /// Change gains of a flight in real time while it flies: `gerono set controller.k1=3`.
-    ///
-    /// The keys are those that docs/scenarios.md calls tunable. All of them change at one tick, or none. The change is
-    /// checked like a scenario, and in the air also by the rules of docs/tuning.md. It is recorded as an event, and `gerono
-    /// replay` repeats it.
-    #[command(after_help = Set::EXAMPLES)]
-    Set(Set),
-    /// Print the present values of keys of a flight in real time, as `gerono set` and `--set` take them.
-    Get(Get),
-    /// Try the kill switch of a scenario's `[operator]`.
-    #[command(subcommand)]
-    Operator(OperatorCommand),
-    /// Take over a flight in real time whose orchestrator has died: record and supervise it to its end.
-    ///
-    /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
-    /// `real_time.orchestrator_loss` says. The new orchestrator records from then on, restarts services that die, and
-    /// answers `gerono arm`, `stop`, `top` and the like. Samples that were not recorded meanwhile are lost.
-    Attach(Attach),
-    /// Show a flight in real time while it flies, from any terminal.
-    ///
-    /// Shows how every service keeps time, the delay from a capture to its frame, the vehicle's error and estimates of
-    /// the last minute, and events. The flight never waits for it. The key `s` sets a gain, as `gerono set` does. With
-    /// --allow-faults the selected service can be killed or frozen, each after a confirmation. The key `?` explains keys and
-    /// columns.
-    #[command(after_help = Top::EXAMPLES)]
-    Top(Top),
-    /// Show a flight in a browser, while it is flown or afterwards.
-    ///
-    /// Serves one page at a port of this machine: the vehicle in space, all signals over time, the state of the services, and
-    /// what has happened. Of a flight under way, in real or in simulated time, it shows the newest samples some thirty times a
-    /// second, to at most eight browsers; of a finished one the page of `gerono report`. Read-only: nothing that a browser
-    /// sends can reach the flight.
-    #[command(after_help = View::EXAMPLES)]
-    View(View),
-    /// Try a radio link on the ground, or identify its channels from a log.
-    #[command(subcommand)]
-    Rc(RcCommand),
-    /// Hardware-in-the-loop simulator: vehicle, cameras and receiver behind real sockets and serial lines.
-    ///
+    /// A hardware-in-the-loop simulator: they are behind real sockets and serial lines.
     /// Simulates the scenario's vehicle by the system's clock, sends what the scenario's cameras see of it as
     /// `motion_capture.source` (VRPN, NatNet, Vicon) to the flight, and flies by the frames of `rc_output.link` that the
     /// flight sends: to a pseudo-terminal with the name that `rc_output.transmitter.device` states, or to a socket. The
@@ -219,24 +182,92 @@ pub enum Command {
     /// host.mcap, which holds its start, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
     #[command(after_help = HilSimulator::EXAMPLES, visible_alias = "hil")]
     World(HilSimulator),
-    /// Print the true distance from the path, part by part, also of a flight in the HIL simulator.
+    /// Listen to a motion-capture system, or emulate one.
+    Mocap(Mocap),
+    /// Try a radio link on the ground, or identify its channels.
+    #[command(subcommand)]
+    Rc(RcCommand),
+    /// Try the kill switch of a scenario's `[operator]`.
+    #[command(subcommand)]
+    Operator(OperatorCommand),
+    /// Find markers, delay and noise for the estimator, from a log.
     ///
-    /// The distance is that of the true position from the point where the path was at that time, at every tick, and not
-    /// the controller's z1, which rests on an estimate. The truth is in the flight's log, or in that of `gerono world`.
-    /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
-    #[command(after_help = TruthArguments::EXAMPLES)]
-    Truth(TruthArguments),
-    /// Remove leftovers of dead runs in memory and in the folder for temporary files.
+    /// Finds what the estimator should believe of them.
+    /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more
+    /// than stated make a laboratory unstable, and the vehicle's state does not show them. Fly a figure such as the eight
+    /// for twenty seconds at least; the table compares what the scenario states with what the flight shows, and prints the lines to
+    /// put into the scenario.
+    #[command(after_help = Identify::EXAMPLES)]
+    Identify(Identify),
+    /// Arm a flight in real time: motors idle, then it takes off.
+    ///
+    /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
+    /// tracked, its state is old, the estimator has not converged, the vehicle does not stand level or the transmitter
+    /// lacks an input, and unless the vehicle is disarmed. A vehicle that is not ready within 0.5 s, or no longer
+    /// before take-off, is disarmed and must be armed again; the run says what was not ready.
+    Arm(Operate),
+    /// Stop the motors immediately, even in the air.
+    ///
+    /// `gerono arm` re-enables them.
+    Disarm(Operate),
+    /// Stop the motors until the end of the run, even in the air.
+    ///
+    /// They stop immediately, and nothing re-enables them.
+    Kill(Operate),
+    /// Land the vehicle and end a flight in real time.
+    ///
+    /// Ctrl-C in the run's terminal does the same.
+    /// Asking again changes nothing: `gerono kill` stops motors in the air.
+    Stop(Operate),
+    /// Change gains of a flight in real time while it flies.
+    ///
+    /// For example `gerono set controller.k1=3`.
+    /// The keys are those that docs/scenarios.md calls tunable. All of them change at one tick, or none. The change is
+    /// checked like a scenario, and in the air also by the rules of docs/tuning.md. It is recorded as an event, and `gerono
+    /// replay` repeats it.
+    #[command(after_help = Set::EXAMPLES)]
+    Set(Set),
+    /// Print the present values of keys of a flight in real time.
+    ///
+    /// Prints them as `gerono set` and `--set` take them.
+    Get(Get),
+    /// Show a flight in real time while it flies, from any terminal.
+    ///
+    /// Shows how every service keeps time, the delay from a capture to its frame, the vehicle's error and estimates of
+    /// the last minute, and events. The flight never waits for it. The key `s` sets a gain, as `gerono set` does. With
+    /// --allow-faults the selected service can be killed or frozen, each after a confirmation. The key `?` explains keys and
+    /// columns.
+    #[command(after_help = Top::EXAMPLES)]
+    Top(Top),
+    /// Take over a flight in real time whose orchestrator has died.
+    ///
+    /// Records and supervises it to its end.
+    /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
+    /// `real_time.orchestrator_loss` says. The new orchestrator records from then on, restarts services that die, and
+    /// answers `gerono arm`, `stop`, `top` and the like. Samples that were not recorded meanwhile are lost.
+    Attach(Attach),
+    /// Check this machine before a flight.
+    ///
+    /// Each check is good (green), poor (yellow) or unusable (red), with its fix.
+    /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some
+    /// seconds the speed of the disk and the delay of wake-ups. With a scenario, judges all of it by the scenario's
+    /// `[deployment]`, the size of its log and its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes
+    /// nothing; docs/deployment.md explains every number.
+    #[command(after_help = Doctor::EXAMPLES)]
+    Doctor(Doctor),
+    /// Measure the speed of this machine.
+    ///
+    /// Measures simulated seconds per wall second of every host, beside iceoryx2 alone.
+    /// `gerono bench latency` measures flights in real time.
+    Bench(Bench),
+    /// Remove leftovers of dead runs in memory and temporary files.
     ///
     /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
     /// touched. Stopped processes (SIGSTOP) of a run of which nothing else lives are killed.
     Clean,
-    /// Print the JSON Schema of scenario files, for editors.
-    Schema,
-    /// Print gerono.h, with which libraries in C and C++ fly in place of services.
-    Header,
-    /// Print the completion script of a shell, for example for `source <(gerono completions bash)` in ~/.bashrc.
+    /// Print the completion script of a shell.
     ///
+    /// For example for `source <(gerono completions bash)` in ~/.bashrc.
     /// It completes commands and options, scenario files, the keys of `--set`, topics and services.
     Completions {
         /// The shell.
@@ -247,6 +278,12 @@ pub enum Command {
     ///
     /// `gerono man | man -l -` shows it without installing it.
     Man(ManArguments),
+    /// Print the JSON Schema of scenario files, for editors.
+    Schema,
+    /// Print gerono.h, the interface of libraries in C and C++.
+    ///
+    /// Libraries that implement it fly in place of services.
+    Header,
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
@@ -259,24 +296,6 @@ pub enum Command {
         /// The host of its steps, for the same.
         #[arg(long)]
         host: Option<String>,
-    },
-    /// End a flight whose orchestrator cannot go on; only that one can become it.
-    #[command(hide = true)]
-    Postmortem(Postmortem),
-    /// Measure processes that exchange samples and nothing else; only `gerono bench` can start it.
-    #[command(hide = true)]
-    Ring(Ring),
-    /// Take part in such a ring; only `gerono ring` can start it.
-    #[command(hide = true)]
-    RingMember(RingMember),
-    /// Take part in a bare chain; only `gerono bench latency` can start it.
-    #[command(hide = true)]
-    ChainMember(ChainMember),
-    /// Keep a core busy; only `gerono bench` can start it.
-    #[command(hide = true)]
-    Load {
-        /// The core.
-        core: usize,
     },
 }
 

@@ -1,6 +1,7 @@
 //! The commands of `gerono`, one module each.
 
 pub mod attach;
+pub mod bench;
 pub mod check;
 pub mod clean;
 mod conclusion;
@@ -21,7 +22,9 @@ pub mod reproduce;
 pub mod run;
 pub mod service;
 pub mod sweep;
+pub mod top;
 pub mod truth;
+pub mod view;
 pub mod world;
 
 use std::cell::RefCell;

@@ -2,14 +2,14 @@
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::CommandFactory;
 use command_line::exit::Exit;
 use command_line::interrupt::ignore_file_size_signal;
 use command_line::output::{self, print_error};
-use orchestrator::cli::{Cli, Command, Get, Operate, OperatorCommand, RcCommand, Set};
+use orchestrator::cli::{Cli, Command, Get, Operate, OperatorCommand, Postmortem, RcCommand, Set, groups};
 use orchestrator::commands::{
-    Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate, operator,
-    postmortem, rc, replay, report, reproduce, run, service, sweep, truth, world,
+    self, Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate,
+    operator, rc, replay, report, reproduce, run, service, sweep, top, truth, view, world,
 };
 use run_client::Question;
 use runtime::shared_page::Request;
@@ -20,7 +20,13 @@ fn main() -> ExitCode {
         print_error(error);
         return Exit::Trouble.into();
     }
-    let result = match Cli::parse().command {
+    if let Some(done) = bench::member::run() {
+        return output::conclude(done.map(|()| Exit::Success));
+    }
+    if let Some(arguments) = Postmortem::of_this_process() {
+        return output::conclude(commands::postmortem::postmortem(&arguments));
+    }
+    let result = match groups::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => logs::plot(&arguments).map(|()| Exit::Success),
@@ -31,7 +37,7 @@ fn main() -> ExitCode {
         Command::Diff(arguments) => replay::diff(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => logs::digest(&arguments).map(|()| Exit::Success),
-        Command::Bench(arguments) => bench::bench(&arguments).map(|()| Exit::Success),
+        Command::Bench(arguments) => commands::bench::bench(&arguments).map(|()| Exit::Success),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Grid(arguments) => grid::grid(&arguments),
@@ -65,19 +71,8 @@ fn main() -> ExitCode {
         Command::Completions { shell } => generated::completions(&shell).map(|()| Exit::Success),
         Command::Man(arguments) => generated::man(&arguments).map(|()| Exit::Success),
         Command::Service { name, .. } => service::service(&name).map(|()| Exit::Success),
-        Command::Postmortem(arguments) => postmortem::postmortem(&arguments),
-        Command::Load { core } => bench::load(core).map(|()| Exit::Success),
-        Command::ChainMember(arguments) => bench::chain_member(&arguments).map(|()| Exit::Success),
-        Command::Ring(arguments) => bench::ring(&arguments).map(|()| Exit::Success),
-        Command::RingMember(arguments) => bench::ring_member(&arguments).map(|()| Exit::Success),
     };
-    match result {
-        Ok(exit) => output::end(exit).into(),
-        Err(failure) => {
-            print_error(format_args!("{:?}", failure.report));
-            failure.exit.into()
-        }
-    }
+    output::conclude(result)
 }
 
 fn operate(arguments: &Operate, command: &'static str, question: &Question) -> Result<Exit, Failure> {

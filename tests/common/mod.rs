@@ -74,7 +74,12 @@ impl Place {
 
     /// `gerono` with these arguments.
     pub(crate) fn gerono(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gerono"));
+        self.program(env!("CARGO_BIN_EXE_gerono"), arguments)
+    }
+
+    /// A program of Gerono that works in this folder.
+    pub(crate) fn program(&self, program: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new(program);
         command
             .args(arguments)
             .current_dir(self.folder.path())

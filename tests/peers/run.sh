@@ -1,9 +1,9 @@
 #!/bin/sh
 # Measures the flights of sweeps beside two other simulators, in turns: crazyflow (JAX), and MuJoCo in C.
 #
-#     tests/peers/run.sh [OPTION OF gerono bench sweep]…
+#     tests/peers/run.sh [OPTION OF gerono-bench sweep]…
 #
-# The program is $GERONO, or the release build of this tree. The simulators live in target/peers, made at the first run.
+# The program is $GERONO_BENCH, or the release build of this tree. The simulators live in target/peers, made at the first run.
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -11,9 +11,9 @@ root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
 venv=$target/peers
 
-if [ -z "${GERONO:-}" ]; then
-    cargo build --quiet --release --manifest-path "$root/Cargo.toml" --package orchestrator --bin gerono
-    GERONO=$target/release/gerono
+if [ -z "${GERONO_BENCH:-}" ]; then
+    cargo build --quiet --release --manifest-path "$root/Cargo.toml" --package orchestrator --bin gerono-bench
+    GERONO_BENCH=$target/release/gerono-bench
 fi
 
 # The environment is complete only if it says which requirements it was made of.
@@ -25,6 +25,6 @@ if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
 fi
 
 # They write their warnings into a file where they run.
-exec "$GERONO" bench sweep \
+exec "$GERONO_BENCH" sweep \
     --beside "crazyflow=cd '$venv' && bin/python '$here/crazyflow_rate.py'" \
     --beside "MuJoCo=cd '$venv' && bin/python '$here/mujoco_rate.py'" "$@"

@@ -1,48 +1,25 @@
-//! Measuring speed; and the processes that only measurements start.
+//! Arguments of `gerono-bench`.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 
 use scenario_file::values::between;
 
-/// Arguments of `gerono bench`.
-#[derive(Debug, Args)]
-#[command(args_conflicts_with_subcommands = true)]
-pub struct Bench {
-    /// The measurement to take instead.
+/// Measures what developers of Gerono need to know of it: costs beside their floors, on this machine.
+///
+/// Flights are those of the program `gerono` beside this one.
+#[derive(Debug, Parser)]
+#[command(name = "gerono-bench", version)]
+pub struct GeronoBench {
+    /// The measurement.
     #[command(subcommand)]
-    pub measurement: Option<Measurement>,
-    /// Repetitions of each measurement; medians are shown.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    pub repetitions: u32,
-    /// Simulated seconds of each lock-step flight.
-    #[arg(long, default_value_t = 20.0)]
-    pub duration: f64,
-    /// Write the figures as JSON to this file as well.
-    #[arg(long)]
-    pub json: Option<PathBuf>,
+    pub measurement: Measurement,
 }
 
-/// Measurements of `gerono bench` other than simulated seconds per wall second.
+/// The measurements of `gerono-bench`.
 #[derive(Debug, Subcommand)]
 pub enum Measurement {
-    /// Measure how long it is from a capture to the radio frame that comes of it, in real time.
-    ///
-    /// Flies Fig. 1's ideal profile at 1 kHz with all services on one core: estimator, path generator, controller and rc
-    /// output, four hops from process to process, each with a step and its samples. The floor beside it is a bare chain: five
-    /// processes on that core hand on a bare iceoryx2 event four times, once a millisecond, and do nothing else. Both are measured
-    /// in turn: on idle cores, with a busy process on another core, and with one on each of both; as ordinary processes, and
-    /// under SCHED_FIFO if that is permitted.
-    ///
-    /// Times depend on the machine and on what else it does; the ratios to the floor much less. Shown are medians of
-    /// the repetitions, and of their ratios, pair by pair. p50 is what half of the frames do not exceed, p99 what 99 of 100
-    /// do not. On a quiet machine expect some ten microseconds a hop. With a load on their own core ordinary processes wait
-    /// for their turn, which is milliseconds: SCHED_FIFO is against that (docs/deployment.md).
-    ///
-    /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
-    #[command(after_help = BenchLatency::EXAMPLES)]
-    Latency(BenchLatency),
     /// Measure what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
     ///
     /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed. Shown are
@@ -77,7 +54,7 @@ pub enum Measurement {
     Sweep(BenchSweep),
 }
 
-/// Arguments of `gerono bench sweep`.
+/// Arguments of `gerono-bench sweep`.
 #[derive(Debug, Args)]
 pub struct BenchSweep {
     /// Repetitions of each measurement; medians are shown.
@@ -92,10 +69,10 @@ pub struct BenchSweep {
 }
 
 impl BenchSweep {
-    /// The end of `gerono bench sweep --help`.
-    pub(super) const EXAMPLES: &str = "Examples:\n  \
-        gerono bench sweep\n  \
-        gerono bench sweep --beside 'mine=./my_simulator --steps 1000000'";
+    /// The end of `gerono-bench sweep --help`.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono-bench sweep\n  \
+        gerono-bench sweep --beside 'mine=./my_simulator --steps 1000000'";
 }
 
 /// Another simulator.
@@ -122,7 +99,7 @@ impl std::str::FromStr for Peer {
     }
 }
 
-/// Arguments of `gerono bench laboratory`.
+/// Arguments of `gerono-bench laboratory`.
 #[derive(Debug, Args)]
 pub struct BenchLaboratory {
     /// For how long the vehicle tilts, s.
@@ -133,7 +110,7 @@ pub struct BenchLaboratory {
     pub json: Option<PathBuf>,
 }
 
-/// Arguments of `gerono bench recorder`.
+/// Arguments of `gerono-bench recorder`.
 #[derive(Debug, Args)]
 pub struct BenchRecorder {
     /// Repetitions of each measurement of time; medians are shown.
@@ -148,13 +125,13 @@ pub struct BenchRecorder {
 }
 
 impl BenchRecorder {
-    /// The end of `gerono bench recorder --help`.
-    pub(super) const EXAMPLES: &str = "Examples:\n  \
-        gerono bench recorder\n  \
-        gerono bench recorder --repetitions 31 --minutes 60 --json recorder.json";
+    /// The end of `gerono-bench recorder --help`.
+    const EXAMPLES: &str = "Examples:\n  \
+        gerono-bench recorder\n  \
+        gerono-bench recorder --repetitions 31 --minutes 60 --json recorder.json";
 }
 
-/// Arguments of `gerono bench deaths`.
+/// Arguments of `gerono-bench deaths`.
 #[derive(Debug, Args)]
 pub struct BenchDeaths {
     /// The number of processes that die.
@@ -166,95 +143,4 @@ pub struct BenchDeaths {
     /// Write the figures as JSON to this file as well: times in s.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
-}
-
-/// Arguments of `gerono bench latency`.
-#[derive(Debug, Args)]
-pub struct BenchLatency {
-    /// Length of each measurement, s: a thousand frames a second.
-    #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3600))]
-    pub seconds: u32,
-    /// Repetitions of each measurement; medians are shown.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    pub repetitions: u32,
-    /// Write the figures as JSON to this file as well: times in s, and of every service how late it woke and how long it stepped.
-    #[arg(long, value_name = "F")]
-    pub json: Option<PathBuf>,
-}
-
-impl BenchLatency {
-    /// The end of `gerono bench latency --help`.
-    pub(super) const EXAMPLES: &str = "Examples:\n  \
-        gerono bench latency\n  \
-        gerono bench latency --seconds 60 --repetitions 3 --json latency.json";
-}
-
-/// Arguments of a ring of processes that exchange samples and nothing else.
-#[derive(Debug, Args)]
-pub struct Ring {
-    /// Rounds to go.
-    pub rounds: u64,
-    /// The way to wait for the neighbour.
-    #[arg(value_enum)]
-    pub wait: RingWait,
-    /// Core to run on.
-    pub core: usize,
-    /// `true` to run under SCHED_FIFO.
-    #[arg(long)]
-    pub fifo: bool,
-}
-
-/// Arguments of a member of such a ring.
-#[derive(Debug, Args)]
-pub struct RingMember {
-    /// Place in the ring.
-    pub place: usize,
-    /// Rounds to go.
-    pub rounds: u64,
-    /// The way to wait for the neighbour.
-    #[arg(value_enum)]
-    pub wait: RingWait,
-    /// Core to run on.
-    pub core: usize,
-    /// The iceoryx2 configuration of the ring.
-    pub configuration: PathBuf,
-    /// `true` to run under SCHED_FIFO.
-    #[arg(long)]
-    pub fifo: bool,
-}
-
-/// The way in which the members of such a ring wait.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum RingWait {
-    /// Yield the core until the neighbour has been there.
-    Yield,
-    /// Block on an eventfd.
-    Eventfd,
-}
-
-impl RingWait {
-    /// Its name on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Yield => "yield",
-            Self::Eventfd => "eventfd",
-        }
-    }
-}
-
-/// Arguments of a member of a bare chain.
-#[derive(Debug, Args)]
-pub struct ChainMember {
-    /// Place in the chain.
-    pub place: usize,
-    /// Number of times that the first sends.
-    pub rounds: u64,
-    /// Core to run on.
-    pub core: u32,
-    /// The iceoryx2 configuration of the chain.
-    pub configuration: PathBuf,
-    /// `true` to run under SCHED_FIFO.
-    #[arg(long)]
-    pub fifo: bool,
 }

@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::io::Read;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ use scenario::ServiceDeployment;
 use shared_types::ServiceId;
 
 use super::ring::Members;
-use crate::arguments::ChainMember;
+use crate::member::{self, ChainMember};
 use command_line::failure::Failure;
 use command_line::output::print;
 use metrics::summary::timing::{self, Quantiles};
@@ -80,7 +80,7 @@ fn spawn(
     configuration: &Path,
     page: &SharedPage,
 ) -> std::io::Result<Child> {
-    let mut command = Command::new("/proc/self/exe");
+    let mut command = member::command();
     command
         .arg("chain-member")
         .args([place.to_string(), rounds.to_string(), core.to_string()])
@@ -94,11 +94,11 @@ fn spawn(
     command.spawn()
 }
 
-/// `gerono chain-member`: sends, hands on, or measures, by its place.
+/// Sends, hands on, or measures, by its place.
 ///
 /// # Errors
 /// [`Failure`].
-pub fn chain_member(arguments: &ChainMember) -> Result<(), Failure> {
+pub(super) fn chain_member(arguments: &ChainMember) -> Result<(), Failure> {
     take_part(arguments).map_err(Failure::trouble)
 }
 

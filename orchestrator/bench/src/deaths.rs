@@ -1,4 +1,4 @@
-//! `gerono bench deaths`: what the deaths of services cost a flight in real time, and the others in it.
+//! `gerono-bench deaths`: what the deaths of services cost a flight in real time, and the others in it.
 
 use std::path::Path;
 
@@ -61,7 +61,7 @@ struct OthersPeriods {
     ratio_p99: Option<f64>,
 }
 
-/// `gerono bench deaths`.
+/// `gerono-bench deaths`.
 ///
 /// # Errors
 /// [`Failure`].

@@ -1,4 +1,4 @@
-//! `gerono bench laboratory`: from a capture's packet on a socket to the serial frame that rests on it, beside the bare hops.
+//! `gerono-bench laboratory`: from a capture's packet on a socket to the serial frame that rests on it, beside the bare hops.
 //!
 //! A flight with all services at 1 kHz is connected to a VRPN server and to a receiver on a pseudo-terminal, both of which are
 //! here. The vehicle seems to take off and to stay at its point; there it seems to tilt by a little, to and fro. The first frame
@@ -6,7 +6,7 @@
 
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use comfy_table::{Table, presets};
 use nalgebra::Vector3;
@@ -25,7 +25,7 @@ use zerocopy::FromZeros;
 
 use super::chain;
 use super::latency::microseconds;
-use super::measure::{FlightCommand, Result, Scratch, progress_of};
+use super::measure::{FlightCommand, Result, Scratch, gerono, progress_of};
 use super::ring::Members;
 use crate::arguments::BenchLaboratory;
 use command_line::failure::Failure;
@@ -81,7 +81,7 @@ struct Measured {
     serial_hop: Quantiles,
 }
 
-/// `gerono bench laboratory`.
+/// `gerono-bench laboratory`.
 ///
 /// # Errors
 /// [`Failure`].
@@ -207,7 +207,7 @@ struct FlightUnderWay {
 impl FlightUnderWay {
     fn begin(folder: &Scratch, scenario: &Scenario) -> Result<Self> {
         let flight = FlightCommand::write(folder, scenario)?;
-        let child = Command::new("/proc/self/exe")
+        let child = gerono()?
             .args(["run", "--quiet", "--host", "realtime", "--out"])
             .arg(folder.path().join("flight"))
             .arg(flight.scenario())

@@ -1,5 +1,7 @@
 //! `gerono bench latency`: from a capture to the radio frame, beside four bare iceoryx2 event hops.
 
+use std::path::Path;
+
 use comfy_table::{Table, presets};
 use runtime::deployment::{self, Scheduler};
 use scenario::Scenario;
@@ -9,7 +11,6 @@ use serde::de::DeserializeOwned;
 use super::SCENARIO;
 use super::chain;
 use super::measure::{FlightCommand, Load, Result, Scratch, complaint, fly_by_command, median, progress_of};
-use crate::arguments::BenchLatency;
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 use metrics::summary::timing::Quantiles;
@@ -79,12 +80,12 @@ struct Measured {
     rows: Vec<Row>,
 }
 
-/// `gerono bench latency`.
+/// Measures the time from a capture to the radio frame, and prints it beside the floor; writes it as JSON to a file, too.
 ///
 /// # Errors
 /// [`Failure`].
-pub(super) fn latency(arguments: &BenchLatency) -> std::result::Result<(), Failure> {
-    let measured = measure(arguments).map_err(Failure::trouble)?;
+pub fn latency(seconds: u32, repetitions: u32, json: Option<&Path>) -> std::result::Result<(), Failure> {
+    let measured = measure(seconds, repetitions).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured)));
     if let Some(services) = measured.rows.first().map(|row| &row.services) {
         print(format!("{}\n", table_of(services)));
@@ -94,22 +95,22 @@ pub(super) fn latency(arguments: &BenchLatency) -> std::result::Result<(), Failu
          flights. `gerono bench latency --help` explains the numbers.\n",
         measured.repetitions, measured.seconds, measured.core,
     ));
-    match &arguments.json {
+    match json {
         Some(path) => write_json(path, &measured),
         None => Ok(()),
     }
 }
 
-fn measure(arguments: &BenchLatency) -> Result<Measured> {
+fn measure(seconds: u32, repetitions: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
-    let flight = FlightCommand::write(&folder, &flight_of(arguments.seconds)?)?;
+    let flight = FlightCommand::write(&folder, &flight_of(seconds)?)?;
     let allowed = deployment::allowed_cores();
     let core = deployment::idlest(&allowed).unwrap_or(0);
     let place = Place {
         flight: &flight,
         core,
         other: allowed.into_iter().find(|&other| other != core),
-        rounds: u64::from(arguments.seconds) * ROUNDS_PER_SECOND,
+        rounds: u64::from(seconds) * ROUNDS_PER_SECOND,
     };
     let fifo_refused = fifo_refused();
     let mut series: Vec<_> = [Scheduler::Fair, Scheduler::Fifo]
@@ -125,11 +126,8 @@ fn measure(arguments: &BenchLatency) -> Result<Measured> {
             _ => None,
         };
     }
-    let bar = progress_of(
-        "measurement",
-        u64::from(arguments.repetitions) * series.len() as u64,
-    );
-    for repetition in 0..arguments.repetitions {
+    let bar = progress_of("measurement", u64::from(repetitions) * series.len() as u64);
+    for repetition in 0..repetitions {
         for series in &mut series {
             if series.note.is_none() {
                 series.repeat(&place, repetition)?;
@@ -139,10 +137,10 @@ fn measure(arguments: &BenchLatency) -> Result<Measured> {
     }
     bar.finish_and_clear();
     Ok(Measured {
-        seconds: arguments.seconds,
-        repetitions: arguments.repetitions,
+        seconds,
+        repetitions,
         core,
-        asked: place.rounds * u64::from(arguments.repetitions),
+        asked: place.rounds * u64::from(repetitions),
         rows: series.into_iter().map(Series::row).collect(),
     })
 }

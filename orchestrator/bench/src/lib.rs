@@ -1,4 +1,4 @@
-//! `gerono bench`: what this machine can do, as ratios against floors measured in the same run.
+//! What this machine can do, as ratios against floors measured in the same run.
 //!
 //! Machines are shared and wander by tens of percent, so every figure stands beside a floor that was measured
 //! in turn with it: for processes what iceoryx2 alone needs to move the same samples, for one process the five step
@@ -12,6 +12,7 @@ mod in_a_row;
 mod laboratory;
 mod latency;
 mod measure;
+pub mod member;
 mod recorder;
 mod ring;
 mod sweep;
@@ -20,13 +21,13 @@ use comfy_table::{Table, presets};
 use scenario::Scenario;
 use serde::Serialize;
 
-use crate::arguments::{Bench, Measurement};
+use std::path::Path;
+
+use crate::arguments::{GeronoBench, Measurement};
 use command_line::failure::Failure;
 use command_line::output::{print, write_json};
 
-pub use chain::chain_member;
-pub use measure::load;
-pub use ring::{ring, ring_member};
+pub use latency::latency;
 
 /// The scenario that is measured: the paper's Fig. 1.
 const SCENARIO: &str = include_str!("../../../scenarios/fig1.toml");
@@ -55,32 +56,39 @@ struct Measured {
     quick_restart_milliseconds: Option<f64>,
 }
 
-/// `gerono bench`.
+/// Fig. 1.
+fn scenario() -> Result<Scenario, Failure> {
+    toml::from_str(SCENARIO).map_err(Failure::trouble)
+}
+
+/// `gerono-bench`.
 ///
 /// # Errors
 /// [`Failure`].
-pub fn bench(arguments: &Bench) -> Result<(), Failure> {
-    let scenario: Scenario = toml::from_str(SCENARIO).map_err(Failure::trouble)?;
+pub fn bench(arguments: &GeronoBench) -> Result<(), Failure> {
     match &arguments.measurement {
-        Some(Measurement::Latency(arguments)) => latency::latency(arguments),
-        Some(Measurement::Deaths(arguments)) => deaths::deaths(arguments),
-        Some(Measurement::Laboratory(arguments)) => laboratory::laboratory(arguments),
-        Some(Measurement::Recorder(arguments)) => recorder::recorder(&scenario, arguments),
-        Some(Measurement::Sweep(arguments)) => sweep::sweep(&scenario, arguments),
-        None => throughput(&scenario, arguments),
+        Measurement::Deaths(arguments) => deaths::deaths(arguments),
+        Measurement::Laboratory(arguments) => laboratory::laboratory(arguments),
+        Measurement::Recorder(arguments) => recorder::recorder(&scenario()?, arguments),
+        Measurement::Sweep(arguments) => sweep::sweep(&scenario()?, arguments),
     }
 }
 
-fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
+/// Measures all hosts in flights of `duration` s and prints their rates; writes them as JSON to a file, too.
+///
+/// # Errors
+/// [`Failure`].
+pub fn throughput(repetitions: u32, duration: f64, json: Option<&Path>) -> Result<(), Failure> {
+    let scenario = scenario()?;
     let flight = Scenario {
-        duration: arguments.duration,
+        duration,
         ..scenario.clone()
     };
     let flight = Scenario {
         vehicle: clipped(&flight),
         ..flight
     };
-    let measured = measure::all(scenario, &flight, arguments.repetitions).map_err(Failure::trouble)?;
+    let measured = measure::all(&scenario, &flight, repetitions).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured.rates)));
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)
     {
@@ -89,7 +97,7 @@ fn throughput(scenario: &Scenario, arguments: &Bench) -> Result<(), Failure> {
              ready yet (medians; a process takes its role, makes its ports and gets what it has missed).\n"
         ));
     }
-    if let Some(path) = &arguments.json {
+    if let Some(path) = json {
         write_json(path, &measured)?;
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! The measurements of `gerono bench`.
 
 use std::convert::Infallible;
+use std::ffi::OsStr;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -15,7 +16,7 @@ use shared_types::{ServiceId, Topic};
 use super::in_a_row::InARow;
 use super::ring::Members;
 use super::{Measured, Row, ring};
-use crate::arguments::RingWait;
+use crate::member::{self, RingWait};
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use flight::interrupt::Interrupt;
@@ -244,7 +245,7 @@ pub(super) fn fly_by_command(
     look: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<(Output, serde_json::Value)> {
     let out = flight.folder.join("flight");
-    let output = Command::new("/proc/self/exe")
+    let output = gerono()?
         .args(["run", "--quiet", "--out"])
         .arg(&out)
         .args(options)
@@ -259,6 +260,25 @@ pub(super) fn fly_by_command(
     std::fs::remove_dir_all(&out).map_err(RunFailure::setup)?;
     looked?;
     Ok((output, serde_json::from_str(&text).map_err(RunFailure::setup)?))
+}
+
+/// Returns the command of the program that flies: this one, or `gerono` beside it.
+pub(super) fn gerono() -> Result<Command> {
+    let own = std::env::current_exe().map_err(RunFailure::setup)?;
+    let name = OsStr::new("gerono");
+    if own.file_name() == Some(name) {
+        return Ok(Command::new("/proc/self/exe"));
+    }
+    let beside = own.with_file_name(name);
+    if beside.is_file() {
+        Ok(Command::new(beside))
+    } else {
+        let reason = format!(
+            "there is no {}: `cargo build --release` makes it",
+            beside.display()
+        );
+        Err(RunFailure::setup(reason))
+    }
 }
 
 /// Returns a command's message about its failure.
@@ -365,9 +385,7 @@ pub(super) struct Load {
 
 impl Load {
     pub(super) fn on(core: usize) -> Result<Self> {
-        let child = Command::new("/proc/self/exe")
-            .args(["load", &core.to_string()])
-            .spawn();
+        let child = member::command().args(["load", &core.to_string()]).spawn();
         child
             .map(|child| Self {
                 _process: Members(vec![child]),
@@ -376,11 +394,11 @@ impl Load {
     }
 }
 
-/// `gerono load`: keeps a core busy until its parent ends.
+/// Keeps a core busy until its parent ends.
 ///
 /// # Errors
 /// [`Failure`] if the system does not permit it.
-pub fn load(core: usize) -> std::result::Result<(), Failure> {
+pub(super) fn load(core: usize) -> std::result::Result<(), Failure> {
     deployment::die_with_parent().map_err(Failure::trouble)?;
     deployment::pin_to(&[core]).map_err(Failure::trouble)?;
     loop {

@@ -1,4 +1,4 @@
-//! `gerono bench recorder`: what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+//! `gerono-bench recorder`: what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
 //!
 //! Both write the same messages of a flight of Fig. 1 to files in memory, in turn, uncompressed, on one thread. The library gets each
 //! message ready-made, header and all, and is used as its documentation shows. What is compared is CPU time, which a
@@ -65,7 +65,7 @@ struct Memory {
     peak: u64,
 }
 
-/// `gerono bench recorder`.
+/// `gerono-bench recorder`.
 ///
 /// # Errors
 /// [`Failure`].

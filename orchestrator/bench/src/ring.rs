@@ -6,7 +6,7 @@
 //! subscribed to every topic, and looks once a millisecond. No step is computed, no sample examined, nothing kept.
 
 use std::os::fd::AsFd;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
 use super::bare_ports::BarePorts;
-use crate::arguments::{Ring, RingMember, RingWait};
+use crate::member::{self, Ring, RingMember, RingWait};
 use command_line::failure::Failure;
 use command_line::output::print;
 use run_client::run_root::RunRoot;
@@ -43,7 +43,7 @@ pub(super) fn thousand_rounds_per_second(
     core: usize,
     rounds: u64,
 ) -> std::io::Result<f64> {
-    let mut command = Command::new("/proc/self/exe");
+    let mut command = member::command();
     command.args(["ring", &rounds.to_string(), wait.name(), &core.to_string()]);
     if fifo {
         command.arg("--fifo");
@@ -56,11 +56,11 @@ pub(super) fn thousand_rounds_per_second(
     })
 }
 
-/// `gerono ring`: measures one ring and prints its thousands of rounds per second.
+/// Measures one ring and prints its thousands of rounds per second.
 ///
 /// # Errors
 /// [`Failure`].
-pub fn ring(arguments: &Ring) -> Result<(), Failure> {
+pub(super) fn ring(arguments: &Ring) -> Result<(), Failure> {
     let schedule = schedule();
     let root = RunRoot::create().map_err(Failure::trouble)?;
     let member = RunNode::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
@@ -217,7 +217,7 @@ fn spawn(
     page: &SharedPage,
     doorbells: &[Doorbell],
 ) -> std::io::Result<Child> {
-    let mut command = Command::new("/proc/self/exe");
+    let mut command = member::command();
     let numbers = [place.to_string(), ring.rounds.to_string()];
     command
         .arg("ring-member")
@@ -237,11 +237,11 @@ fn spawn(
     command.spawn()
 }
 
-/// `gerono ring-member`: waits for its neighbour, takes its turn, and so on.
+/// Waits for its neighbour, takes its turn, and so on.
 ///
 /// # Errors
 /// [`Failure`].
-pub fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
+pub(super) fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
     go_around(arguments).map_err(Failure::trouble)
 }
 

@@ -1,4 +1,4 @@
-//! `gerono bench sweep`: vehicle steps a second of the flights of a sweep, beside the five step functions in a row and beside
+//! `gerono-bench sweep`: vehicle steps a second of the flights of a sweep, beside the five step functions in a row and beside
 //! other simulators.
 
 use std::process::{Command, Stdio};
@@ -44,7 +44,7 @@ struct Series {
     values: Vec<f64>,
 }
 
-/// `gerono bench sweep`.
+/// `gerono-bench sweep`.
 ///
 /// # Errors
 /// [`Failure`].

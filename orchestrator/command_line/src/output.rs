@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use run_log::LogReader;
@@ -81,7 +82,7 @@ pub fn print(text: impl std::fmt::Display) {
 }
 
 /// Prints results that contain colour codes. A reader that closes the pipe early (`gerono check … | head`) is no error;
-/// [`end`] reports any other error.
+/// [`conclude`] reports any other error.
 pub fn print_as_it_is(text: impl std::fmt::Display) {
     let mut output = std::io::stdout().lock();
     if let Err(error) = write!(output, "{text}").and_then(|()| output.flush())
@@ -95,13 +96,24 @@ pub fn print_as_it_is(text: impl std::fmt::Display) {
 static PRINT_ERROR: OnceLock<std::io::Error> = OnceLock::new();
 
 /// Returns the exit of a command that has printed its results: [`Exit::NotWritten`] if printing failed.
-#[must_use]
-pub fn end(exit: Exit) -> Exit {
+fn end(exit: Exit) -> Exit {
     match PRINT_ERROR.get() {
         Some(error) if exit == Exit::Success => {
             print_error(format_args!("cannot write to standard output: {error}"));
             Exit::NotWritten
         }
         _ => exit,
+    }
+}
+
+/// Returns the exit code of a program from the result of its command, whose failure it shows.
+#[must_use]
+pub fn conclude(result: Result<Exit, Failure>) -> ExitCode {
+    match result {
+        Ok(exit) => end(exit).into(),
+        Err(failure) => {
+            print_error(format_args!("{:?}", failure.report));
+            failure.exit.into()
+        }
     }
 }

@@ -2,7 +2,7 @@
 //! does not return, or it panicked.
 //!
 //! Its memory cannot be trusted then, and part of it may be gone. So the process executes a fresh image of the same
-//! program, `gerono postmortem`: it keeps its PID, and so remains the parent of the services, but starts with new
+//! program, `gerono-postmortem`: it keeps its PID, and so remains the parent of the services, but starts with new
 //! memory. The image reports the cause, ends the services, removes the run's shared memory and exits with code 1. No
 //! second process is needed beforehand, and the signal handler does nothing but `execv`, a change of the signal mask
 //! and reads of `/proc`.
@@ -28,6 +28,9 @@ use host::watchdog;
 use rustix::fs::{Mode, OFlags};
 use shared_types::ExternalServices;
 use shared_types::ServiceId;
+
+/// Name under which a process is the end of an orchestrator.
+pub const NAME: &str = "gerono-postmortem";
 
 /// Maximum length of a cause, bytes.
 const CAUSE: usize = 1024;
@@ -75,7 +78,7 @@ impl Postmortem {
             .filter(|service| external_services[service.index()]);
         let external_services =
             external_services.flat_map(|external_service| ["--external-service", external_service.name()]);
-        let words: Result<Vec<CString>, _> = ["gerono", "postmortem", "--host", host]
+        let words: Result<Vec<CString>, _> = [NAME, "--host", host]
             .into_iter()
             .chain(external_services)
             .map(str::as_bytes)

@@ -10,8 +10,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use runtime::crash::{Crash, CrashPlace};
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
-pub use supervisor::host_kind::Host;
 
+use super::host::Host;
 use super::values::core;
 use run_log::Compression;
 use scenario_file::values::{ValueError, between, value_between};

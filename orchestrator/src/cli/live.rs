@@ -1,11 +1,13 @@
 //! Questions to a live run.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use crate::manual::completion::tunable_setting;
-use clap::Args;
+use clap::{Args, Parser};
 
-use super::flight::{Host, RecordingArguments};
+use super::flight::RecordingArguments;
+use super::host::Host;
 
 /// Arguments of the commands that ask something of a live run.
 #[derive(Debug, Args)]
@@ -64,8 +66,9 @@ pub struct Attach {
     pub quiet: bool,
 }
 
-/// Arguments of `gerono postmortem`.
-#[derive(Debug, Args)]
+/// Arguments of what an orchestrator becomes that cannot go on.
+#[derive(Debug, Parser)]
+#[command(name = postmortem::NAME)]
 pub struct Postmortem {
     /// The host of the flight.
     #[arg(long, value_name = "HOST")]
@@ -79,4 +82,13 @@ pub struct Postmortem {
     /// The cause, as a fault tells it.
     #[arg(long, value_name = "CAUSE")]
     pub cause: String,
+}
+
+impl Postmortem {
+    /// Returns the arguments of this process if it was an orchestrator.
+    #[must_use]
+    pub fn of_this_process() -> Option<Self> {
+        let name = std::env::args_os().next();
+        (name.as_deref() == Some(OsStr::new(postmortem::NAME))).then(Self::parse)
+    }
 }

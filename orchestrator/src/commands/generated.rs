@@ -1,9 +1,8 @@
 //! Texts generated from the code: the JSON Schema of scenarios, completions for shells, man pages.
 
-use clap::CommandFactory;
-
 use super::{Failure, print};
-use crate::cli::{Cli, ManArguments};
+use crate::cli::ManArguments;
+use crate::cli::groups::command;
 
 /// `gerono schema`.
 pub fn schema() {
@@ -30,7 +29,7 @@ pub fn completions(shell: &str) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`] if the pages cannot be written.
 pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
-    let command = Cli::command();
+    let command = command();
     match &arguments.out {
         Some(folder) => crate::manual::pages::write_man_pages(command, folder).map_err(Failure::not_written),
         None => {

@@ -1,4 +1,4 @@
-//! `gerono postmortem`: what an orchestrator becomes that cannot go on; see [`::postmortem`].
+//! What an orchestrator becomes that cannot go on; see [`::postmortem`].
 
 use super::Failure;
 use crate::cli::{Host, Postmortem};

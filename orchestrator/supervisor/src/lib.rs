@@ -3,7 +3,6 @@
 pub mod archive;
 mod control_server;
 pub mod deployment;
-pub mod host_kind;
 pub mod host_record;
 pub mod kill_switch;
 pub mod lock_step;

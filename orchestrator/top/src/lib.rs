@@ -4,8 +4,6 @@
 //! with the run and waits. It never blocks on the run: a run that does not answer is shown as such, and the keys still
 //! work.
 
-pub mod arguments;
-mod command;
 pub mod history;
 pub mod keys;
 mod screen;
@@ -19,7 +17,6 @@ use std::time::{Duration, Instant};
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-pub use self::command::top;
 use self::history::History;
 use self::keys::{Action, Controls, Key};
 use self::screen::Screen;

@@ -12,7 +12,7 @@ pub struct Top {
     /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
     #[arg(long, conflicts_with = "once")]
     pub allow_faults: bool,
-    /// Print kind the run is now, and no more; needs no terminal.
+    /// Print how the run is now, and no more; needs no terminal.
     #[arg(long)]
     pub once: bool,
     /// Print it as JSON, for other programs.

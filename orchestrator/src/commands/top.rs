@@ -3,13 +3,13 @@
 use std::io::IsTerminal;
 
 use command_line::exit::Exit;
-use command_line::failure::Failure;
 use command_line::interrupt;
-use command_line::output::print;
 use run_client::{Answer, LiveRun, PATIENCE, Question, Snapshot};
 
-use crate::arguments::Top;
-use crate::{ViewEnd, once, watch};
+use top::{ViewEnd, once, watch};
+
+use super::{Failure, print};
+use crate::cli::Top;
 
 /// Columns of the printed view.
 const COLUMNS: u16 = 80;
@@ -21,8 +21,8 @@ const COLUMNS: u16 = 80;
 pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     let is_terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
     if !is_terminal && !arguments.once {
-        let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints kind the run is \
-             now, and `--once --json` does so for other programs";
+        let reason = "`gerono top` needs a terminal for its input and output; `gerono top --once` prints the state of the run, \
+             and `--once --json` does so for other programs";
         return Err(Failure::trouble(reason));
     }
     let run = LiveRun::find(arguments.run.as_deref(), "top").map_err(Failure::trouble)?;

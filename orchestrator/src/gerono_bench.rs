@@ -1,0 +1,13 @@
+//! `gerono-bench`: measurements that only developers of Gerono need. The others are those of `gerono bench`.
+
+use std::process::ExitCode;
+
+use bench::arguments::GeronoBench;
+use clap::Parser;
+use command_line::exit::Exit;
+use command_line::output;
+
+fn main() -> ExitCode {
+    let result = bench::member::run().unwrap_or_else(|| bench::bench(&GeronoBench::parse()));
+    output::conclude(result.map(|()| Exit::Success))
+}
