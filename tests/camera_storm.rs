@@ -28,11 +28,12 @@ use runtime::flight_clock::monotonic_ns;
 use scenario::CaptureSystem;
 use shared_types::samples::{MocapPose, VehicleTruth};
 
-const SYSTEMS: [CaptureSystem; 3] = [
-    CaptureSystem::Vrpn,
-    CaptureSystem::Natnet,
-    CaptureSystem::ViconUdp,
-];
+/// Every system, VRPN first.
+const SYSTEMS: [CaptureSystem; CaptureSystem::ALL.len()] = {
+    let mut systems = CaptureSystem::ALL;
+    systems.rotate_left(1);
+    systems
+};
 
 /// Fastest touch-down that is a landing and no fall, m/s: 1 m/s above that of the landing, as `impact_speed_max` has it. A blind
 /// descent from 1.2 m alone ends at 0.85 m/s, and one that begins on the way down at 0.9 m/s.
@@ -274,7 +275,7 @@ fn strangers_take_no_pose_away() {
             let flight = Flight {
                 seed: 1 + index as u64,
                 system,
-                rate: RATES[index],
+                rate: RATES[index % RATES.len()],
                 is_moving: index == 1,
                 kinds: &[Kind::Strangers],
                 seconds: 12.0,
@@ -295,7 +296,10 @@ fn strangers_take_no_pose_away() {
         assert_eq!(minute.outcome, Outcome::Flew, "{facts}");
         assert!(share(minute.beside) >= BELIEVED * share(minute.alone), "{facts}");
         let [_, beside] = minute.beside;
-        assert!(beside > RATES[index], "strangers for more than a second: {facts}");
+        assert!(
+            beside > RATES[index % RATES.len()],
+            "strangers for more than a second: {facts}"
+        );
         assert!(
             minute.refused as f64 <= (1.0 - BELIEVED) * beside as f64,
             "{facts}"
@@ -326,9 +330,9 @@ fn minutes_of_everything() {
         let mut place = Place::new();
         let flight = Flight {
             seed,
-            system: SYSTEMS[(seed % 3) as usize],
+            system: SYSTEMS[seed as usize % SYSTEMS.len()],
             rate,
-            is_moving: seed / 3 % 2 == 1,
+            is_moving: seed as usize / SYSTEMS.len() % 2 == 1,
             kinds: &kinds,
             seconds: 60.0,
         };

@@ -14,7 +14,8 @@ use common::laboratory::{free_port, serial_line};
 use flight::interrupt::Interrupt;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
-use motion_capture::sender::server::{Plan, Server};
+use motion_capture::protocol::{self, Plan, SentFrame};
+use motion_capture::server::Server;
 use nalgebra::Vector3;
 use run_log::{CaptureFigures, LinkFigures};
 use shared_types::digest::ExperimentDigest;
@@ -305,11 +306,8 @@ struct CaptureServer {
 impl CaptureServer {
     fn open(system: CaptureSystem, port: u16) -> Self {
         let at = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
-        // The others have but one.
-        let data_port = match system {
-            CaptureSystem::Natnet => free_port(),
-            _ => port,
-        };
+        let has_one_port = protocol::of(system).frame_port(port) == port;
+        let data_port = if has_one_port { port } else { free_port() };
         let plan = Plan {
             system,
             at: at(port),
@@ -332,7 +330,13 @@ impl CaptureServer {
         self.server.serve(&["quad"]);
         let now_ns = monotonic_ns();
         let bodies = [("quad", Some(self.calibration.capture_pose(&pose)))];
-        self.server.send(self.number, now_ns, now_ns, &bodies);
+        let frame = SentFrame {
+            number: self.number,
+            exposed_ns: now_ns,
+            computed_ns: now_ns,
+            sent_ns: now_ns,
+        };
+        self.server.send(&frame, &bodies);
     }
 }
 
@@ -351,11 +355,8 @@ fn laboratory_of(system: &str, port: u16, device: &str) -> Scenario {
 /// Neither do those of the services that cameras and a radio are connected to, once they are.
 #[test]
 fn a_step_in_a_laboratory_allocates_nothing() {
-    for (name, system) in [
-        ("vicon_udp", CaptureSystem::ViconUdp),
-        ("vrpn", CaptureSystem::Vrpn),
-        ("natnet", CaptureSystem::Natnet),
-    ] {
+    for system in CaptureSystem::ALL {
+        let name = system.name();
         let port = free_port();
         let (_line, device) = serial_line();
         let scenario = laboratory_of(name, port, &device);

@@ -19,7 +19,8 @@ use common::{
 };
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;
-use motion_capture::sender::server::{Plan, Server};
+use motion_capture::protocol::{Plan, SentFrame};
+use motion_capture::server::Server;
 use nalgebra::Vector3;
 use radio_link::encoder::Encoder;
 use radio_link::frame::Frame;
@@ -107,12 +108,13 @@ fn cameras(port: u16) -> Helper {
             };
             server.serve(&["quad"]);
             let now_ns = monotonic_ns();
-            server.send(
+            let frame = SentFrame {
                 number,
-                now_ns,
-                now_ns,
-                &[("quad", Some(calibration.capture_pose(&pose)))],
-            );
+                exposed_ns: now_ns,
+                computed_ns: now_ns,
+                sent_ns: now_ns,
+            };
+            server.send(&frame, &[("quad", Some(calibration.capture_pose(&pose)))]);
         }
     })
 }

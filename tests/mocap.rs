@@ -143,7 +143,7 @@ fn a_version_of_natnet_that_is_not_understood_is_named() {
             break;
         };
         server
-            .send_to(&motion_capture::sender::natnet::server_info(&info), client)
+            .send_to(&motion_capture::natnet::sender::server_info(&info), client)
             .unwrap();
         server.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
     }

@@ -20,7 +20,7 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
-use motion_capture::sender::server::quaternion;
+use motion_capture::server::quaternion;
 use radio_link::port::Target;
 use scenario::Scenario;
 use shared_types::rotation::from_row_major;

@@ -1,15 +1,16 @@
-//! CameraSender that see the vehicle and send its poses over the network, as one of three systems.
+//! Simulated cameras: they send the vehicle's poses over the network, as one of the motion-capture systems.
 //!
-//! A pose is sent a stated time after its exposure. Its stamp is what the system stamps: Motive the exposure, a VRPN server
-//! the making of the message, Vicon's stream nothing.
+//! A pose is sent a stated time after its exposure. Its stamp is that of the system: Motive stamps the exposure, a VRPN
+//! server the end of the computation, Vicon's stream nothing.
 
 use std::collections::VecDeque;
 use std::io;
 use std::net::SocketAddrV4;
 
 use motion_capture::conventions::{Calibration, WorldPose};
-use motion_capture::natnet::{self, Version};
-use motion_capture::sender::server::{Plan, Server};
+use motion_capture::natnet::Version;
+use motion_capture::protocol::{self, Plan, SentFrame};
+use motion_capture::server::Server;
 use motion_capture::transport::Address;
 use motion_capture::wire::CapturePose;
 use runtime::flight_clock::monotonic_ns;
@@ -20,34 +21,33 @@ use shared_types::samples::MocapPose;
 /// Version of the `NatNet` bit stream that is sent.
 const NATNET: Version = Version { major: 4, minor: 1 };
 
-/// Reason why there are no cameras.
+/// Error of cameras that could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
-    /// The scenario states no address.
+    /// The stated address is none.
     #[error("{0}")]
     Stated(Problem),
-    /// The scenario asks for a body by its number.
+    /// The scenario selects the body by its number.
     #[error(
         "a simulated system knows bodies by their names only; state `motion_capture.object` without a number"
     )]
     Numbered,
-    /// The socket cannot be had.
+    /// The socket could not be opened.
     #[error(
         "cannot serve at {at}: {source}; state as `motion_capture.server` an address of this machine and as `port` one that \
          is free"
     )]
     Server {
-        /// Where.
+        /// The address.
         at: SocketAddrV4,
-        /// The error of the system.
+        /// The operating system's error.
         source: io::Error,
     },
 }
 
-/// CameraSender and the system that they belong to.
+/// Simulated cameras of a motion-capture system.
 #[derive(Debug)]
 pub struct CameraSender {
-    system: CaptureSystem,
     server: Server,
     calibration: Calibration,
     object: String,
@@ -59,7 +59,7 @@ pub struct CameraSender {
     sent: u64,
 }
 
-/// A capture; `None` where the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
+/// Capture; its pose is `None` if the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug)]
 struct Capture {
     exposed_ns: u64,
@@ -68,8 +68,8 @@ struct Capture {
 }
 
 impl CameraSender {
-    /// The system that a scenario states, served where the flight looks for it: every `period` ticks it captures, and sends
-    /// `latency_ns` later.
+    /// Serves the system of a scenario at the address that the flight listens to. It captures every `period` ticks and
+    /// sends `latency_ns` later.
     ///
     /// # Errors
     /// [`CamerasError`].
@@ -83,21 +83,17 @@ impl CameraSender {
         let Some((object, None)) = stated.name_and_number() else {
             return Err(CamerasError::Numbered);
         };
-        let frames_port = match system {
-            CaptureSystem::ViconUdp => address.server.port(),
-            CaptureSystem::Vrpn | CaptureSystem::Natnet => natnet::DATA_PORT,
-        };
+        let frame_port = protocol::of(system).frame_port(address.server.port());
         let plan = Plan {
             system,
             at: address.server,
-            to: SocketAddrV4::new(address.interface, frames_port),
+            to: SocketAddrV4::new(address.interface, frame_port),
             version: NATNET,
         };
         let server = Server::open(&plan).map_err(|source| CamerasError::Server { at: plan.at, source })?;
         let [world_from_capture, body_from_markers] =
             [&stated.world_from_capture, &stated.body_from_markers].map(Option::as_ref);
         Ok(Self {
-            system,
             server,
             calibration: Calibration::new(system, world_from_capture, body_from_markers),
             object: object.to_owned(),
@@ -108,13 +104,13 @@ impl CameraSender {
         })
     }
 
-    /// Returns whether they look at a tick.
+    /// Returns whether the cameras capture at a tick.
     #[must_use]
     pub fn see_at(&self, tick: u64) -> bool {
         tick.is_multiple_of(self.period)
     }
 
-    /// Takes what they have seen at a time, ns of `CLOCK_MONOTONIC`.
+    /// Takes a capture that was exposed at a time, ns of `CLOCK_MONOTONIC`.
     pub fn take(&mut self, seen: &MocapPose, exposed_ns: u64) {
         let pose = seen.tracked.is_set().then(|| {
             self.calibration.capture_pose(&WorldPose {
@@ -135,22 +131,22 @@ impl CameraSender {
         self.coming.front().map_or(u64::MAX, |capture| capture.due_ns)
     }
 
-    /// Sends what is due, and lets in who wants to listen.
+    /// Sends the captures that are due, and accepts new clients.
     pub fn send(&mut self, now_ns: u64) {
         self.server.serve(&[&self.object]);
         while let Some(capture) = self.coming.pop_front_if(|capture| capture.due_ns <= now_ns) {
-            let stamp_ns = match self.system {
-                CaptureSystem::Vrpn => capture.due_ns,
-                CaptureSystem::ViconUdp | CaptureSystem::Natnet => capture.exposed_ns,
+            let frame = SentFrame {
+                number: u32::try_from(self.sent % (1 << 31)).unwrap_or(0),
+                exposed_ns: capture.exposed_ns,
+                computed_ns: capture.due_ns,
+                sent_ns: monotonic_ns(),
             };
-            let number = u32::try_from(self.sent % (1 << 31)).unwrap_or(0);
-            let body = (self.object.as_str(), capture.pose);
-            self.server.send(number, stamp_ns, monotonic_ns(), &[body]);
+            self.server.send(&frame, &[(&self.object, capture.pose)]);
             self.sent += 1;
         }
     }
 
-    /// Poses sent so far.
+    /// Returns the number of poses that were sent.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent

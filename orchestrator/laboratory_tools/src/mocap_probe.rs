@@ -51,10 +51,10 @@ pub fn probe(
     } else {
         None
     };
-    let mut source = CaptureSource::open(&address).map_err(Failure::trouble)?;
+    let mut source = address.open().map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let mut heard = ReceivedPackets::new(system);
-    let signal = listen(seconds, &mut source, &interrupt, &mut |frame, now_ns| {
+    let signal = listen(seconds, &mut *source, &interrupt, &mut |frame, now_ns| {
         heard.take(frame, now_ns);
         if let Some((feed, diagnosis)) = &mut vehicle {
             diagnosis.take(frame);
@@ -67,14 +67,14 @@ pub fn probe(
     let has_time = vehicle
         .as_ref()
         .is_none_or(|(_, diagnosis)| diagnosis.standing_stamp().is_none());
-    print(heard.describe(&source, has_time));
+    print(heard.describe(&*source, has_time));
     if heard.frames == 0 {
-        return Err(Failure::trouble(nothing_came(&address, &source, seconds)));
+        return Err(Failure::trouble(nothing_came(&address, &*source, seconds)));
     }
     let Some((feed, diagnosis)) = vehicle else {
         return Ok(Exit::Success);
     };
-    let findings = diagnosis.with(&source, feed.frozen_part()).to_string();
+    let findings = diagnosis.with(&*source, feed.frozen_part()).to_string();
     print(describe_feed(&feed));
     if feed.counts().believed == 0 {
         let because = if findings.is_empty() {
@@ -106,7 +106,7 @@ pub fn probe(
 }
 
 /// Returns why no frame came.
-fn nothing_came(address: &Address, source: &CaptureSource, seconds: f64) -> String {
+fn nothing_came(address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
     let server = address.server;
     let malformed = source.counts().malformed;
     if malformed.total() > 0 {
@@ -128,7 +128,7 @@ fn paragraph(text: &str) -> String {
 /// Listens for some seconds; returns the signal that ended it before.
 fn listen(
     seconds: f64,
-    source: &mut CaptureSource,
+    source: &mut dyn CaptureSource,
     interrupt: &Interrupt,
     take: &mut dyn FnMut(&Frame, u64),
 ) -> Option<i32> {
@@ -152,7 +152,7 @@ fn listen(
 }
 
 /// Until something has arrived or is due.
-fn sleep(source: &CaptureSource, end_ns: u64) {
+fn sleep(source: &dyn CaptureSource, end_ns: u64) {
     let now_ns = monotonic_ns();
     let due_ns = source.due_ns().unwrap_or(end_ns).min(end_ns);
     let sleep_ns = due_ns.saturating_sub(now_ns).min(SLEEP_NS);

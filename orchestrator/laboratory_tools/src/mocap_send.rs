@@ -4,7 +4,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use motion_capture::conventions::{Calibration, WorldPose};
-use motion_capture::sender::server::{Plan, Server};
+use motion_capture::protocol::{self, Plan, SentFrame};
+use motion_capture::server::Server;
 use nalgebra::{Matrix3, Vector3};
 use runtime::flight_clock::monotonic_ns;
 use scenario::{CaptureSystem, TiltedEight};
@@ -61,10 +62,7 @@ pub fn send(plan: &Plan, poses: &Poses<'_>) -> Result<Exit, Failure> {
 /// Returns the port to which a system sends its frames.
 #[must_use]
 pub fn frame_port(system: CaptureSystem) -> u16 {
-    match system {
-        CaptureSystem::Natnet => motion_capture::natnet::DATA_PORT,
-        CaptureSystem::ViconUdp | CaptureSystem::Vrpn => system.port(),
-    }
+    protocol::of(system).frame_port(system.properties().port)
 }
 
 fn fly(
@@ -104,7 +102,14 @@ fn fly(
         pose.world_from_body *= exp(&(draws.normal3() * (TURN_PER_METRE * poses.noise)));
         let body = (poses.object, Some(calibration.capture_pose(&pose)));
         let sent_ns = monotonic_ns();
-        server.send(number, (began_ns + at_ns).min(sent_ns), sent_ns, &[body]);
+        let exposed_ns = (began_ns + at_ns).min(sent_ns);
+        let frame = SentFrame {
+            number,
+            exposed_ns,
+            computed_ns: exposed_ns,
+            sent_ns,
+        };
+        server.send(&frame, &[body]);
     }
     Ok(Exit::Success)
 }

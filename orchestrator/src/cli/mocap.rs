@@ -4,7 +4,8 @@ use std::net::Ipv4Addr;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Subcommand};
 use motion_capture::natnet::Version;
 use scenario::CaptureSystem;
 
@@ -33,34 +34,29 @@ pub enum MocapCommand {
     Send(MocapSend),
 }
 
-/// A motion-capture system on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Capture {
-    /// Vicon Tracker's UDP object stream.
-    #[value(name = "vicon_udp", alias = "vicon")]
-    Vicon,
-    /// VRPN over TCP.
-    Vrpn,
-    /// Motive's NatNet.
-    Natnet,
-}
-
-impl From<Capture> for CaptureSystem {
-    fn from(capture: Capture) -> Self {
-        match capture {
-            Capture::Vicon => Self::ViconUdp,
-            Capture::Vrpn => Self::Vrpn,
-            Capture::Natnet => Self::Natnet,
-        }
-    }
+/// Returns the parser of a motion-capture system's word.
+fn capture_system() -> impl TypedValueParser<Value = CaptureSystem> {
+    let words = CaptureSystem::ALL.map(|system| {
+        let properties = system.properties();
+        let word = PossibleValue::new(properties.name).help(properties.title);
+        word.aliases(properties.aliases)
+    });
+    PossibleValuesParser::new(words).map(|word| {
+        let mut systems = CaptureSystem::ALL.into_iter();
+        let of_word = systems.find(|system| {
+            let properties = system.properties();
+            properties.name == word || properties.aliases.contains(&word.as_str())
+        });
+        of_word.expect("the parser accepts no other words")
+    })
 }
 
 /// Arguments of `gerono mocap probe`.
 #[derive(Debug, Args)]
 pub struct MocapProbe {
     /// The protocol of the system.
-    #[arg(long, value_enum)]
-    pub source: Capture,
+    #[arg(long, value_parser = capture_system())]
+    pub source: CaptureSystem,
     /// IPv4 address of the machine that sends.
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub server: Ipv4Addr,
@@ -92,8 +88,8 @@ impl MocapProbe {
 #[derive(Debug, Args)]
 pub struct MocapSend {
     /// Which system to seem to be.
-    #[arg(long = "as", value_enum)]
-    pub system: Capture,
+    #[arg(long = "as", value_parser = capture_system())]
+    pub system: CaptureSystem,
     /// IPv4 address to serve at and send from.
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub at: Ipv4Addr,

@@ -5,7 +5,7 @@ use std::net::SocketAddrV4;
 use command_line::exit::Exit;
 use laboratory_tools::mocap_probe;
 use laboratory_tools::mocap_send::{self, Poses, frame_port};
-use motion_capture::sender::server::Plan;
+use motion_capture::protocol::Plan;
 use scenario::{CaptureSystem, MotionCapture};
 
 use super::{Failure, log_path};
@@ -51,7 +51,7 @@ fn send(arguments: &MocapSend) -> Result<Exit, Failure> {
     let system = CaptureSystem::from(arguments.system);
     let plan = Plan {
         system,
-        at: SocketAddrV4::new(arguments.at, arguments.port.unwrap_or(system.port())),
+        at: SocketAddrV4::new(arguments.at, arguments.port.unwrap_or(system.properties().port)),
         to: arguments
             .to
             .unwrap_or(SocketAddrV4::new(arguments.at, frame_port(system))),

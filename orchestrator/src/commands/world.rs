@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use radio_link::port::Target;
 use runtime::flight_clock::FlightClock;
-use scenario::{Key, Problem, Scenario};
+use scenario::{CaptureSystem, Key, Problem, Scenario};
 use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
@@ -72,7 +72,8 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure
     let Some((system, stated)) = scenario.capture_system() else {
         let key: Key = ["motion_capture", "source"].into_iter().collect();
         let reason = "the scenario's flight simulates the world itself";
-        return Err(refused(key, reason, "state `vrpn`, `natnet` or `vicon_udp`"));
+        let systems = CaptureSystem::ALL.map(CaptureSystem::name);
+        return Err(refused(key, reason, &format!("state {}", one_of(&systems))));
     };
     let period = (1.0 / (timing.capture_rate * scenario.schedule.tick)).round();
     if period < 1.0 {
@@ -120,6 +121,12 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
     };
     let line = ReceiverInput::open(&target).map_err(Failure::trouble)?;
     Ok(Autopilot::RateLoop(line, Box::new(radio)))
+}
+
+/// Returns words as a choice: "`a`, `b` or `c`".
+fn one_of(words: &[&str]) -> String {
+    let (last, others) = words.split_last().unwrap_or((&"", &[]));
+    format!("`{}` or `{last}`", others.join("`, `"))
 }
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {

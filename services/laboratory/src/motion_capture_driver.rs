@@ -35,7 +35,7 @@ const REASON_NS: u64 = 100_000_000;
 pub(super) struct MotionCaptureDriver {
     address: Address,
     /// `None` while it cannot be reopened.
-    source: Option<CaptureSource>,
+    source: Option<Box<dyn CaptureSource>>,
     retry_at_ns: u64,
     feed: Feed,
     diagnosis: Diagnosis,
@@ -57,7 +57,7 @@ impl MotionCaptureDriver {
         page: Arc<SharedPage>,
     ) -> Result<Self, BuildError> {
         let address = Address::new(system, stated)?;
-        let source = match CaptureSource::open(&address) {
+        let source = match address.open() {
             Ok(source) => Some(source),
             Err(_) if is_under_way(&page) => None,
             Err(error) => return Err(error.into()),
@@ -81,7 +81,7 @@ impl MotionCaptureDriver {
         self.pending.advance(tick_ns);
         if self.source.is_none() && now_ns >= self.retry_at_ns {
             self.retry_at_ns = now_ns + RETRY_NS;
-            self.source = CaptureSource::open(&self.address).ok();
+            self.source = self.address.open().ok();
         }
         let Self {
             source: Some(source),
@@ -104,14 +104,14 @@ impl MotionCaptureDriver {
                 }
             }
         });
-        reason.update(now_ns, diagnosis, source, feed);
+        reason.update(now_ns, diagnosis, &**source, feed);
     }
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
         let wire = self
             .source
             .as_ref()
-            .map(CaptureSource::counts)
+            .map(|source| source.counts())
             .unwrap_or_default();
         let second = self.feed.figures().last().copied().unwrap_or_default();
         let Second {
@@ -197,7 +197,7 @@ impl Default for Reason {
 
 impl Reason {
     /// Updates the text, if its period is over.
-    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &CaptureSource, feed: &Feed) {
+    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &dyn CaptureSource, feed: &Feed) {
         if now_ns < self.due_ns {
             return;
         }

@@ -8,7 +8,6 @@ use std::fmt::{Display, Formatter, Result};
 use scenario::{CaptureSystem, MotionCapture, Problem};
 
 use crate::feed::{PosePart, Selector};
-use crate::natnet::Version;
 use crate::refusals::Tally;
 use crate::transport::CaptureSource;
 use crate::wire::{Frame, Name, PoseError};
@@ -114,7 +113,7 @@ impl Diagnosis {
     /// Returns the findings with what the source and the feed know, for display; empty if there are none. `frozen` is the
     /// part of the vehicle's pose that does not move.
     #[must_use]
-    pub fn with<'a>(&'a self, source: &'a CaptureSource, frozen: Option<PosePart>) -> Findings<'a> {
+    pub fn with<'a>(&'a self, source: &'a dyn CaptureSource, frozen: Option<PosePart>) -> Findings<'a> {
         Findings {
             diagnosis: self,
             source,
@@ -138,7 +137,7 @@ fn is_near(name: &Name, wanted: &Name) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct Findings<'a> {
     diagnosis: &'a Diagnosis,
-    source: &'a CaptureSource,
+    source: &'a dyn CaptureSource,
     frozen: Option<PosePart>,
 }
 
@@ -191,15 +190,7 @@ impl Display for Findings<'_> {
                 diagnosis.distance
             ))?;
         }
-        if let Some(server) = self.source.natnet_server()
-            && server.version > Version::NEWEST_TRIED
-        {
-            list.add(format_args!(
-                "NatNet {} is newer than {}, the newest that was tried",
-                server.version,
-                Version::NEWEST_TRIED
-            ))?;
-        }
+        self.source.findings(&mut |finding| list.add(finding))?;
         if diagnosis.others.total() > 0 {
             list.add(format_args!(
                 "poses of other bodies refused: {}",
@@ -211,27 +202,24 @@ impl Display for Findings<'_> {
 }
 
 impl Findings<'_> {
-    /// Why the vehicle's name is in no frame.
+    /// Adds the reason why the vehicle's name is in no frame.
     fn names(&self, list: &mut List<'_, '_>) -> Result {
         let wanted = self.diagnosis.name;
-        let described = self.source.described();
-        let mut own = described.iter().filter(|body| body.name == wanted);
-        if let Some(body) = own.find(|body| body.is_shared || body.is_cut) {
-            let why = if body.is_cut {
-                "its name is too long"
-            } else {
-                "another body has its name or its id"
-            };
-            return list.add(format_args!("{why}: choose it by `#{}`, or rename it", body.id));
+        let (mut ambiguous, mut near) = (None, None);
+        self.source.announced(&mut |body| {
+            let reason = body.ambiguity.filter(|_| *body.name == wanted);
+            ambiguous = ambiguous.or(reason.zip(body.number));
+            if near.is_none() && is_near(body.name, &wanted) {
+                near = Some((*body.name, body.number));
+            }
+        });
+        if let Some((reason, number)) = ambiguous {
+            return list.add(format_args!("{reason}: choose it by `#{number}`, or rename it"));
         }
-        let mut announced = self.source.announced();
-        let near = announced.find(|name| is_near(name, &wanted));
-        let Some(near) = near.or(self.diagnosis.near.as_ref()) else {
-            return Ok(());
-        };
-        match described.iter().find(|body| body.name == *near) {
-            Some(body) => list.add(format_args!("announced: `{near}`, which is `#{}`", body.id)),
-            None => list.add(format_args!("announced: `{near}`")),
+        match near.or(self.diagnosis.near.map(|name| (name, None))) {
+            Some((name, Some(number))) => list.add(format_args!("announced: `{name}`, which is `#{number}`")),
+            Some((name, None)) => list.add(format_args!("announced: `{name}`")),
+            None => Ok(()),
         }
     }
 }
@@ -258,8 +246,7 @@ mod tests {
     use nalgebra::Matrix3;
 
     use super::*;
-    use crate::natnet::{ServerInfo, message};
-    use crate::sender;
+    use crate::natnet::{ServerInfo, Version, message, sender};
     use crate::transport::Address;
     use crate::wire::{CapturePose, Stamp, WireBody};
 
@@ -268,13 +255,13 @@ mod tests {
     }
 
     /// A source to which nothing has been sent.
-    fn silent(system: CaptureSystem, port: u16) -> CaptureSource {
+    fn silent(system: CaptureSystem, port: u16) -> Box<dyn CaptureSource> {
         let address = Address {
             system,
             server: SocketAddrV4::new(Ipv4Addr::LOCALHOST, port),
             interface: Ipv4Addr::LOCALHOST,
         };
-        CaptureSource::open(&address).unwrap()
+        address.open().unwrap()
     }
 
     fn frame(name: &str, position: [f64; 3], stamp_ns: i64) -> Frame {
@@ -297,7 +284,7 @@ mod tests {
         for frame in frames {
             diagnosis.take(frame);
         }
-        diagnosis.with(&source, None).to_string()
+        diagnosis.with(&*source, None).to_string()
     }
 
     #[test]
@@ -369,8 +356,8 @@ mod tests {
             source.poll(now_ns, &mut |_| ());
             let (_, client) = server.recv_from(&mut question).unwrap();
             let answer = match u16::from_le_bytes([question[0], question[1]]) {
-                message::CONNECT => sender::natnet::server_info(&info),
-                _ => sender::natnet::names(version, described),
+                message::CONNECT => sender::server_info(&info),
+                _ => sender::names(version, described),
             };
             server.send_to(&answer, client).unwrap();
             while source.counts().packets == packets {
@@ -381,7 +368,7 @@ mod tests {
         }
         let system = CaptureSystem::Natnet;
         let diagnosis = Diagnosis::new(system, &stated(system, object)).unwrap();
-        diagnosis.with(&source, None).to_string()
+        diagnosis.with(&*source, None).to_string()
     }
 
     #[test]

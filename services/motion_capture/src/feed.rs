@@ -61,8 +61,7 @@ impl Selector {
             .ok_or_else(|| wrong("no number stands behind the #"))?;
         let name = Name::new(name.as_bytes())
             .map_err(|_| wrong(&format!("a name longer than {LONGEST_NAME} bytes")))?;
-        // A tracker has a first sensor, and mostly no other.
-        let number = number.or((system == CaptureSystem::Vrpn).then_some(0));
+        let number = number.or(system.properties().numbers.unstated());
         Ok(Self { name, number })
     }
 
@@ -170,7 +169,7 @@ impl Feed {
         Ok(Self {
             selector: Selector::new(system, stated)?,
             calibration,
-            latency_ns: nanoseconds(stated.latency.unwrap_or(system.latency())),
+            latency_ns: nanoseconds(stated.latency.unwrap_or(system.properties().latency)),
             clock: RemoteClock::new(),
             frame_clock: FrameClock::default(),
             doubted: 0,

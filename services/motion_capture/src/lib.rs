@@ -1,17 +1,18 @@
 //! Motion capture: from a laboratory's network to poses of the vehicle.
 //!
 //! * [`wire`]: common parts of the decoders, with the limits on input from strangers;
-//! * [`vicon_udp`], [`vrpn`], [`natnet`]: from bytes to frames of poses, pure;
+//! * [`protocol`]: all that depends on the system, one trait; [`vicon_udp`], [`vrpn`], [`natnet`]: the systems, each with
+//!   its decoder, its sockets and its sender;
 //! * [`transport`]: sockets that never block, and their descriptors for waiting;
 //! * [`clock`]: the estimate of the sender's clock, and `frame_clock`: stamps for frames that have only numbers;
 //! * [`conventions`]: from the capture system's axes to the paper's;
 //! * [`feed`]: from frames to accepted poses of the vehicle, with their capture times;
 //! * [`refusals`]: what was refused, by reason, and [`diagnosis`]: why the vehicle is not seen, in words;
 //! * [`figures`]: rate, latency, jitter and noise of what arrives;
-//! * [`sender`]: the same formats the other way, for tests and simulated laboratories.
+//! * [`server`]: a simulated system, for tests and simulated laboratories.
 //!
 //! Failure policy: a packet that cannot be read, accepted or timed is counted by reason and dropped, and ends nothing. All
-//! modules but the transports are functions of bytes and arrival times.
+//! modules but the sockets are functions of bytes and arrival times.
 
 #![warn(missing_docs)]
 
@@ -22,8 +23,9 @@ pub mod feed;
 pub mod figures;
 mod frame_clock;
 pub mod natnet;
+pub mod protocol;
 pub mod refusals;
-pub mod sender;
+pub mod server;
 pub mod transport;
 pub mod vicon_udp;
 pub mod vrpn;

@@ -8,8 +8,101 @@
 
 mod frame;
 mod model;
+pub mod sender;
+mod source;
 
-use crate::wire::{Cursor, Frame, Name, WireError};
+use crate::conventions::UpAxis;
+use crate::protocol::{Decode, Plan, Protocol, SentFrame, Transport};
+use crate::server::quaternion;
+use crate::transport::{Address, CaptureSource, TransportError};
+use crate::wire::{CapturePose, Cursor, Frame, Name, WireError};
+
+/// The protocol.
+pub(crate) struct Natnet;
+
+/// Ticks a second of the clock that a simulated server stamps with.
+const CLOCK_FREQUENCY: u64 = 10_000_000;
+
+impl Protocol for Natnet {
+    fn up_axis(&self) -> UpAxis {
+        UpAxis::Y
+    }
+
+    fn open(&self, address: &Address) -> Result<Box<dyn CaptureSource>, TransportError> {
+        Ok(Box::new(source::Source::open(address)?))
+    }
+
+    fn decoder(&self) -> Box<dyn Decode> {
+        Box::new(Datagrams {
+            decoder: Decoder::new(),
+            frame: Frame::new(),
+        })
+    }
+
+    fn transport(&self) -> Transport {
+        Transport::Requests
+    }
+
+    fn frame_port(&self, _port: u16) -> u16 {
+        DATA_PORT
+    }
+
+    fn introduction(&self, plan: &Plan, bodies: &[&str]) -> Vec<Vec<u8>> {
+        let requests = [message::CONNECT, message::REQUEST_MODELDEF].map(u16::to_le_bytes);
+        let answers = requests
+            .iter()
+            .filter_map(|request| self.answer(plan, request, bodies));
+        answers.collect()
+    }
+
+    fn answer(&self, plan: &Plan, request: &[u8], bodies: &[&str]) -> Option<Vec<u8>> {
+        match u16::from_le_bytes(*request.first_chunk()?) {
+            message::CONNECT => Some(sender::server_info(&ServerInfo {
+                version: plan.version,
+                clock_frequency: CLOCK_FREQUENCY,
+                data_port: plan.to.port(),
+                multicast: plan.to.ip().is_multicast().then(|| plan.to.ip().octets()),
+            })),
+            message::REQUEST_MODELDEF => {
+                let named: Vec<(i32, &str)> = (1..).zip(bodies.iter().copied()).collect();
+                Some(sender::names(plan.version, &named))
+            }
+            _ => None,
+        }
+    }
+
+    fn frame(&self, plan: &Plan, frame: &SentFrame, bodies: &[(&str, Option<CapturePose>)]) -> Vec<u8> {
+        let numbered = (1..).zip(bodies);
+        let bodies = numbered.map(|(id, (_, pose))| RigidBody::new(id, pose.as_ref()));
+        let ticks = |ns: u64| ns / (1_000_000_000 / CLOCK_FREQUENCY);
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "s in double precision, as Motive sends it"
+        )]
+        let times = Times {
+            timestamp: frame.exposed_ns as f64 * 1e-9,
+            exposed: ticks(frame.exposed_ns),
+            received: ticks(frame.sent_ns),
+            sent: ticks(frame.sent_ns),
+        };
+        sender::frame(plan.version, frame.number, &bodies.collect::<Vec<_>>(), &times)
+    }
+}
+
+/// Decoder of datagrams, with the frame that they fill.
+struct Datagrams {
+    decoder: Decoder,
+    frame: Frame,
+}
+
+impl Decode for Datagrams {
+    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+        if let Received::Frame { .. } = self.decoder.decode(bytes, &mut self.frame)? {
+            sink(&self.frame);
+        }
+        Ok(())
+    }
+}
 
 /// Port of frames unless the server tells otherwise.
 pub const DATA_PORT: u16 = 1511;
@@ -103,6 +196,22 @@ pub struct RigidBody {
     pub tracked: bool,
 }
 
+impl RigidBody {
+    /// Makes the body of a pose; all zeros if it is not seen.
+    #[expect(clippy::cast_possible_truncation, reason = "the wire has single precision")]
+    fn new(id: i32, pose: Option<&CapturePose>) -> Self {
+        let position: [f64; 3] = pose.map_or([0.0; 3], |pose| pose.position.into());
+        let quaternion = pose.map_or([0.0; 4], |pose| quaternion(&pose.capture_from_markers));
+        Self {
+            id,
+            position: position.map(|coordinate| coordinate as f32),
+            quaternion: quaternion.map(|coordinate| coordinate as f32),
+            error: 2e-4,
+            tracked: pose.is_some(),
+        }
+    }
+}
+
 /// The end of a frame: its times on the server's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Times {
@@ -130,14 +239,19 @@ pub struct Described {
 }
 
 impl Described {
+    /// Returns why its name stands for no single body, if it does not.
+    fn ambiguity(&self) -> Option<&'static str> {
+        if self.is_cut {
+            Some("its name is too long")
+        } else {
+            self.is_shared.then_some("another body has its name or its id")
+        }
+    }
+
     /// Returns the name of the body in a frame; empty if the name stands for no single body.
     #[must_use]
     pub fn unique_name(&self) -> Name {
-        if self.is_shared || self.is_cut {
-            Name::EMPTY
-        } else {
-            self.name
-        }
+        self.ambiguity().map_or(self.name, |_| Name::EMPTY)
     }
 }
 

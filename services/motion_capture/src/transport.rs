@@ -7,23 +7,21 @@
 //! [`CaptureSource::poll`] makes a bounded number of system calls and returns. [`CaptureSource::descriptors`] are to be
 //! waited on, and [`CaptureSource::due_ns`] is the time of the next poll even without a packet.
 
-mod natnet;
 mod source_filter;
-mod udp;
-mod vicon_udp;
-mod vrpn;
+pub(crate) mod udp;
 
+use std::fmt::{Arguments, Debug, Result as Written};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
 use scenario::{CaptureSystem, Key, MotionCapture, Problem};
 
-use crate::natnet::{Described, ServerInfo};
+use crate::protocol;
 use crate::refusals::Tally;
 use crate::wire::{Frame, Name, WireError};
 
 /// Most packets that one poll takes from a socket, so that a flood does not hold up the caller.
-const MOST_PACKETS: usize = 64;
+pub(crate) const MOST_PACKETS: usize = 64;
 
 /// Address of a capture system and of the local interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,13 +52,21 @@ impl Address {
             text.parse()
                 .map_err(|_| wrong(name, format!("`{text}` is no IPv4 address")))
         };
-        let port = stated.port.map_or(Ok(system.port()), u16::try_from);
+        let port = stated.port.map_or(Ok(system.properties().port), u16::try_from);
         let port = port.map_err(|_| wrong("port", "there is no such port".to_owned()))?;
         Ok(Self {
             system,
             server: SocketAddrV4::new(parsed("server", &stated.server)?, port),
             interface: parsed("interface", &stated.interface)?,
         })
+    }
+
+    /// Opens the sockets; a server that does not run yet is awaited in [`CaptureSource::poll`].
+    ///
+    /// # Errors
+    /// If a socket cannot be opened.
+    pub fn open(&self) -> Result<Box<dyn CaptureSource>, TransportError> {
+        protocol::of(self.system).open(self)
     }
 }
 
@@ -113,97 +119,47 @@ pub struct WireCounts {
 }
 
 /// Capture system on the network.
-#[derive(Debug)]
-pub enum CaptureSource {
-    /// Vicon Tracker's UDP object stream.
-    ViconUdp(Box<vicon_udp::ViconUdp>),
-    /// A VRPN server.
-    Vrpn(Box<vrpn::Vrpn>),
-    /// Motive.
-    Natnet(Box<natnet::Natnet>),
-}
-
-impl CaptureSource {
-    /// Opens the sockets; a server that does not run yet is awaited in [`CaptureSource::poll`].
-    ///
-    /// # Errors
-    /// If a socket cannot be opened.
-    pub fn open(address: &Address) -> Result<Self, TransportError> {
-        Ok(match address.system {
-            CaptureSystem::ViconUdp => Self::ViconUdp(Box::new(vicon_udp::ViconUdp::open(address)?)),
-            CaptureSystem::Vrpn => Self::Vrpn(Box::new(vrpn::Vrpn::new(address.server))),
-            CaptureSystem::Natnet => Self::Natnet(Box::new(natnet::Natnet::open(address)?)),
-        })
-    }
-
+pub trait CaptureSource: Debug + Send {
     /// Takes the packets that have arrived by now (ns of the local clock) and hands out their frames, oldest first,
     /// without ever waiting. Also connects, repeats requests, and sends signs of life, when they are due.
-    pub fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
-        match self {
-            Self::ViconUdp(source) => source.poll(sink),
-            Self::Vrpn(source) => source.poll(now_ns, sink),
-            Self::Natnet(source) => source.poll(now_ns, sink),
-        }
-    }
+    fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame));
 
     /// Returns the descriptors to wait on for the next packet. They may change with the next poll: a connection may be
     /// a new one.
-    #[must_use]
-    pub fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
-        match self {
-            Self::ViconUdp(source) => [Some(source.descriptor()), None],
-            Self::Vrpn(source) => [source.descriptor(), None],
-            Self::Natnet(source) => source.descriptors(),
-        }
-    }
+    fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2];
 
     /// Returns the time of the next poll even without a packet, ns of the local clock; `None` if never.
-    #[must_use]
-    pub fn due_ns(&self) -> Option<u64> {
-        match self {
-            Self::ViconUdp(_) => None,
-            Self::Vrpn(source) => source.due_ns(),
-            Self::Natnet(source) => Some(source.due_ns()),
-        }
-    }
+    fn due_ns(&self) -> Option<u64>;
 
     /// Returns the counts.
-    #[must_use]
-    pub fn counts(&self) -> WireCounts {
-        match self {
-            Self::ViconUdp(source) => *source.counts(),
-            Self::Vrpn(source) => source.counts(),
-            Self::Natnet(source) => *source.counts(),
-        }
+    fn counts(&self) -> WireCounts;
+
+    /// Hands out the bodies that the server has announced ahead of poses.
+    fn announced(&self, _sink: &mut dyn FnMut(&Announced<'_>)) {}
+
+    /// Returns a line about the server, if it has described itself.
+    fn server(&self) -> Option<String> {
+        None
     }
 
-    /// Returns the names that the server has announced ahead of poses: VRPN's senders, Motive's rigid bodies.
-    pub fn announced(&self) -> impl Iterator<Item = &Name> {
-        let senders = match self {
-            Self::Vrpn(source) => Some(source.announced()),
-            Self::ViconUdp(_) | Self::Natnet(_) => None,
-        };
-        let described = self.described().iter().map(|body| &body.name);
-        senders.into_iter().flatten().chain(described)
+    /// Hands out doubts about the server, each a clause of a sentence.
+    ///
+    /// # Errors
+    /// The first error of `add`.
+    fn findings(&self, _add: &mut dyn FnMut(Arguments<'_>) -> Written) -> Written {
+        Ok(())
     }
+}
 
-    /// Returns Motive's rigid bodies by their descriptions.
-    #[must_use]
-    pub fn described(&self) -> &[Described] {
-        match self {
-            Self::Natnet(source) => source.described(),
-            Self::ViconUdp(_) | Self::Vrpn(_) => &[],
-        }
-    }
-
-    /// Returns the description of Motive, if it has answered.
-    #[must_use]
-    pub fn natnet_server(&self) -> Option<&ServerInfo> {
-        match self {
-            Self::Natnet(source) => source.server(),
-            Self::ViconUdp(_) | Self::Vrpn(_) => None,
-        }
-    }
+/// Body that a server has announced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Announced<'a> {
+    /// Its name.
+    pub name: &'a Name,
+    /// The number that also selects it, if it has one.
+    pub number: Option<i32>,
+    /// The reason why its name does not select it, if so.
+    pub ambiguity: Option<&'static str>,
 }
 
 #[cfg(test)]

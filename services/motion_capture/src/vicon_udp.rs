@@ -5,13 +5,57 @@
 //! no time stamp and no quality. A hidden object is absent, repeats what it was, or is all zero. Objects with one name,
 //! also two whose names are equal in their first 24 bytes, count as not seen: nothing tells them apart.
 
-use nalgebra::{Matrix3, Vector3};
-use shared_types::rotation::exp;
+pub mod sender;
+pub(crate) mod source;
 
+use nalgebra::{Matrix3, Vector3};
+use shared_types::rotation::{exp, roll_pitch_yaw};
+
+use crate::conventions::UpAxis;
+use crate::protocol::{Decode, Plan, Protocol, SentFrame, Transport};
+use crate::transport::{Address, CaptureSource, TransportError};
 use crate::wire::{CapturePose, Cursor, Frame, Name, PoseError, WireError};
 
-/// Port to which Tracker sends by default.
-pub const PORT: u16 = 51001;
+/// The protocol.
+pub(crate) struct ViconUdp;
+
+impl Protocol for ViconUdp {
+    fn up_axis(&self) -> UpAxis {
+        UpAxis::Z
+    }
+
+    fn open(&self, address: &Address) -> Result<Box<dyn CaptureSource>, TransportError> {
+        Ok(Box::new(source::Source::open(address)?))
+    }
+
+    fn decoder(&self) -> Box<dyn Decode> {
+        Box::new(Datagrams(Frame::new()))
+    }
+
+    fn transport(&self) -> Transport {
+        Transport::Datagrams
+    }
+
+    fn frame(&self, _plan: &Plan, frame: &SentFrame, bodies: &[(&str, Option<CapturePose>)]) -> Vec<u8> {
+        let seen = bodies
+            .iter()
+            .filter_map(|(name, pose)| Some(Object::new(name, pose.as_ref()?)));
+        let mut datagram = Vec::new();
+        sender::frame(frame.number, &seen.collect::<Vec<_>>(), &mut datagram);
+        datagram
+    }
+}
+
+/// Decoder of datagrams, each of which is a frame.
+struct Datagrams(Frame);
+
+impl Decode for Datagrams {
+    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+        decode(bytes, &mut self.0)?;
+        sink(&self.0);
+        Ok(())
+    }
+}
 
 /// Length of an object's name on the wire, bytes.
 pub const NAME_LENGTH: usize = 24;
@@ -35,6 +79,20 @@ pub struct Object {
 }
 
 impl Object {
+    /// Makes the object of a pose; of a longer name the first bytes.
+    fn new(name: &str, pose: &CapturePose) -> Self {
+        let mut padded = [0; NAME_LENGTH];
+        let length = name.len().min(NAME_LENGTH);
+        padded[..length].copy_from_slice(&name.as_bytes()[..length]);
+        // R = Rx Ry Rz, so that Rᵀ is Rz Ry Rx of the negative angles.
+        let turned = roll_pitch_yaw(&pose.capture_from_markers.transpose());
+        Self {
+            name: padded,
+            translation_mm: (pose.position * 1e3).into(),
+            rotation: turned.map(|angle| -angle),
+        }
+    }
+
     /// Returns its pose in SI units; `None` if it says that it is not seen.
     fn pose(&self) -> Result<Option<CapturePose>, PoseError> {
         let numbers = self.translation_mm.iter().chain(&self.rotation);

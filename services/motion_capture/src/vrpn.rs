@@ -8,13 +8,71 @@
 //! invalid cannot be resumed: the error ends the connection. A pose whose values cannot be true is one of a body that is not seen, and has no time: its stamp must not
 //! count for the server's clock.
 
+pub mod sender;
+mod source;
+
 use std::ops::Range;
 
+use crate::conventions::UpAxis;
+use crate::protocol::{Decode, Plan, Protocol, SentFrame, Transport};
 use crate::refusals::Tally;
+use crate::server::quaternion;
+use crate::transport::{Address, CaptureSource, TransportError};
 use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, PoseError, Stamp, WireError};
 
-/// Port on which a server listens by default.
-pub const PORT: u16 = 3883;
+/// The protocol.
+pub(crate) struct Vrpn;
+
+impl Protocol for Vrpn {
+    fn up_axis(&self) -> UpAxis {
+        UpAxis::Z
+    }
+
+    fn open(&self, address: &Address) -> Result<Box<dyn CaptureSource>, TransportError> {
+        Ok(Box::new(source::Source::new(address.server)))
+    }
+
+    fn decoder(&self) -> Box<dyn Decode> {
+        Box::new(Decoder::new())
+    }
+
+    fn transport(&self) -> Transport {
+        Transport::Connections
+    }
+
+    fn introduction(&self, _plan: &Plan, bodies: &[&str]) -> Vec<Vec<u8>> {
+        let mut bytes = COOKIE.to_vec();
+        for (number, name) in (0..).zip(bodies) {
+            sender::sender(number, name, &mut bytes);
+        }
+        sender::types(&mut bytes);
+        vec![bytes]
+    }
+
+    fn frame(&self, _plan: &Plan, frame: &SentFrame, bodies: &[(&str, Option<CapturePose>)]) -> Vec<u8> {
+        let microseconds = frame.computed_ns / 1000;
+        let time = [microseconds / 1_000_000, microseconds % 1_000_000]
+            .map(|part| u32::try_from(part).unwrap_or(u32::MAX));
+        let mut bytes = Vec::new();
+        for (number, (_, pose)) in (0..).zip(bodies) {
+            if let Some(pose) = pose {
+                let report = PoseReport {
+                    sensor: 0,
+                    position: pose.position.into(),
+                    quaternion: quaternion(&pose.capture_from_markers),
+                };
+                sender::report(time, number, &report, &mut bytes);
+            }
+        }
+        bytes
+    }
+}
+
+impl Decode for Decoder {
+    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+        self.push(bytes, sink)
+    }
+}
 
 /// Greeting of both sides: version, and no logging.
 pub const COOKIE: [u8; 24] = *b"vrpn: ver. 07.38  0\0\0\0\0\0";

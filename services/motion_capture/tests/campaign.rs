@@ -4,17 +4,15 @@
 //! the digits of the format, with its time. Where bytes are changed too, which the checksums of UDP and TCP mostly keep
 //! from us, a pose is never farther off than the vehicle could have got in the time, which is all that can be known.
 
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 use motion_capture::feed::{Feed, PoseParts, VehiclePose};
-use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version};
-use motion_capture::vicon_udp::{NAME_LENGTH, Object};
-use motion_capture::vrpn::{COOKIE, PoseReport};
-use motion_capture::wire::Frame;
-use motion_capture::{natnet, sender, vicon_udp, vrpn};
+use motion_capture::natnet::Version;
+use motion_capture::protocol::{self, Decode, Plan, SentFrame, Transport};
+use motion_capture::wire::CapturePose;
 use nalgebra::Vector3;
 use scenario::{CaptureSystem, MotionCapture};
-use shared_types::rotation::{exp, from_roll_pitch_yaw, roll_pitch_yaw};
+use shared_types::rotation::from_roll_pitch_yaw;
 
 const FRAMES: u64 = 100_000;
 const MS: u64 = 1_000_000;
@@ -58,162 +56,83 @@ fn truth(at_ns: u64) -> (Vector3<f64>, [f64; 3]) {
     )
 }
 
-fn quaternion(angles: [f64; 3]) -> [f64; 4] {
-    let r = from_roll_pitch_yaw(angles);
-    let w = 0.5 * (1.0 + r.trace()).sqrt();
-    let s = 0.25 / w;
-    [
-        (r[(2, 1)] - r[(1, 2)]) * s,
-        (r[(0, 2)] - r[(2, 0)]) * s,
-        (r[(1, 0)] - r[(0, 1)]) * s,
-        w,
-    ]
-}
-
-/// The angles of R = Rx Ry Rz.
-fn vicon_angles(angles: [f64; 3]) -> [f64; 3] {
-    // Rᵀ = Rz(−z) Ry(−y) Rx(−x)
-    roll_pitch_yaw(&from_roll_pitch_yaw(angles).transpose()).map(|angle| -angle)
-}
-
 /// A capture system at the other end of the wire, and its decoder here.
-enum Wire {
-    Vicon,
-    Vrpn(Box<vrpn::Decoder>),
-    Natnet(Version, natnet::Decoder),
+struct Wire {
+    plan: Plan,
+    decoder: Box<dyn Decode>,
 }
 
 impl Wire {
     fn new(system: CaptureSystem, version: Version) -> Self {
-        match system {
-            CaptureSystem::ViconUdp => Self::Vicon,
-            CaptureSystem::Vrpn => {
-                let mut decoder = vrpn::Decoder::new();
-                decoder.push(&greeting(), |_| ()).unwrap();
-                Self::Vrpn(Box::new(decoder))
-            }
-            CaptureSystem::Natnet => {
-                let info = ServerInfo {
-                    version,
-                    clock_frequency: 10_000_000,
-                    data_port: 1511,
-                    multicast: None,
-                };
-                let mut decoder = natnet::Decoder::new();
-                let mut frame = Frame::new();
-                for datagram in [
-                    sender::natnet::server_info(&info),
-                    sender::natnet::names(version, &[(1, "wand"), (2, "quad")]),
-                ] {
-                    decoder.decode(&datagram, &mut frame).unwrap();
-                }
-                Self::Natnet(version, decoder)
-            }
+        let at = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0);
+        let (to, decoder) = (at, protocol::of(system).decoder());
+        let plan = Plan {
+            system,
+            at,
+            to,
+            version,
+        };
+        let mut wire = Self { plan, decoder };
+        wire.introduce();
+        wire
+    }
+
+    fn introduce(&mut self) {
+        let protocol = protocol::of(self.plan.system);
+        self.decoder = protocol.decoder();
+        for packet in protocol.introduction(&self.plan, &["wand", "quad"]) {
+            self.decoder.take(&packet, &mut |_| ()).unwrap();
         }
     }
 
+    /// Returns the packet of the vehicle, in a stream of single bodies, or of all.
     fn packet(&self, frame: u64) -> Vec<u8> {
-        let at_ns = captured(frame);
-        let (position, angles) = truth(at_ns);
-        let mut bytes = Vec::new();
-        match self {
-            Self::Vicon => {
-                let object = |name: &[u8], position: Vector3<f64>| {
-                    let mut padded = [0; NAME_LENGTH];
-                    padded[..name.len()].copy_from_slice(name);
-                    Object {
-                        name: padded,
-                        translation_mm: (position * 1e3).into(),
-                        rotation: vicon_angles(angles),
-                    }
-                };
-                let objects = [object(b"wand", position * 2.0), object(b"quad", position)];
-                sender::vicon_udp::frame(frame as u32, &objects, &mut bytes);
-            }
-            Self::Vrpn(_) => {
-                let report = PoseReport {
-                    sensor: 0,
-                    position: position.into(),
-                    quaternion: quaternion(angles),
-                };
-                let microseconds = (at_ns + AHEAD) / 1000;
-                let time = [
-                    (microseconds / 1_000_000) as u32,
-                    (microseconds % 1_000_000) as u32,
-                ];
-                sender::vrpn::report(time, 1, &report, &mut bytes);
-            }
-            Self::Natnet(version, _) => {
-                let body = |id, position: Vector3<f64>| RigidBody {
-                    id,
-                    position: [position.x as f32, position.y as f32, position.z as f32],
-                    quaternion: quaternion(angles).map(|c| c as f32),
-                    error: 1e-4,
-                    tracked: true,
-                };
-                let exposed = (at_ns + AHEAD) / 100;
-                let times = Times {
-                    timestamp: 0.0,
-                    exposed,
-                    received: exposed + 20_000,
-                    sent: exposed + 30_000,
-                };
-                let bodies = [body(1, position * 2.0), body(2, position)];
-                bytes = sender::natnet::frame(*version, frame as u32, &bodies, &times);
-            }
-        }
-        bytes
+        let protocol = protocol::of(self.plan.system);
+        let (position, angles) = truth(captured(frame));
+        let pose = |position| CapturePose {
+            position,
+            capture_from_markers: from_roll_pitch_yaw(angles),
+        };
+        let exposed_ns = captured(frame) + AHEAD;
+        let sent = SentFrame {
+            number: frame as u32,
+            exposed_ns,
+            computed_ns: exposed_ns,
+            sent_ns: exposed_ns + 3 * MS,
+        };
+        let is_stream = protocol.transport() == Transport::Connections;
+        let wand = (!is_stream).then(|| pose(position * 2.0));
+        protocol.frame(
+            &self.plan,
+            &sent,
+            &[("wand", wand), ("quad", Some(pose(position)))],
+        )
     }
 
     /// Gives a packet to decoder and feed. An invalid stream is started again, as the transport does.
     fn deliver(&mut self, packet: &[u8], arrived_ns: u64, feed: &mut Feed) -> Vec<VehiclePose> {
-        let mut frame = Frame::new();
         let mut poses = Vec::new();
-        match self {
-            Self::Vicon => {
-                if vicon_udp::decode(packet, &mut frame).is_ok() {
-                    poses.extend(feed.take(&frame, arrived_ns));
-                }
-            }
-            Self::Vrpn(decoder) => {
-                if decoder
-                    .push(packet, |frame| poses.extend(feed.take(frame, arrived_ns)))
-                    .is_err()
-                {
-                    decoder.restart();
-                    decoder.push(&greeting(), |_| ()).unwrap();
-                }
-            }
-            Self::Natnet(_, decoder) => {
-                if let Ok(natnet::Received::Frame { .. }) = decoder.decode(packet, &mut frame) {
-                    poses.extend(feed.take(&frame, arrived_ns));
-                }
-            }
+        let taken = self
+            .decoder
+            .take(packet, &mut |frame| poses.extend(feed.take(frame, arrived_ns)));
+        if taken.is_err() && protocol::of(self.plan.system).transport() == Transport::Connections {
+            self.introduce();
         }
         poses
     }
 }
 
-fn greeting() -> Vec<u8> {
-    let mut bytes = COOKIE.to_vec();
-    sender::vrpn::sender(0, "wand", &mut bytes);
-    sender::vrpn::sender(1, "quad", &mut bytes);
-    sender::vrpn::types(&mut bytes);
-    bytes
-}
-
 fn stated(system: CaptureSystem) -> MotionCapture {
     let identity = Some(scenario::FrameTransform::default());
-    // Latency without a stamp: Motive's 3 ms are stamped.
-    let latency = if system == CaptureSystem::Natnet {
-        1e-3
-    } else {
-        4e-3
-    };
     MotionCapture {
         world_from_capture: identity.clone(),
         body_from_markers: identity,
-        latency: Some(latency),
+        // Of a system that stamps the age of its frames only the network's 1 ms is left.
+        latency: Some(if system.properties().latency < 1e-3 {
+            1e-3
+        } else {
+            4e-3
+        }),
         ..MotionCapture::new(system, Ipv4Addr::LOCALHOST, "quad")
     }
 }
@@ -316,16 +235,17 @@ fn change(packet: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-const SYSTEMS: [(CaptureSystem, Version); 4] = [
-    (CaptureSystem::ViconUdp, Version { major: 0, minor: 0 }),
-    (CaptureSystem::Vrpn, Version { major: 0, minor: 0 }),
-    (CaptureSystem::Natnet, Version { major: 3, minor: 1 }),
-    (CaptureSystem::Natnet, Version { major: 4, minor: 1 }),
-];
+/// Every system, and both layouts of `NatNet`.
+fn systems() -> Vec<(CaptureSystem, Version)> {
+    let [old, new] = [(3, 1), (4, 1)].map(|(major, minor)| Version { major, minor });
+    let mut systems: Vec<_> = CaptureSystem::ALL.map(|system| (system, new)).into();
+    systems.push((CaptureSystem::Natnet, old));
+    systems
+}
 
 #[test]
 fn of_frames_lost_repeated_and_overtaken_none_gives_a_wrong_pose() {
-    for (system, version) in SYSTEMS {
+    for (system, version) in systems() {
         let (outcome, feed) = fly(system, version, 0.0, 1e-6);
         println!("{system:?} {version:?}: {outcome:?}\n  {:?}", feed.counts());
         assert_eq!(outcome.wrong, 0, "{system:?} {outcome:?}");
@@ -350,7 +270,7 @@ fn of_frames_lost_repeated_and_overtaken_none_gives_a_wrong_pose() {
 
 #[test]
 fn of_frames_changed_on_the_way_none_gives_a_pose_where_the_vehicle_cannot_be() {
-    for (system, version) in SYSTEMS {
+    for (system, version) in systems() {
         // 10 m/s for 0.2 s at most, and the noise; for the attitude ten times as much.
         let (outcome, feed) = fly(system, version, 0.05, 0.25);
         println!("{system:?} {version:?}: {outcome:?}\n  {:?}", feed.counts());
@@ -359,13 +279,4 @@ fn of_frames_changed_on_the_way_none_gives_a_pose_where_the_vehicle_cannot_be() 
         // Of a stream whose lengths are changed more is lost than what was changed.
         assert!(outcome.poses > FRAMES * 50 / 100, "{system:?} {outcome:?}");
     }
-}
-
-#[test]
-fn rotations_here_are_those_of_the_wire() {
-    let angles = [0.3, -0.2, 0.9];
-    let [x, y, z] = vicon_angles(angles);
-    let by_vicon = vicon_udp::capture_from_markers([x, y, z]);
-    assert!((by_vicon - from_roll_pitch_yaw(angles)).norm() < 1e-12);
-    assert!((exp(&Vector3::new(0.3, 0.0, 0.0)) - from_roll_pitch_yaw([0.3, 0.0, 0.0])).norm() < 1e-12);
 }

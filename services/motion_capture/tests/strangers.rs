@@ -5,7 +5,7 @@ use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::{Frame, PoseError, WireError};
-use motion_capture::{natnet, sender, vicon_udp, vrpn};
+use motion_capture::{natnet, vicon_udp, vrpn};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
@@ -93,10 +93,10 @@ proptest! {
         let mut frame = Frame::new();
         let names: Vec<(i32, &[u8])> = described.iter().map(|(id, name)| (*id, name.as_slice())).collect();
         prop_assert_eq!(
-            decoder.decode(&sender::natnet::names(version, &names), &mut frame),
+            decoder.decode(&natnet::sender::names(version, &names), &mut frame),
             Ok(Received::Names { unreadable: None })
         );
-        let received = decoder.decode(&sender::natnet::frame(version, 5, &bodies, &TIMES), &mut frame);
+        let received = decoder.decode(&natnet::sender::frame(version, 5, &bodies, &TIMES), &mut frame);
         prop_assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
         prop_assert_eq!(frame.bodies().len(), bodies.len());
         prop_assert_eq!(pose_of(&frame), Some(Vector3::from(position)));
@@ -119,7 +119,7 @@ proptest! {
             rotation: [0.1, 0.2, 0.3],
         });
         let mut datagram = Vec::new();
-        sender::vicon_udp::frame(5, &objects, &mut datagram);
+        vicon_udp::sender::frame(5, &objects, &mut datagram);
         let mut frame = Frame::new();
         prop_assert_eq!(vicon_udp::decode(&datagram, &mut frame), Ok(()));
         prop_assert_eq!(frame.bodies().len(), objects.len());
@@ -130,18 +130,18 @@ proptest! {
     fn of_vrpn(strangers in strangers(), short in 0usize..64) {
         let mut bytes = COOKIE.to_vec();
         for (index, (name, ..)) in strangers.iter().enumerate() {
-            sender::vrpn::sender(1 + index as i32, name, &mut bytes);
+            vrpn::sender::sender(1 + index as i32, name, &mut bytes);
         }
-        sender::vrpn::sender(0, b"quad", &mut bytes);
-        sender::vrpn::types(&mut bytes);
+        vrpn::sender::sender(0, b"quad", &mut bytes);
+        vrpn::sender::types(&mut bytes);
         for (index, (_, _, [x, y, z, quaternion @ ..], _)) in strangers.iter().enumerate() {
             let report = PoseReport { sensor: 0, position: [*x, *y, *z], quaternion: *quaternion };
-            sender::vrpn::report([5, 6], 1 + index as i32, &report, &mut bytes);
+            vrpn::sender::report([5, 6], 1 + index as i32, &report, &mut bytes);
             // And a report that is too short for a pose.
-            sender::vrpn::message([5, 6], 1 + index as i32, 4, &vec![0; short], &mut bytes);
+            vrpn::sender::message([5, 6], 1 + index as i32, 4, &vec![0; short], &mut bytes);
         }
         let (position, quaternion) = quad();
-        sender::vrpn::report([5, 6], 0, &PoseReport { sensor: 0, position, quaternion }, &mut bytes);
+        vrpn::sender::report([5, 6], 0, &PoseReport { sensor: 0, position, quaternion }, &mut bytes);
         let mut decoder = vrpn::Decoder::new();
         let mut seen = Vec::new();
         decoder.push(&bytes, |frame| seen.extend(pose_of(frame))).unwrap();
@@ -164,7 +164,7 @@ fn decoder(version: Version) -> natnet::Decoder {
         multicast: None,
     };
     let mut decoder = natnet::Decoder::new();
-    let received = decoder.decode(&sender::natnet::server_info(&info), &mut Frame::new());
+    let received = decoder.decode(&natnet::sender::server_info(&info), &mut Frame::new());
     assert_eq!(received, Ok(Received::ServerInfo(info)));
     decoder
 }
@@ -197,10 +197,10 @@ fn bodies_that_share_a_name_are_without_it_and_others_keep_theirs() {
     let mut decoder = decoder(version);
     let mut frame = Frame::new();
     let names = [(1, "quad"), (2, "box"), (3, "box"), (4, "wand")];
-    let named = sender::natnet::names(version, &names);
+    let named = natnet::sender::names(version, &names);
     decoder.decode(&named, &mut frame).unwrap();
     let bodies = [body(1), body(2), body(3), body(4)];
-    let datagram = sender::natnet::frame(version, 1, &bodies, &TIMES);
+    let datagram = natnet::sender::frame(version, 1, &bodies, &TIMES);
     let received = decoder.decode(&datagram, &mut frame);
     // They need not be asked for again and again.
     assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
@@ -218,7 +218,7 @@ fn bodies_that_share_an_id_or_a_name_on_the_wire_are_not_seen() {
     let mut decoder = decoder(version);
     let mut frame = Frame::new();
     let bodies = [body(1), body(2), body(2), body(2)];
-    let datagram = sender::natnet::frame(version, 1, &bodies, &TIMES);
+    let datagram = natnet::sender::frame(version, 1, &bodies, &TIMES);
     decoder.decode(&datagram, &mut frame).unwrap();
     let poses: Vec<bool> = frame.bodies().iter().map(|body| body.pose.is_some()).collect();
     assert_eq!(poses, [true, false, false, false]);
@@ -235,7 +235,7 @@ fn bodies_that_share_an_id_or_a_name_on_the_wire_are_not_seen() {
         b"quadcopter_experiment_number_02",
     ];
     let mut datagram = Vec::new();
-    sender::vicon_udp::frame(1, &names.map(object), &mut datagram);
+    vicon_udp::sender::frame(1, &names.map(object), &mut datagram);
     vicon_udp::decode(&datagram, &mut frame).unwrap();
     let poses: Vec<bool> = frame.bodies().iter().map(|body| body.pose.is_some()).collect();
     assert_eq!(poses, [false, true, false]);
@@ -256,7 +256,7 @@ fn values_of_a_stranger_are_refused_with_their_numbers() {
         object(b"nan", f64::NAN, 0.0),
     ];
     let (mut datagram, mut frame) = (Vec::new(), Frame::new());
-    sender::vicon_udp::frame(1, &objects, &mut datagram);
+    vicon_udp::sender::frame(1, &objects, &mut datagram);
     vicon_udp::decode(&datagram, &mut frame).unwrap();
     assert_eq!(
         reasons(&frame),
@@ -280,7 +280,7 @@ fn a_description_whose_rest_is_not_understood_gives_its_name_and_id() {
         payload.extend(description);
     }
     let mut decoder = decoder(version);
-    let received = decoder.decode(&sender::natnet::datagram(5, &payload), &mut Frame::new());
+    let received = decoder.decode(&natnet::sender::datagram(5, &payload), &mut Frame::new());
     assert_eq!(received, Ok(Received::Names { unreadable: None }));
     let known: Vec<(i32, &[u8])> = decoder
         .bodies()
@@ -295,14 +295,14 @@ fn an_error_of_the_descriptions_leaves_the_names_that_are_known() {
     for version in VERSIONS {
         let mut decoder = decoder(version);
         let mut frame = Frame::new();
-        let names = sender::natnet::names(version, &[(7, "quad"), (9, "wand")]);
+        let names = natnet::sender::names(version, &[(7, "quad"), (9, "wand")]);
         decoder.decode(&names, &mut frame).unwrap();
         for length in 4..names.len() {
             let mut cut = names[..length].to_vec();
             cut[2..4].copy_from_slice(&(length as u16 - 4).to_le_bytes());
             let _ = decoder.decode(&cut, &mut frame);
             decoder
-                .decode(&sender::natnet::frame(version, 1, &[body(7)], &TIMES), &mut frame)
+                .decode(&natnet::sender::frame(version, 1, &[body(7)], &TIMES), &mut frame)
                 .unwrap();
             assert_eq!(seen(&frame), [("quad".to_owned(), true)], "{version} {length}");
         }
@@ -315,7 +315,7 @@ fn frames_of_another_version_than_the_stated_one_are_named() {
     for (said, sent) in [((3, 1), (4, 1)), ((4, 1), (3, 1)), ((4, 2), (3, 0))] {
         let version = |(major, minor)| Version { major, minor };
         for bodies in [&[][..], &[body(7)], &[body(7), body(9)]] {
-            let datagram = sender::natnet::frame(version(sent), 1, bodies, &TIMES);
+            let datagram = natnet::sender::frame(version(sent), 1, bodies, &TIMES);
             let error = decoder(version(said)).decode(&datagram, &mut Frame::new());
             let layout = if said.0 == 3 { [4, 1] } else { [3, 1] };
             assert_eq!(
@@ -339,7 +339,7 @@ fn versions_that_are_not_understood_are_refused_by_name() {
             multicast: None,
         };
         let mut decoder = natnet::Decoder::new();
-        let error = decoder.decode(&sender::natnet::server_info(&info), &mut Frame::new());
+        let error = decoder.decode(&natnet::sender::server_info(&info), &mut Frame::new());
         assert_eq!(error, Err(WireError::Version(major, minor)));
     }
 }

@@ -2,15 +2,20 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
+#[path = "common/systems.rs"]
+mod systems;
+
 use std::path::Path;
 
 use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};
+use motion_capture::protocol::{self, Transport};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::{Frame, MOST_BODIES};
-use motion_capture::{natnet, sender, vicon_udp, vrpn};
+use motion_capture::{natnet, vicon_udp, vrpn};
 use nalgebra::{Quaternion, UnitQuaternion};
 use proptest::prelude::*;
+use scenario::CaptureSystem;
 
 const VERSIONS: [Version; 5] = [
     Version { major: 3, minor: 0 },
@@ -53,11 +58,11 @@ fn padded(name: &str) -> [u8; NAME_LENGTH] {
 fn stream(reports: &[(i32, PoseReport)], names: &[String]) -> Vec<u8> {
     let mut bytes = COOKIE.to_vec();
     for (number, name) in names.iter().enumerate() {
-        sender::vrpn::sender(number as i32, name, &mut bytes);
+        vrpn::sender::sender(number as i32, name, &mut bytes);
     }
-    sender::vrpn::types(&mut bytes);
+    vrpn::sender::types(&mut bytes);
     for (index, (sender, report)) in reports.iter().enumerate() {
-        sender::vrpn::report([100 + index as u32, 250_000], *sender, report, &mut bytes);
+        vrpn::sender::report([100 + index as u32, 250_000], *sender, report, &mut bytes);
     }
     bytes
 }
@@ -71,9 +76,9 @@ fn natnet_decoder(version: Version, names: &[(i32, &str)]) -> natnet::Decoder {
         data_port: 1511,
         multicast: Some([239, 255, 42, 99]),
     };
-    let received = decoder.decode(&sender::natnet::server_info(&info), &mut frame);
+    let received = decoder.decode(&natnet::sender::server_info(&info), &mut frame);
     assert_eq!(received, Ok(Received::ServerInfo(info)));
-    let received = decoder.decode(&sender::natnet::names(version, names), &mut frame);
+    let received = decoder.decode(&natnet::sender::names(version, names), &mut frame);
     assert_eq!(received, Ok(Received::Names { unreadable: None }));
     decoder
 }
@@ -105,7 +110,7 @@ proptest! {
             .map(|(name, (position, rotation))| Object { name: padded(name), translation_mm: position.map(|c| c * 1e3), rotation: *rotation })
             .collect();
         let mut datagram = Vec::new();
-        sender::vicon_udp::frame(number, &sent, &mut datagram);
+        vicon_udp::sender::frame(number, &sent, &mut datagram);
         prop_assert!([256, 512, 1024].contains(&datagram.len()));
         let mut frame = Frame::new();
         prop_assert_eq!(vicon_udp::decode(&datagram, &mut frame), Ok(()));
@@ -171,7 +176,7 @@ proptest! {
             .map(|(id, (_, position, quaternion, tracked))| RigidBody { tracked: *tracked, ..body(*id, *position, *quaternion) })
             .collect();
         let mut frame = Frame::new();
-        let received = decoder.decode(&sender::natnet::frame(version, number, &sent, &TIMES), &mut frame);
+        let received = decoder.decode(&natnet::sender::frame(version, number, &sent, &TIMES), &mut frame);
         prop_assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
         prop_assert_eq!(frame.number, Some(number));
         prop_assert_eq!(frame.bodies().len(), sent.len());
@@ -217,7 +222,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         translation_mm: [100.0, -200.0, 1500.0],
         rotation: [0.1, -0.2, 3.0],
     };
-    sender::vicon_udp::frame(77, &[object("quad"), object("wand")], &mut vicon);
+    vicon_udp::sender::frame(77, &[object("quad"), object("wand")], &mut vicon);
     let report = PoseReport {
         sensor: 0,
         position: [0.1, -0.2, 1.5],
@@ -234,7 +239,7 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         data_port: 1511,
         multicast: None,
     };
-    all.push(("natnet_server_info", sender::natnet::server_info(&info)));
+    all.push(("natnet_server_info", natnet::sender::server_info(&info)));
     let bodies = [
         body(7, [0.1, -0.2, 1.5], [0.0, 0.6, 0.0, 0.8]),
         body(9, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]),
@@ -251,8 +256,8 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
             Version { major: 4, minor: 1 },
         ),
     ] {
-        all.push((names, sender::natnet::names(version, &[(7, "quad"), (9, "wand")])));
-        all.push((frame, sender::natnet::frame(version, 5, &bodies, &TIMES)));
+        all.push((names, natnet::sender::names(version, &[(7, "quad"), (9, "wand")])));
+        all.push((frame, natnet::sender::frame(version, 5, &bodies, &TIMES)));
     }
     all
 }
@@ -263,23 +268,25 @@ fn swallow(bytes: &[u8]) {
     if vicon_udp::decode(bytes, &mut frame).is_err() {
         assert!(frame.bodies().is_empty() && frame.number.is_none());
     }
-    check(&frame);
     for version in VERSIONS {
         let mut decoder = natnet_decoder(version, &[(7, "quad")]);
-        if decoder.decode(bytes, &mut frame).is_err() {
-            assert!(frame.bodies().is_empty() && frame.stamp.is_none());
-        }
-        check(&frame);
-        assert!(decoder.bodies().len() <= MOST_BODIES);
-        let _ = decoder.decode(bytes, &mut frame);
-    }
-    for greeting in [&COOKIE[..], &[]] {
-        let mut decoder = vrpn::Decoder::new();
-        let _ = decoder.push(greeting, |_| ());
-        for piece in bytes.chunks(61) {
-            if decoder.push(piece, check).is_err() {
-                break;
+        for _ in 0..2 {
+            if decoder.decode(bytes, &mut frame).is_err() {
+                assert!(frame.bodies().is_empty() && frame.stamp.is_none());
             }
+            check(&frame);
+        }
+        assert!(decoder.bodies().len() <= MOST_BODIES);
+    }
+    for system in CaptureSystem::ALL {
+        for is_introduced in [true, false] {
+            let mut decoder = systems::decoder(system, is_introduced, &["quad", "wand"]);
+            let pieces = match protocol::of(system).transport() {
+                Transport::Connections => 61,
+                Transport::Datagrams | Transport::Requests => usize::MAX,
+            };
+            let mut pieces = bytes.chunks(pieces);
+            let _ = pieces.try_for_each(|piece| decoder.take(piece, &mut check));
         }
     }
 }
@@ -357,21 +364,23 @@ fn a_server_that_sends_zeros_for_unseen_bodies_stays_connected() {
     assert_eq!((poses, decoder.refusals().total()), (vec![false, true], 0));
 }
 
-/// Inputs that fuzzing found, and a good packet of every kind. `UPDATE_CORPUS=1` writes the good ones.
+/// Inputs that fuzzing found, and a good packet of every kind. `GERONO_BLESS=1` writes the good ones.
 #[test]
 fn the_corpus_is_swallowed() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-    if std::env::var_os("UPDATE_CORPUS").is_some() {
-        std::fs::create_dir_all(&folder).unwrap();
-        for (name, packet) in seeds() {
-            std::fs::write(folder.join(name), packet).unwrap();
+    let is_blessed = std::env::var_os("GERONO_BLESS").is_some();
+    let special = seeds()
+        .into_iter()
+        .map(|(name, packet)| (name.to_owned(), packet));
+    for (name, packet) in special.chain(systems::packets()) {
+        let path = folder.join(&name);
+        if is_blessed {
+            std::fs::write(&path, &packet).unwrap();
         }
-    }
-    for (name, packet) in seeds() {
-        let committed = std::fs::read(folder.join(name)).unwrap();
+        let committed = std::fs::read(&path).unwrap_or_default();
         assert!(
             committed == packet,
-            "{name} is no longer what is sent; run with UPDATE_CORPUS=1"
+            "{name} is no longer what is sent; run with GERONO_BLESS=1"
         );
     }
     for entry in std::fs::read_dir(&folder).unwrap() {

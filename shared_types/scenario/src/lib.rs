@@ -54,7 +54,9 @@ pub use kind::{Kind, role_of_process};
 pub use law::{Baseline, LawKind};
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
-pub use motion_capture::{CaptureSystem, FrameTransform, MotionCapture, PoseSource};
+pub use motion_capture::{
+    BodyNumbers, CaptureProperties, CaptureSystem, FrameTransform, MotionCapture, PoseSource,
+};
 pub use operator::{KillSwitchLoss, OperatorDevices};
 pub use path::{Path, PathMode, YawStep};
 pub use plugins::Plugins;

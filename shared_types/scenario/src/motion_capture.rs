@@ -39,6 +39,46 @@ pub enum CaptureSystem {
     Natnet,
 }
 
+/// Properties of a motion-capture system that its statement in a scenario depends on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureProperties {
+    /// The source of poses that states it.
+    pub source: PoseSource,
+    /// Its word in `motion_capture.source`.
+    pub name: &'static str,
+    /// Other words for it.
+    pub aliases: &'static [&'static str],
+    /// Its full name, in listings of the choices.
+    pub title: &'static str,
+    /// Default port.
+    pub port: u16,
+    /// Default of the time from the exposure to the arrival beyond that of the stamps, s.
+    pub latency: f64,
+    /// Longest name of a body, bytes.
+    pub longest_name: usize,
+    /// Meaning of a number behind a body's name.
+    pub numbers: BodyNumbers,
+}
+
+/// Meaning of the number in `name#number`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyNumbers {
+    /// None: a `#` is part of the name.
+    None,
+    /// A sensor of the body, the first unless stated.
+    Sensor,
+    /// The body itself, whose name may then be left out.
+    Body,
+}
+
+impl BodyNumbers {
+    /// Returns the number of a body that is stated without one.
+    #[must_use]
+    pub fn unstated(self) -> Option<i32> {
+        (self == Self::Sensor).then_some(0)
+    }
+}
+
 /// Source of poses, with the known properties of a laboratory's motion-capture system: its address, the vehicle's body,
 /// and the limits of a pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -100,6 +140,9 @@ pub struct FrameTransform {
     pub roll_pitch_yaw: Vector,
 }
 
+/// Longest name of a body of any system, bytes.
+pub(crate) const LONGEST_NAME: usize = 255;
+
 fn default_interface() -> String {
     Ipv4Addr::LOCALHOST.to_string()
 }
@@ -124,12 +167,8 @@ impl PoseSource {
     /// Returns the system on the network; `None` for the plant's cameras and for recorded ones.
     #[must_use]
     pub fn system(self) -> Option<CaptureSystem> {
-        match self {
-            Self::Simulated | Self::Replay => None,
-            Self::ViconUdp => Some(CaptureSystem::ViconUdp),
-            Self::Vrpn => Some(CaptureSystem::Vrpn),
-            Self::Natnet => Some(CaptureSystem::Natnet),
-        }
+        let mut systems = CaptureSystem::ALL.into_iter();
+        systems.find(|system| system.properties().source == self)
     }
 
     /// Returns whether poses come from the plant's cameras.
@@ -139,49 +178,52 @@ impl PoseSource {
     }
 }
 
-impl From<CaptureSystem> for PoseSource {
-    fn from(system: CaptureSystem) -> Self {
-        match system {
-            CaptureSystem::ViconUdp => Self::ViconUdp,
-            CaptureSystem::Vrpn => Self::Vrpn,
-            CaptureSystem::Natnet => Self::Natnet,
-        }
-    }
-}
-
 impl CaptureSystem {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::ViconUdp, Self::Vrpn, Self::Natnet];
 
+    /// Returns its properties.
+    #[must_use]
+    pub fn properties(self) -> &'static CaptureProperties {
+        match self {
+            Self::ViconUdp => &CaptureProperties {
+                source: PoseSource::ViconUdp,
+                name: "vicon_udp",
+                aliases: &["vicon"],
+                title: "Vicon Tracker's UDP object stream",
+                port: 51001,
+                latency: 0.005,
+                longest_name: 24,
+                numbers: BodyNumbers::None,
+            },
+            Self::Vrpn => &CaptureProperties {
+                source: PoseSource::Vrpn,
+                name: "vrpn",
+                aliases: &[],
+                title: "VRPN over TCP",
+                port: 3883,
+                latency: 0.004,
+                longest_name: LONGEST_NAME,
+                numbers: BodyNumbers::Sensor,
+            },
+            Self::Natnet => &CaptureProperties {
+                source: PoseSource::Natnet,
+                name: "natnet",
+                aliases: &[],
+                title: "Motive's NatNet",
+                port: 1510,
+                // Motive stamps exposure and sending: only the network is left.
+                latency: 0.0002,
+                longest_name: LONGEST_NAME,
+                numbers: BodyNumbers::Body,
+            },
+        }
+    }
+
     /// Returns the word of `motion_capture.source`.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::ViconUdp => "vicon_udp",
-            Self::Vrpn => "vrpn",
-            Self::Natnet => "natnet",
-        }
-    }
-
-    /// Returns the default port.
-    #[must_use]
-    pub fn port(self) -> u16 {
-        match self {
-            Self::ViconUdp => 51001,
-            Self::Vrpn => 3883,
-            Self::Natnet => 1510,
-        }
-    }
-
-    /// Returns the default of the time from the exposure to the arrival beyond that of the stamps, s.
-    #[must_use]
-    pub fn latency(self) -> f64 {
-        match self {
-            Self::ViconUdp => 0.005,
-            Self::Vrpn => 0.004,
-            // Motive stamps exposure and sending: only the network is left.
-            Self::Natnet => 0.0002,
-        }
+        self.properties().name
     }
 }
 
@@ -229,7 +271,10 @@ impl Scenario {
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
         self.real_cameras().map_or(0, |cameras| {
-            let usual = cameras.source.system().map_or(0.0, CaptureSystem::latency);
+            let usual = cameras
+                .source
+                .system()
+                .map_or(0.0, |system| system.properties().latency);
             nanoseconds(cameras.latency.unwrap_or(usual))
         })
     }
@@ -240,7 +285,7 @@ impl MotionCapture {
     #[must_use]
     pub fn new(system: CaptureSystem, server: Ipv4Addr, object: &str) -> Self {
         Self {
-            source: system.into(),
+            source: system.properties().source,
             recording: None,
             server: server.to_string(),
             port: None,
@@ -256,11 +301,12 @@ impl MotionCapture {
         }
     }
 
-    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number. Bodies
-    /// of Vicon have no numbers, so that their names may contain a `#`.
+    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number.
+    /// Where bodies have no numbers, their names may contain a `#`.
     #[must_use]
     pub fn name_and_number(&self) -> Option<(&str, Option<i32>)> {
-        if self.source == PoseSource::ViconUdp {
+        let system = self.source.system();
+        if system.is_some_and(|system| system.properties().numbers == BodyNumbers::None) {
             return Some((&self.object, None));
         }
         match self.object.rsplit_once('#') {
@@ -295,6 +341,30 @@ mod tests {
         assert_eq!(between(400.0, PoseSource::Vrpn), (10_000_000, 4_000_000));
         assert_eq!(between(40.0, PoseSource::Replay), (25_000_000, 0));
         assert_eq!(between(40.0, PoseSource::Simulated), (10_000_000, 0));
+    }
+
+    /// A source that no system states would be taken for the plant's cameras.
+    #[test]
+    fn every_source_but_the_plant_and_recordings_is_a_system() {
+        let schema = schemars::schema_for!(PoseSource).to_value();
+        let variants = schema["oneOf"].as_array().unwrap().iter();
+        let words: Vec<&str> = variants
+            .map(|variant| variant["const"].as_str().unwrap())
+            .collect();
+        let others = words
+            .into_iter()
+            .filter(|word| !["simulated", "replay"].contains(word));
+        assert_eq!(
+            others.collect::<Vec<_>>(),
+            CaptureSystem::ALL.map(CaptureSystem::name)
+        );
+        for system in CaptureSystem::ALL {
+            let properties = system.properties();
+            for word in [&[properties.name], properties.aliases].concat() {
+                let read = PoseSource::deserialize(StrDeserializer::<Error>::new(word));
+                assert_eq!(read, Ok(properties.source), "{word}");
+            }
+        }
     }
 
     #[test]

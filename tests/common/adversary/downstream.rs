@@ -4,11 +4,11 @@ use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 
 use motion_capture::natnet::{RigidBody, ServerInfo, Times, Version, message};
-use motion_capture::sender;
-use motion_capture::sender::server::{is_there, quaternion};
+use motion_capture::server::{is_connected, quaternion};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
 use motion_capture::wire::CapturePose;
+use motion_capture::{natnet, vicon_udp, vrpn};
 use nalgebra::Matrix3;
 use scenario::CaptureSystem;
 use shared_types::rotation::roll_pitch_yaw;
@@ -103,17 +103,17 @@ impl Downstream {
                         clients.push(client);
                     }
                 }
-                clients.retain_mut(|client| is_there(client) && client.write_all(&bytes).is_ok());
+                clients.retain_mut(|client| is_connected(client) && client.write_all(&bytes).is_ok());
             }
             Self::Natnet(socket, _, info) => {
                 let mut question = [0; 1024];
                 while let Ok((_, client)) = socket.recv_from(&mut question) {
                     let answer = match u16::from_le_bytes([question[0], question[1]]) {
-                        message::CONNECT => sender::natnet::server_info(info),
+                        message::CONNECT => natnet::sender::server_info(info),
                         message::REQUEST_MODELDEF => {
                             let mut names = vec![(VEHICLE_ID, VEHICLE.to_vec())];
                             names.extend(strangers.iter().map(|(name, id)| (*id, name.clone())));
-                            sender::natnet::names(info.version, &names)
+                            natnet::sender::names(info.version, &names)
                         }
                         _ => continue,
                     };
@@ -129,7 +129,7 @@ impl Downstream {
             Self::Vicon(socket, to) => {
                 let seen = frame.bodies.iter().filter(|body| body.is_seen);
                 let objects: Vec<Object> = seen.map(object).collect();
-                sender::vicon_udp::frame(frame.number, &objects, &mut bytes);
+                vicon_udp::sender::frame(frame.number, &objects, &mut bytes);
                 let _ = socket.send_to(&bytes, *to);
             }
             Self::Vrpn(_, clients, _) => {
@@ -141,7 +141,7 @@ impl Downstream {
                         position: body.position,
                         quaternion: body.quaternion,
                     };
-                    sender::vrpn::report(time, body.id, &report, &mut bytes);
+                    vrpn::sender::report(time, body.id, &report, &mut bytes);
                 }
                 clients.retain_mut(|client| client.write_all(&bytes).is_ok());
             }
@@ -154,7 +154,7 @@ impl Downstream {
                     received: ticks(frame.sent_ns),
                     sent: ticks(frame.sent_ns),
                 };
-                let datagram = sender::natnet::frame(info.version, frame.number, &bodies, &times);
+                let datagram = natnet::sender::frame(info.version, frame.number, &bodies, &times);
                 let _ = socket.send_to(&datagram, *to);
             }
         }
@@ -162,11 +162,11 @@ impl Downstream {
 }
 
 fn describe(strangers: &[(Vec<u8>, i32)], bytes: &mut Vec<u8>) {
-    sender::vrpn::sender(VEHICLE_ID, VEHICLE, bytes);
+    vrpn::sender::sender(VEHICLE_ID, VEHICLE, bytes);
     for (name, id) in strangers {
-        sender::vrpn::sender(*id, name, bytes);
+        vrpn::sender::sender(*id, name, bytes);
     }
-    sender::vrpn::types(bytes);
+    vrpn::sender::types(bytes);
 }
 
 fn object(body: &OutBody) -> Object {

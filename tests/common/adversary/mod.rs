@@ -80,11 +80,12 @@ impl Adversary {
         let began_ns = Arc::new(AtomicU64::new(u64::MAX));
         let record = Arc::new(Mutex::new(Record::default()));
         let mut proxy = Proxy {
-            source: CaptureSource::open(&Address {
+            source: Address {
                 system,
                 server: SocketAddrV4::new(Ipv4Addr::LOCALHOST, ports.system),
                 interface: Ipv4Addr::LOCALHOST,
-            })
+            }
+            .open()
             .unwrap(),
             out: Downstream::open(system, ports),
             spoiler: Spoiler::new(plan),
@@ -132,7 +133,7 @@ impl Drop for Adversary {
 
 /// The thread's part.
 struct Proxy {
-    source: CaptureSource,
+    source: Box<dyn CaptureSource>,
     out: Downstream,
     spoiler: Spoiler,
     /// Frames that wait, with the time of their sending, ns.

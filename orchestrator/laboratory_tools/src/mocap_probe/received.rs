@@ -9,7 +9,7 @@ use motion_capture::figures::Moments;
 use motion_capture::transport::CaptureSource;
 use motion_capture::wire::{CapturePose, Frame, Name, PoseError, WireBody};
 use nalgebra::{Matrix3, Vector3};
-use scenario::CaptureSystem;
+use scenario::{BodyNumbers, CaptureSystem};
 use shared_types::rotation::orthonormalized;
 
 use super::AT_REST;
@@ -113,15 +113,15 @@ pub(super) struct ReceivedPackets {
     /// Time from stamp to arrival beyond the soonest, s.
     delays: Vec<f64>,
     soonest: Option<i64>,
-    /// The bodies by what tells them apart: Motive's by their ids, others by names and sensors.
+    /// The bodies by their ids, where the system has ids, or by names and sensors.
     pub(super) bodies: BTreeMap<(Vec<u8>, i32), Body>,
-    is_motive: bool,
+    has_ids: bool,
 }
 
 impl ReceivedPackets {
     pub(super) fn new(system: CaptureSystem) -> Self {
         Self {
-            is_motive: system == CaptureSystem::Natnet,
+            has_ids: system.properties().numbers == BodyNumbers::Body,
             ..Self::default()
         }
     }
@@ -161,7 +161,7 @@ impl ReceivedPackets {
     }
 
     fn key(&self, body: &WireBody) -> (Vec<u8>, i32) {
-        let name = if self.is_motive { &[] } else { body.name.as_bytes() };
+        let name = if self.has_ids { &[] } else { body.name.as_bytes() };
         (name.to_vec(), body.number)
     }
 
@@ -172,7 +172,7 @@ impl ReceivedPackets {
         frames / seconds(self.last_ns - self.first_ns).max(1e-9)
     }
 
-    pub(super) fn describe(&self, source: &CaptureSource, has_time: bool) -> String {
+    pub(super) fn describe(&self, source: &dyn CaptureSource, has_time: bool) -> String {
         let counts = source.counts();
         let mut text = format!(
             "packets {}, frames {}, malformed {}, from strangers {}, connections {}, failures {}\n",
@@ -183,12 +183,8 @@ impl ReceivedPackets {
             counts.connections,
             counts.failures
         );
-        if let Some(server) = source.natnet_server() {
-            let to = match server.multicast {
-                Some([a, b, c, d]) => format!("multicast to {a}.{b}.{c}.{d}:{}", server.data_port),
-                None => format!("unicast to port {}", server.data_port),
-            };
-            writeln!(text, "Motive speaks NatNet {}, {to}", server.version).expect("a String takes all");
+        if let Some(server) = source.server() {
+            writeln!(text, "{server}").expect("a String takes all");
         }
         if counts.continued > 0 {
             writeln!(
@@ -198,7 +194,8 @@ impl ReceivedPackets {
             )
             .expect("a String takes all");
         }
-        let announced: Vec<String> = source.announced().map(|name| format!("`{name}`")).collect();
+        let mut announced = Vec::new();
+        source.announced(&mut |body| announced.push(format!("`{}`", body.name)));
         if !announced.is_empty() {
             writeln!(text, "announced: {}", announced.join(", ")).expect("a String takes all");
         }
@@ -254,7 +251,7 @@ impl ReceivedPackets {
             writeln!(text, "`{label}`: {doubt}").expect("a String takes all");
         }
         if std::str::from_utf8(body.name.as_bytes()).is_err() {
-            let way = if self.is_motive {
+            let way = if self.has_ids {
                 format!("choose it by `#{}`", body.number)
             } else {
                 "rename it".to_owned()

@@ -10,7 +10,7 @@ use crate::natnet::{RigidBody, ServerInfo, Times, Version, message};
 use crate::vicon_udp::Object;
 use crate::vrpn::{COOKIE, PoseReport};
 use crate::wire::WireBody;
-use crate::{sender, vicon_udp};
+use crate::{natnet, vicon_udp, vrpn};
 
 const WATCHDOG: Duration = Duration::from_secs(60);
 
@@ -23,7 +23,7 @@ fn address(system: CaptureSystem, port: u16) -> Address {
 }
 
 /// Polls until a frame has come that fits; `between` is done before each poll.
-fn until(source: &mut CaptureSource, mut between: impl FnMut(), fits: impl Fn(&Frame) -> bool) -> Frame {
+fn until(source: &mut dyn CaptureSource, mut between: impl FnMut(), fits: impl Fn(&Frame) -> bool) -> Frame {
     let began = Instant::now();
     let mut found = None;
     while found.is_none() {
@@ -58,11 +58,10 @@ fn object(name: &[u8]) -> Object {
 #[test]
 fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     let mut address = address(CaptureSystem::ViconUdp, 0);
-    let vicon = super::vicon_udp::ViconUdp::open(&address).unwrap();
-    let port = vicon.port();
-    let mut source = CaptureSource::ViconUdp(Box::new(vicon));
+    let mut source = vicon_udp::source::Source::open(&address).unwrap();
+    let port = source.port();
     let mut datagram = Vec::new();
-    sender::vicon_udp::frame(1, &[object(b"quad")], &mut datagram);
+    vicon_udp::sender::frame(1, &[object(b"quad")], &mut datagram);
     // All of 127.0.0.0/8 is this machine.
     let stranger = UdpSocket::bind("127.0.0.2:0").unwrap();
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -79,7 +78,7 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
     );
 
     address.interface = Ipv4Addr::new(192, 0, 2, 1);
-    let error = CaptureSource::open(&address).unwrap_err();
+    let error = address.open().unwrap_err();
     assert!(error.to_string().contains("`interface`"), "{error}");
 }
 
@@ -87,9 +86,8 @@ fn datagrams_of_the_server_are_taken_and_those_of_strangers_counted() {
 #[test]
 fn a_vehicle_in_the_second_datagram_of_each_frame_is_believed() {
     let address = address(CaptureSystem::ViconUdp, 0);
-    let vicon = super::vicon_udp::ViconUdp::open(&address).unwrap();
-    let port = vicon.port();
-    let mut source = CaptureSource::ViconUdp(Box::new(vicon));
+    let mut source = vicon_udp::source::Source::open(&address).unwrap();
+    let port = source.port();
     let stated = MotionCapture::new(CaptureSystem::ViconUdp, Ipv4Addr::LOCALHOST, "quad");
     let mut feed = Feed::new(CaptureSystem::ViconUdp, &stated).unwrap();
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -102,7 +100,7 @@ fn a_vehicle_in_the_second_datagram_of_each_frame_is_believed() {
                 ..*object
             });
             let mut datagram = Vec::new();
-            sender::vicon_udp::frame(number, &moved.collect::<Vec<_>>(), &mut datagram);
+            vicon_udp::sender::frame(number, &moved.collect::<Vec<_>>(), &mut datagram);
             server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
         }
         let packets = 2 * (u64::from(number) + 1);
@@ -123,7 +121,7 @@ fn a_vehicle_in_the_second_datagram_of_each_frame_is_believed() {
 }
 
 /// Polls until so many packets of strangers are counted, and no more are.
-fn await_foreign(source: &mut CaptureSource, count: u64) {
+fn await_foreign(source: &mut dyn CaptureSource, count: u64) {
     let began = Instant::now();
     while source.counts().foreign < count {
         assert!(began.elapsed() < WATCHDOG, "{:?}", source.counts());
@@ -135,9 +133,8 @@ fn await_foreign(source: &mut CaptureSource, count: u64) {
 #[test]
 fn a_flood_of_strangers_takes_neither_the_room_nor_the_turn_of_the_server() {
     const FLOOD: u64 = 3000;
-    let vicon = super::vicon_udp::ViconUdp::open(&address(CaptureSystem::ViconUdp, 0)).unwrap();
-    let port = vicon.port();
-    let mut source = CaptureSource::ViconUdp(Box::new(vicon));
+    let mut source = vicon_udp::source::Source::open(&address(CaptureSystem::ViconUdp, 0)).unwrap();
+    let port = source.port();
     let stranger = UdpSocket::bind("127.0.0.2:0").unwrap();
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
     // More than the buffer of a socket holds.
@@ -145,7 +142,7 @@ fn a_flood_of_strangers_takes_neither_the_room_nor_the_turn_of_the_server() {
         stranger.send_to(&[0; 1000], ("127.0.0.1", port)).unwrap();
     }
     let mut datagram = Vec::new();
-    sender::vicon_udp::frame(1, &[object(b"quad")], &mut datagram);
+    vicon_udp::sender::frame(1, &[object(b"quad")], &mut datagram);
     server.send_to(&datagram, ("127.0.0.1", port)).unwrap();
     let mut frames = 0;
     source.poll(0, &mut |_| frames += 1);
@@ -170,9 +167,9 @@ fn send_pose(stream: &mut TcpStream, x: f64) {
         quaternion: [0.0, 0.0, 0.0, 1.0],
     };
     let mut bytes = Vec::new();
-    sender::vrpn::sender(3, "quad", &mut bytes);
-    sender::vrpn::types(&mut bytes);
-    sender::vrpn::report([5, 6], 3, &report, &mut bytes);
+    vrpn::sender::sender(3, "quad", &mut bytes);
+    vrpn::sender::types(&mut bytes);
+    vrpn::sender::report([5, 6], 3, &report, &mut bytes);
     for piece in bytes.chunks(7) {
         stream.write_all(piece).unwrap();
     }
@@ -182,7 +179,7 @@ fn send_pose(stream: &mut TcpStream, x: f64) {
 fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
-    let mut source = CaptureSource::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    let mut source = address(CaptureSystem::Vrpn, port).open().unwrap();
     let server = std::thread::spawn(move || {
         send_pose(&mut greeted(&listener), 1.0);
         // The server ends; then a server of another protocol; then one whose stream becomes invalid.
@@ -194,7 +191,7 @@ fn a_connection_is_made_again_after_every_way_in_which_it_can_end() {
     });
     for x in [1.0, 2.0] {
         let frame = until(
-            &mut source,
+            &mut *source,
             || (),
             |frame| frame.bodies()[0].pose.unwrap().position.x == x,
         );
@@ -216,7 +213,7 @@ fn a_missing_server_is_retried_but_not_in_every_poll() {
         .local_addr()
         .unwrap()
         .port();
-    let mut source = CaptureSource::open(&address(CaptureSystem::Vrpn, port)).unwrap();
+    let mut source = address(CaptureSystem::Vrpn, port).open().unwrap();
     for poll in 0..30_000 {
         source.poll(poll * 1_000_000, &mut |_| ());
     }
@@ -252,16 +249,16 @@ fn natnet_flight(multicast: Option<[u8; 4]>) {
         received: 10_010_000,
         sent: 10_020_000,
     };
-    let frame = sender::natnet::frame(info.version, 1, &[body], &times);
+    let frame = natnet::sender::frame(info.version, 1, &[body], &times);
     let port = server.local_addr().unwrap().port();
-    let mut source = CaptureSource::open(&address(CaptureSystem::Natnet, port)).unwrap();
+    let mut source = address(CaptureSystem::Natnet, port).open().unwrap();
     let serve = || {
         let mut question = [0; 64];
         while let Ok((_, client)) = server.recv_from(&mut question) {
             let kind = u16::from_le_bytes([question[0], question[1]]);
             let answer = match kind {
-                message::CONNECT => sender::natnet::server_info(&info),
-                _ => sender::natnet::names(info.version, &[(7, "quad")]),
+                message::CONNECT => natnet::sender::server_info(&info),
+                _ => natnet::sender::names(info.version, &[(7, "quad")]),
             };
             server.send_to(&answer, client).unwrap();
         }
@@ -269,9 +266,11 @@ fn natnet_flight(multicast: Option<[u8; 4]>) {
         // No client may be there yet.
         let _ = server.send_to(&frame, (to, data_port));
     };
-    let got = until(&mut source, serve, |frame| named(frame, "quad"));
+    let got = until(&mut *source, serve, |frame| named(frame, "quad"));
     assert_eq!(got.stamp.unwrap().exposed_ns, 1_000_000_000);
-    assert_eq!(source.announced().count(), 1);
+    let mut announced = 0;
+    source.announced(&mut |_| announced += 1);
+    assert_eq!(announced, 1);
 }
 
 #[test]

@@ -17,7 +17,7 @@ const LONGEST: usize = 65_536;
 const POLLS_BETWEEN_LOOKS: u32 = 256;
 
 #[derive(Debug)]
-pub(super) struct Udp {
+pub(crate) struct Udp {
     socket: UdpSocket,
     server: Ipv4Addr,
     buffer: Box<[u8]>,
@@ -28,7 +28,7 @@ pub(super) struct Udp {
 
 impl Udp {
     /// Listens at an address of this machine to what a server sends there.
-    pub(super) fn open(at: SocketAddrV4, server: Ipv4Addr) -> Result<Self, TransportError> {
+    pub(crate) fn open(at: SocketAddrV4, server: Ipv4Addr) -> Result<Self, TransportError> {
         let socket = || -> std::io::Result<UdpSocket> {
             let socket = Self::socket(server)?;
             bind(&socket, &at)?;
@@ -42,7 +42,7 @@ impl Udp {
     }
 
     /// Listens to packets of a server to a group, on one interface. Other programs may listen too.
-    pub(super) fn join(
+    pub(crate) fn join(
         group: SocketAddrV4,
         interface: Ipv4Addr,
         server: Ipv4Addr,
@@ -83,20 +83,20 @@ impl Udp {
 
     /// Returns its port.
     #[cfg(test)]
-    pub(super) fn port(&self) -> u16 {
+    pub(crate) fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |at| at.port())
     }
 
-    pub(super) fn descriptor(&self) -> BorrowedFd<'_> {
+    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
         self.socket.as_fd()
     }
 
-    pub(super) fn send(&self, datagram: &[u8], to: SocketAddrV4, counts: &mut WireCounts) {
+    pub(crate) fn send(&self, datagram: &[u8], to: SocketAddrV4, counts: &mut WireCounts) {
         counts.failures += u64::from(self.socket.send_to(datagram, to).is_err());
     }
 
     /// Hands out the datagrams of the server that have arrived.
-    pub(super) fn receive(&mut self, counts: &mut WireCounts, mut sink: impl FnMut(&[u8], &mut WireCounts)) {
+    pub(crate) fn receive(&mut self, counts: &mut WireCounts, mut sink: impl FnMut(&[u8], &mut WireCounts)) {
         if self.polls.is_multiple_of(POLLS_BETWEEN_LOOKS) {
             let dropped = source_filter::dropped(&self.socket).unwrap_or(self.dropped);
             counts.foreign += dropped.saturating_sub(self.dropped);

@@ -3,12 +3,8 @@
 use std::net::Ipv4Addr;
 
 use super::Findings;
-use crate::{CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Problem, Scenario};
-
-/// Longest name of a body on the wire, bytes.
-const LONGEST_NAME: usize = 255;
-/// Longest name of a body in Vicon's UDP stream, bytes.
-const LONGEST_VICON_NAME: usize = 24;
+use crate::motion_capture::LONGEST_NAME;
+use crate::{BodyNumbers, CaptureSystem, FrameTransform, Key, MotionCapture, PoseSource, Problem, Scenario};
 
 impl Scenario {
     pub(super) fn check_motion_capture(&self, found: &mut Findings) {
@@ -106,18 +102,15 @@ impl MotionCapture {
     }
 
     fn check_object(&self, key: &Key, found: &mut Findings) {
-        let system = self.source.system();
-        let longest = match system {
-            Some(CaptureSystem::ViconUdp) => LONGEST_VICON_NAME,
-            _ => LONGEST_NAME,
-        };
+        let system = self.source.system().map(CaptureSystem::properties);
+        let longest = system.map_or(LONGEST_NAME, |system| system.longest_name);
         let Some((name, number)) = self.name_and_number() else {
             let reason = format!("no number stands behind the # of `{}`", self.object);
             found.add(key.clone(), reason, "write it as `quad`, `#7` or `quad#1`");
             return;
         };
         if name.is_empty()
-            && (number.is_none() || system.is_some_and(|system| system != CaptureSystem::Natnet))
+            && (number.is_none() || system.is_some_and(|system| system.numbers != BodyNumbers::Body))
         {
             let fix = "give the body's name as the motion-capture program shows it";
             found.add(key.clone(), "the vehicle's body has no name", fix);

@@ -1,6 +1,6 @@
 //! Datagrams of Vicon Tracker.
 
-use crate::vicon_udp::{OBJECT, OBJECT_LENGTH, Object};
+use super::{OBJECT, OBJECT_LENGTH, Object};
 
 /// Lengths to which datagrams are filled up, bytes.
 const LENGTHS: [usize; 3] = [256, 512, 1024];

@@ -1,6 +1,6 @@
 //! Datagrams of a `NatNet` server.
 
-use crate::natnet::{RigidBody, SERVER_NAME_LENGTH, ServerInfo, Times, Version, message};
+use super::{RigidBody, SERVER_NAME_LENGTH, ServerInfo, Times, Version, message};
 
 /// Encodes a datagram of SERVERINFO.
 #[must_use]

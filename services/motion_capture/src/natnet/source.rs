@@ -1,12 +1,13 @@
 //! Motive: requests the server's description and the names of bodies, and listens to frames from the group or from the
 //! server.
 
+use std::fmt::{Arguments, Result as Written};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::BorrowedFd;
 
-use super::udp::Udp;
-use super::{Address, TransportError, WireCounts};
-use crate::natnet::{Decoder, Described, Received, ServerInfo, message};
+use super::{Decoder, Received, ServerInfo, Version, message};
+use crate::transport::udp::Udp;
+use crate::transport::{Address, Announced, CaptureSource, TransportError, WireCounts};
 use crate::wire::Frame;
 
 /// Time between two unanswered requests, and between two signs of life to a server of unicast, ns.
@@ -16,7 +17,7 @@ const SILENCE_NS: u64 = 2_000_000_000;
 
 /// Server with its description.
 #[derive(Debug)]
-pub struct Natnet {
+pub(super) struct Source {
     server: SocketAddrV4,
     interface: Ipv4Addr,
     commands: Udp,
@@ -31,7 +32,7 @@ pub struct Natnet {
     counts: WireCounts,
 }
 
-impl Natnet {
+impl Source {
     pub(super) fn open(address: &Address) -> Result<Self, TransportError> {
         let at = SocketAddrV4::new(address.interface, 0);
         Ok(Self {
@@ -49,60 +50,9 @@ impl Natnet {
         })
     }
 
-    pub(super) fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
-        [
-            Some(self.commands.descriptor()),
-            self.data.as_ref().map(Udp::descriptor),
-        ]
-    }
-
-    pub(super) fn due_ns(&self) -> u64 {
+    /// Returns the time of the next request, ns.
+    fn request_due_ns(&self) -> u64 {
         self.asked_ns.map_or(0, |asked| asked + ASK_NS)
-    }
-
-    pub(super) fn counts(&self) -> &WireCounts {
-        &self.counts
-    }
-
-    pub(super) fn described(&self) -> &[Described] {
-        self.decoder.bodies()
-    }
-
-    pub(super) fn server(&self) -> Option<&ServerInfo> {
-        self.decoder.server()
-    }
-
-    pub(super) fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
-        let (frame, decoder) = (&mut self.frame, &mut self.decoder);
-        let (names_are_old, heard_ns) = (&mut self.names_are_old, &mut self.heard_ns);
-        let mut take = |datagram: &[u8], counts: &mut WireCounts| match decoder.decode(datagram, frame) {
-            Ok(received) => {
-                *heard_ns = now_ns;
-                match received {
-                    Received::Frame { names_are_old: old } => {
-                        *names_are_old |= old;
-                        counts.frames += 1;
-                        sink(frame);
-                    }
-                    Received::Names { unreadable } => {
-                        *names_are_old = false;
-                        if let Some(error) = unreadable {
-                            counts.malformed.add(error);
-                        }
-                    }
-                    Received::ServerInfo(_) | Received::Other => {}
-                }
-            }
-            Err(error) => counts.malformed.add(error),
-        };
-        self.commands.receive(&mut self.counts, &mut take);
-        if let Some(data) = &mut self.data {
-            data.receive(&mut self.counts, &mut take);
-        }
-        self.listen();
-        if self.due_ns() <= now_ns {
-            self.ask(now_ns);
-        }
     }
 
     /// Listens where the server says that it sends to.
@@ -149,5 +99,84 @@ impl Natnet {
                 .send(&[low, high, 0, 0], self.server, &mut self.counts);
         }
         self.asked_ns = Some(now_ns);
+    }
+}
+
+impl CaptureSource for Source {
+    fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
+        let (frame, decoder) = (&mut self.frame, &mut self.decoder);
+        let (names_are_old, heard_ns) = (&mut self.names_are_old, &mut self.heard_ns);
+        let mut take = |datagram: &[u8], counts: &mut WireCounts| match decoder.decode(datagram, frame) {
+            Ok(received) => {
+                *heard_ns = now_ns;
+                match received {
+                    Received::Frame { names_are_old: old } => {
+                        *names_are_old |= old;
+                        counts.frames += 1;
+                        sink(frame);
+                    }
+                    Received::Names { unreadable } => {
+                        *names_are_old = false;
+                        if let Some(error) = unreadable {
+                            counts.malformed.add(error);
+                        }
+                    }
+                    Received::ServerInfo(_) | Received::Other => {}
+                }
+            }
+            Err(error) => counts.malformed.add(error),
+        };
+        self.commands.receive(&mut self.counts, &mut take);
+        if let Some(data) = &mut self.data {
+            data.receive(&mut self.counts, &mut take);
+        }
+        self.listen();
+        if self.request_due_ns() <= now_ns {
+            self.ask(now_ns);
+        }
+    }
+
+    fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
+        [
+            Some(self.commands.descriptor()),
+            self.data.as_ref().map(Udp::descriptor),
+        ]
+    }
+
+    fn due_ns(&self) -> Option<u64> {
+        Some(self.request_due_ns())
+    }
+
+    fn counts(&self) -> WireCounts {
+        self.counts
+    }
+
+    fn announced(&self, sink: &mut dyn FnMut(&Announced<'_>)) {
+        for body in self.decoder.bodies() {
+            sink(&Announced {
+                name: &body.name,
+                number: Some(body.id),
+                ambiguity: body.ambiguity(),
+            });
+        }
+    }
+
+    fn server(&self) -> Option<String> {
+        let server = self.decoder.server()?;
+        let to = match server.multicast {
+            Some([a, b, c, d]) => format!("multicast to {a}.{b}.{c}.{d}:{}", server.data_port),
+            None => format!("unicast to port {}", server.data_port),
+        };
+        Some(format!("Motive speaks NatNet {}, {to}", server.version))
+    }
+
+    fn findings(&self, add: &mut dyn FnMut(Arguments<'_>) -> Written) -> Written {
+        match self.decoder.server() {
+            Some(ServerInfo { version, .. }) if *version > Version::NEWEST_TRIED => add(format_args!(
+                "NatNet {version} is newer than {}, the newest that was tried",
+                Version::NEWEST_TRIED
+            )),
+            _ => Ok(()),
+        }
     }
 }

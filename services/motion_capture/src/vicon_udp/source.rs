@@ -6,9 +6,9 @@
 use std::net::SocketAddrV4;
 use std::os::fd::BorrowedFd;
 
-use super::udp::Udp;
-use super::{Address, TransportError, WireCounts};
-use crate::vicon_udp::decode;
+use super::decode;
+use crate::transport::udp::Udp;
+use crate::transport::{Address, CaptureSource, TransportError, WireCounts};
 use crate::wire::{Frame, MOST_BODIES, Name};
 
 /// Datagrams without a continuation after which frames count as complete again.
@@ -16,7 +16,7 @@ const WHOLE_AFTER: u32 = 1000;
 
 /// Receiver of the stream.
 #[derive(Debug)]
-pub struct ViconUdp {
+pub(crate) struct Source {
     socket: Udp,
     frame: Frame,
     blocks: Blocks,
@@ -62,8 +62,8 @@ impl Blocks {
     }
 }
 
-impl ViconUdp {
-    pub(super) fn open(address: &Address) -> Result<Self, TransportError> {
+impl Source {
+    pub(crate) fn open(address: &Address) -> Result<Self, TransportError> {
         let at = SocketAddrV4::new(address.interface, address.server.port());
         Ok(Self {
             socket: Udp::open(at, *address.server.ip())?,
@@ -73,20 +73,14 @@ impl ViconUdp {
         })
     }
 
-    pub(super) fn descriptor(&self) -> BorrowedFd<'_> {
-        self.socket.descriptor()
-    }
-
-    pub(super) fn counts(&self) -> &WireCounts {
-        &self.counts
-    }
-
     #[cfg(test)]
-    pub(super) fn port(&self) -> u16 {
+    pub(crate) fn port(&self) -> u16 {
         self.socket.port()
     }
+}
 
-    pub(super) fn poll(&mut self, sink: &mut dyn FnMut(&Frame)) {
+impl CaptureSource for Source {
+    fn poll(&mut self, _now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
         let (frame, blocks) = (&mut self.frame, &mut self.blocks);
         self.socket.receive(&mut self.counts, |datagram, counts| {
             match decode(datagram, frame) {
@@ -98,6 +92,18 @@ impl ViconUdp {
                 Err(error) => counts.malformed.add(error),
             }
         });
+    }
+
+    fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
+        [Some(self.socket.descriptor()), None]
+    }
+
+    fn due_ns(&self) -> Option<u64> {
+        None
+    }
+
+    fn counts(&self) -> WireCounts {
+        self.counts
     }
 }
 

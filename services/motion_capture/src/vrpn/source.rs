@@ -8,9 +8,9 @@ use rustix::net::{
     AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, connect, recv, send, socket_with, sockopt,
 };
 
-use super::{MOST_PACKETS, WireCounts};
-use crate::vrpn::{COOKIE, Decoder};
-use crate::wire::{Frame, Name};
+use super::{COOKIE, Decoder};
+use crate::transport::{Announced, CaptureSource, MOST_PACKETS, WireCounts};
+use crate::wire::Frame;
 
 /// First pause before a connection is tried again, ns; each failure doubles it.
 const FIRST_PAUSE_NS: u64 = 100_000_000;
@@ -33,7 +33,7 @@ enum Link {
 
 /// Connection with its decoder.
 #[derive(Debug)]
-pub struct Vrpn {
+pub(super) struct Source {
     server: SocketAddrV4,
     link: Link,
     pause_ns: u64,
@@ -42,7 +42,7 @@ pub struct Vrpn {
     counts: WireCounts,
 }
 
-impl Vrpn {
+impl Source {
     pub(super) fn new(server: SocketAddrV4) -> Self {
         Self {
             server,
@@ -51,53 +51,6 @@ impl Vrpn {
             decoder: Decoder::new(),
             buffer: vec![0; PIECE].into_boxed_slice(),
             counts: WireCounts::default(),
-        }
-    }
-
-    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
-        match &self.link {
-            // A descriptor in the middle of a connection is ready for reading only after a failure: the pause decides.
-            Link::Closed(_) => None,
-            Link::Opening(socket, ..) | Link::Open(socket) => Some(socket.as_fd()),
-        }
-    }
-
-    pub(super) fn due_ns(&self) -> Option<u64> {
-        match &self.link {
-            Link::Closed(at_ns) => Some(*at_ns),
-            // Soon, to greet: a new connection makes a socket ready for writing, not for reading.
-            Link::Opening(_, false, give_up_ns) => {
-                Some(give_up_ns.saturating_sub(PATIENCE_NS - FIRST_PAUSE_NS / 10))
-            }
-            Link::Opening(_, true, give_up_ns) => Some(*give_up_ns),
-            Link::Open(_) => None,
-        }
-    }
-
-    pub(super) fn counts(&self) -> WireCounts {
-        WireCounts {
-            malformed: *self.decoder.refusals(),
-            ..self.counts
-        }
-    }
-
-    pub(super) fn announced(&self) -> impl Iterator<Item = &Name> {
-        self.decoder.senders()
-    }
-
-    pub(super) fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
-        if let Link::Closed(at_ns) = self.link {
-            if now_ns < at_ns {
-                return;
-            }
-            self.open(now_ns);
-        }
-        self.greet(now_ns);
-        self.receive(now_ns, sink);
-        if let Link::Opening(_, _, give_up_ns) = self.link
-            && now_ns >= give_up_ns
-        {
-            self.close(now_ns);
         }
     }
 
@@ -161,6 +114,62 @@ impl Vrpn {
         self.counts.failures += 1;
         self.link = Link::Closed(now_ns + self.pause_ns);
         self.pause_ns = (2 * self.pause_ns).min(LONGEST_PAUSE_NS);
+    }
+}
+
+impl CaptureSource for Source {
+    fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
+        let descriptor = match &self.link {
+            // A descriptor in the middle of a connection is ready for reading only after a failure: the pause decides.
+            Link::Closed(_) => None,
+            Link::Opening(socket, ..) | Link::Open(socket) => Some(socket.as_fd()),
+        };
+        [descriptor, None]
+    }
+
+    fn due_ns(&self) -> Option<u64> {
+        match &self.link {
+            Link::Closed(at_ns) => Some(*at_ns),
+            // Soon, to greet: a new connection makes a socket ready for writing, not for reading.
+            Link::Opening(_, false, give_up_ns) => {
+                Some(give_up_ns.saturating_sub(PATIENCE_NS - FIRST_PAUSE_NS / 10))
+            }
+            Link::Opening(_, true, give_up_ns) => Some(*give_up_ns),
+            Link::Open(_) => None,
+        }
+    }
+
+    fn counts(&self) -> WireCounts {
+        WireCounts {
+            malformed: *self.decoder.refusals(),
+            ..self.counts
+        }
+    }
+
+    fn announced(&self, sink: &mut dyn FnMut(&Announced<'_>)) {
+        for name in self.decoder.senders() {
+            sink(&Announced {
+                name,
+                number: None,
+                ambiguity: None,
+            });
+        }
+    }
+
+    fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
+        if let Link::Closed(at_ns) = self.link {
+            if now_ns < at_ns {
+                return;
+            }
+            self.open(now_ns);
+        }
+        self.greet(now_ns);
+        self.receive(now_ns, sink);
+        if let Link::Opening(_, _, give_up_ns) = self.link
+            && now_ns >= give_up_ns
+        {
+            self.close(now_ns);
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The stream of a VRPN server.
 
-use crate::vrpn::{HEAD, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
+use super::{HEAD, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
 
 /// Number that [`types`] gives the messages that hold poses.
 const POSES: i32 = 4;
