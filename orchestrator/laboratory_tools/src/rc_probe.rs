@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use radio_link::channel_map::{ChannelMap, SentTravel, StickTravel};
+use radio_link::channel_map::{ChannelMap, CodeUnit, SentTravel, StickTravel};
 use radio_link::link::RadioLink;
 use radio_link::sender::{LinkReport, Sender};
 use radio_link::sticks::Sticks;
-use scenario::{RadioProtocol, RcLink, Scenario};
+use scenario::{RcLink, Scenario};
 use shared_types::service::nanoseconds;
 
 use command_line::exit::Exit;
@@ -48,7 +48,7 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
                 print(if transmitter.has_channels(link.link) {
                     let (channel, travels) = (map.stick_channels()[stick], map.travels(&sticks));
                     let sent = travels[channel].map_or(f64::NAN, SentTravel::value);
-                    line(link.link, stick, channel, sent, units.codes(&travels)[channel])
+                    line(units.unit, stick, channel, sent, units.codes(&travels)[channel])
                 } else {
                     attitude_line(link, &map, stick, &sticks)
                 });
@@ -115,16 +115,13 @@ fn introduction(link: &RcLink, moved: &[usize]) -> String {
     text + "\n"
 }
 
-fn line(link: RadioProtocol, stick: usize, channel: usize, travel: f64, code: u16) -> String {
+fn line(unit: CodeUnit, stick: usize, channel: usize, travel: f64, code: u16) -> String {
     let name = STICKS[stick];
     let percent = 100.0 * travel;
-    let shown = match link {
-        // What flight controllers make of a receiver's codes.
-        RadioProtocol::Crsf | RadioProtocol::Sbus => {
-            format!("code {code:4}, {:.0} µs", 1500.0 + 512.0 * travel)
-        }
-        RadioProtocol::Multi => format!("code {code:4}"),
-        _ => format!("{code} µs"),
+    let shown = match unit {
+        CodeUnit::ReceiverStep => format!("code {code:4}, {:.0} µs", 1500.0 + 512.0 * travel),
+        CodeUnit::Step => format!("code {code:4}"),
+        CodeUnit::Pulse => format!("{code} µs"),
     };
     format!(
         "{name:10}  channel {:2}  {percent:+6.1} %  {shown}\n",

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use radio_link::port::Target;
 use runtime::flight_clock::FlightClock;
-use scenario::{CaptureSystem, Key, Problem, Scenario};
+use scenario::{CaptureSystem, Key, Problem, RadioProtocol, Scenario};
 use serde::Serialize;
 use shared_types::service::{nanoseconds, seconds};
 
@@ -113,11 +113,8 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
     let Some((target, radio)) = made else {
         let key: Key = ["rc_output", "link"].into_iter().collect();
         let reason = "the scenario's radio link is simulated";
-        return Err(refused(
-            key,
-            reason,
-            "state `crsf`, `sbus`, `multi`, `msp` or `mavlink`",
-        ));
+        let links = RadioProtocol::ALL.map(RadioProtocol::name);
+        return Err(refused(key, reason, &format!("state {}", one_of(&links))));
     };
     let line = ReceiverInput::open(&target).map_err(Failure::trouble)?;
     Ok(Autopilot::RateLoop(line, Box::new(radio)))

@@ -221,7 +221,25 @@ pub struct Units {
     pub limits: [u16; 2],
     /// Codes of channels that are not stated: the link's word for *leave it*, or −100 % where it has none.
     pub unstated: ChannelCodes,
+    /// Unit of a code.
+    pub unit: CodeUnit,
 }
+
+/// Unit of a channel's code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CodeUnit {
+    /// Microsecond of a pulse.
+    Pulse,
+    /// Step of a receiver's code, which flight controllers convert to pulses of 1500 ± 512 µs.
+    ReceiverStep,
+    /// Step of another code.
+    Step,
+}
+
+/// Range of codes of 11 bits.
+pub(crate) const ELEVEN_BITS: [u16; 2] = [0, 2047];
+/// Pulses that a receiver can send, µs: beyond them a flight controller takes a channel for broken.
+pub(crate) const PULSES: [u16; 2] = [900, 2100];
 
 impl Units {
     /// Returns the nearest code to each travel, within the limits.
@@ -364,6 +382,7 @@ mod tests {
                 ends,
                 limits: [0, 2047],
                 unstated: [0; 16],
+                unit: CodeUnit::Pulse,
             };
             assert_eq!(
                 [-1.0, 0.0, 1.0].map(|travel| units.code(travel)),
@@ -377,7 +396,7 @@ mod tests {
         #[test]
         fn a_code_of_the_link_is_at_most_half_a_step_from_the_travel(travel in -1.0..=1.0f64) {
             for ends in [crate::crsf::ENDS, crate::multi::ENDS, crate::msp::ENDS] {
-                let units = Units { ends, limits: [0, 2047], unstated: [0; 16] };
+                let units = Units { ends, limits: [0, 2047], unstated: [0; 16], unit: CodeUnit::Pulse };
                 let step = 2.0 / f64::from(ends[1] - ends[0]);
                 let error = units.travel(units.code(travel)) - travel;
                 prop_assert!(error.abs() <= 0.5 * step + 1e-12, "{} of {}", error, step);

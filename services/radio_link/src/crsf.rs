@@ -4,6 +4,9 @@
 //! reflection, from 0) over type and channels. The codes 172, 992 and 1811 are −100, 0 and 100 %: 988, 1500 and 2012 µs.
 //! The failsafe of the link is that frames stop.
 
+use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
+use crate::format::{Content, Decoded, Format, fixed};
+use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
 
@@ -19,6 +22,30 @@ const ADDRESS: u8 = 0xc8;
 const LENGTH_OF_REST: u8 = 24;
 /// `RC_CHANNELS_PACKED`.
 const TYPE: u8 = 0x16;
+
+/// The format.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Crsf;
+
+impl Format for Crsf {
+    fn units(&self) -> Units {
+        Units {
+            ends: ENDS,
+            limits: ELEVEN_BITS,
+            unstated: [ENDS[0]; 16],
+            unit: CodeUnit::ReceiverStep,
+        }
+    }
+
+    #[inline]
+    fn encode(&mut self, content: &Content<'_>, frame: &mut Frame) {
+        frame.push(&encode(&content.codes));
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Decoded {
+        fixed(bytes, LENGTH, |frame| Ok((decode(frame)?, false)))
+    }
+}
 
 /// Encodes channels, of each the lower 11 bits.
 #[must_use]

@@ -3,7 +3,8 @@
 //! * [`sticks`]: the part of an [`RcFrame`](shared_types::samples::RcFrame) that a link needs, and a cell in which the
 //!   newest sticks wait for the sender;
 //! * [`channel_map`]: the meaning of each channel, and its travel;
-//! * [`crsf`], [`sbus`], [`multi`], [`msp`], [`mavlink`]: frames of one link each, from numbers to bytes and back;
+//! * [`format`]: all that depends on the link, one trait; [`crsf`], [`sbus`], [`multi`], [`msp`], [`mavlink`]: frames of one
+//!   link each, from numbers to bytes and back;
 //! * [`encoder`]: sticks to a frame of the scenario's link;
 //! * [`port`]: a serial device or socket that never blocks;
 //! * [`sender`]: a thread that sends frames at exact times;
@@ -26,6 +27,7 @@
 pub mod channel_map;
 pub mod crsf;
 pub mod encoder;
+pub mod format;
 pub mod frame;
 pub mod link;
 pub mod mavlink;

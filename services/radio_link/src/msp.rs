@@ -7,6 +7,9 @@
 //! Betaflight takes the sticks in the order of its channel map (AETR by default) and tells them as roll, pitch, yaw,
 //! thrust.
 
+use crate::channel_map::{CodeUnit, PULSES, Units};
+use crate::format::{Content, Decoded, Format, fixed};
+use crate::frame::Frame;
 use crate::{ChannelCodes, DecodeError};
 
 /// Pulses at −100 and 100 %, µs.
@@ -22,6 +25,39 @@ const LARGEST_PAYLOAD: usize = 255;
 pub const SET_RAW_RC: u8 = 200;
 /// Command that asks for the received channels.
 pub const RC: u8 = 105;
+
+/// The format.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Msp;
+
+impl Format for Msp {
+    fn units(&self) -> Units {
+        Units {
+            ends: ENDS,
+            limits: PULSES,
+            unstated: [ENDS[0]; 16],
+            unit: CodeUnit::Pulse,
+        }
+    }
+
+    #[inline]
+    fn encode(&mut self, content: &Content<'_>, frame: &mut Frame) {
+        frame.push(&encode(&content.codes));
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Decoded {
+        fixed(bytes, LENGTH, |frame| {
+            let message = decode(frame)?;
+            let (codes, _) = message.channels();
+            if message.sense == Direction::Request && message.command == SET_RAW_RC {
+                Ok((codes, false))
+            } else {
+                let (at, found) = (4, message.command);
+                Err(DecodeError::Mark { at, found })
+            }
+        })
+    }
+}
 
 /// Encodes channels, µs.
 #[must_use]

@@ -7,6 +7,9 @@
 
 use scenario::{DsmProtocol, MultiModule};
 
+use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
+use crate::format::{Content, Decoded, Format, fixed};
+use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
 
@@ -65,6 +68,26 @@ impl Settings {
             self.model & 0x0f | (self.sub_protocol & 0x07) << 4 | if self.low_power { LOW_POWER } else { 0 },
             self.option,
         ]
+    }
+}
+
+impl Format for Settings {
+    fn units(&self) -> Units {
+        Units {
+            ends: ENDS,
+            limits: ELEVEN_BITS,
+            unstated: [ENDS[0]; 16],
+            unit: CodeUnit::Step,
+        }
+    }
+
+    #[inline]
+    fn encode(&mut self, content: &Content<'_>, frame: &mut Frame) {
+        frame.push(&encode(&content.codes, *self));
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Decoded {
+        fixed(bytes, LENGTH, |frame| Ok((decode(frame)?.0, false)))
     }
 }
 

@@ -16,6 +16,7 @@ use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
 use rustix::io::Errno;
+pub use scenario::ByteFormat;
 use scenario::{RadioProtocol, Transmitter};
 
 use crate::frame::CAPACITY;
@@ -46,15 +47,6 @@ pub enum Target {
     Tcp(SocketAddr),
     /// Destination of UDP packets.
     Udp(SocketAddr),
-}
-
-/// Format of a byte: eight bits always.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ByteFormat {
-    /// No parity, one stop bit: 8N1.
-    Plain,
-    /// Even parity, two stop bits: 8E2.
-    EvenTwo,
 }
 
 /// Error of a port that cannot be opened.
@@ -171,15 +163,11 @@ impl Target {
     /// Returns the destination of a checked transmitter's frames; `None` if it states none.
     #[must_use]
     pub fn new(link: RadioProtocol, transmitter: &Transmitter) -> Option<Self> {
-        let byte = match link {
-            RadioProtocol::Sbus | RadioProtocol::Multi => ByteFormat::EvenTwo,
-            _ => ByteFormat::Plain,
-        };
         let address = |stated: &Option<String>| stated.as_ref().and_then(|address| address.parse().ok());
         let device = transmitter.device.as_ref().map(|path| Self::Serial {
             path: path.into(),
             baud: transmitter.baud_on(link),
-            byte,
+            byte: link.properties().byte,
         });
         device
             .or_else(|| address(&transmitter.tcp).map(Self::Tcp))

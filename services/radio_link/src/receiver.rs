@@ -4,12 +4,12 @@
 //! Failure policy: bytes outside of frames are skipped one by one and counted, until a frame begins again. Parts that a
 //! frame does not carry (an arming switch, say) count as in a receiver without them.
 
-use scenario::{RadioProtocol, RcLink, Transmitter};
+use scenario::{RcLink, Transmitter};
 
+use crate::ChannelCodes;
 use crate::channel_map::{ChannelMap, Units};
-use crate::encoder::Encoder;
-use crate::mavlink::{MavlinkPacket, Overrides};
-use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
+use crate::format::{self, Decoded, Format};
+use crate::mavlink::Overrides;
 
 /// Bytes of an unfinished frame that are kept: more than any frame has.
 const KEPT: usize = 512;
@@ -50,9 +50,9 @@ pub struct ReceivedCommands {
 }
 
 /// Decoder of a stream of bytes to commands.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Receiver {
-    protocol: RadioProtocol,
+    format: Box<dyn Format>,
     map: ChannelMap,
     units: Units,
     link: RcLink,
@@ -61,31 +61,15 @@ pub struct Receiver {
     heard: ReceivedCommands,
 }
 
-/// Kind of the first bytes.
-enum First {
-    /// A frame of this length, bytes, with channels.
-    Channels(usize, ChannelCodes, bool),
-    /// A frame of this length, bytes, with fields that override channels.
-    Override(usize, ChannelCodes),
-    /// A frame of this length, bytes, with body rates, rad/s, and thrust as a share.
-    Rates(usize, [f64; 3], f64),
-    /// A frame of this length, bytes, without a command.
-    Other(usize),
-    /// The beginning of one.
-    Unfinished,
-    /// No frame.
-    Noise,
-}
-
 impl Receiver {
     /// Makes the receiver of a checked link; `None` for the simulated one.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Option<Self> {
-        let encoder = Encoder::new(link, transmitter)?;
+        let format = format::of(link, transmitter)?;
         Some(Self {
-            protocol: link.link,
-            map: encoder.map().clone(),
-            units: encoder.units(),
+            map: ChannelMap::new(link, transmitter),
+            units: format.units(),
+            format,
             link: link.clone(),
             overrides: Overrides::default(),
             bytes: Vec::with_capacity(KEPT),
@@ -98,13 +82,15 @@ impl Receiver {
         self.bytes.extend_from_slice(bytes);
         let mut at = 0;
         while at < self.bytes.len() {
-            let (length, command) = match self.first(&self.bytes[at..]) {
-                First::Channels(length, codes, is_lost) => (length, Some(self.of_channels(&codes, is_lost))),
-                First::Override(length, fields) => (length, Some(self.of_overrides(&fields))),
-                First::Rates(length, rates, share) => (length, Some(self.of_rates(rates, share))),
-                First::Other(length) => (length, None),
-                First::Unfinished if self.bytes.len() - at < KEPT => break,
-                First::Unfinished | First::Noise => {
+            let (length, command) = match self.format.decode(&self.bytes[at..]) {
+                Decoded::Channels(length, codes, is_lost) => {
+                    (length, Some(self.of_channels(&codes, is_lost)))
+                }
+                Decoded::Override(length, fields) => (length, Some(self.of_overrides(&fields))),
+                Decoded::Rates(length, rates, share) => (length, Some(self.of_rates(rates, share))),
+                Decoded::Other(length) => (length, None),
+                Decoded::Unfinished if self.bytes.len() - at < KEPT => break,
+                Decoded::Unfinished | Decoded::Noise => {
                     self.heard.skipped += 1;
                     (1, None)
                 }
@@ -122,28 +108,6 @@ impl Receiver {
     #[must_use]
     pub fn heard(&self) -> ReceivedCommands {
         self.heard
-    }
-
-    fn first(&self, bytes: &[u8]) -> First {
-        match self.protocol {
-            RadioProtocol::Crsf => fixed(bytes, crsf::LENGTH, |frame| Ok((crsf::decode(frame)?, false))),
-            RadioProtocol::Sbus => fixed(bytes, sbus::LENGTH, |frame| {
-                sbus::decode(frame).map(|(codes, flags)| (codes, flags.failsafe))
-            }),
-            RadioProtocol::Multi => fixed(bytes, multi::LENGTH, |frame| Ok((multi::decode(frame)?.0, false))),
-            RadioProtocol::Msp => fixed(bytes, msp::LENGTH, |frame| {
-                let message = msp::decode(frame)?;
-                let (codes, _) = message.channels();
-                if message.sense == msp::Direction::Request && message.command == msp::SET_RAW_RC {
-                    Ok((codes, false))
-                } else {
-                    let (at, found) = (4, message.command);
-                    Err(DecodeError::Mark { at, found })
-                }
-            }),
-            RadioProtocol::Mavlink => of_mavlink(bytes),
-            RadioProtocol::Simulated => First::Noise,
-        }
     }
 
     fn of_channels(&self, codes: &ChannelCodes, is_lost: bool) -> Command {
@@ -186,30 +150,5 @@ impl Receiver {
             travels: [thrust, roll, pitch, yaw],
             is_armed: true,
         }
-    }
-}
-
-/// Decodes the frame of a format whose frames are all equally long.
-fn fixed(
-    bytes: &[u8],
-    length: usize,
-    decode: impl Fn(&[u8]) -> Result<(ChannelCodes, bool), DecodeError>,
-) -> First {
-    match bytes.get(..length).map(decode) {
-        Some(Ok((codes, is_lost))) => First::Channels(length, codes, is_lost),
-        Some(Err(_)) => First::Noise,
-        None => First::Unfinished,
-    }
-}
-
-fn of_mavlink(bytes: &[u8]) -> First {
-    match mavlink::decode(bytes) {
-        Ok((MavlinkPacket::RcOverride { channels, .. }, _, _, length)) => First::Override(length, channels),
-        Ok((MavlinkPacket::AttitudeTarget(target), _, _, length)) => {
-            First::Rates(length, target.rates_body.map(f64::from), f64::from(target.thrust))
-        }
-        Ok((MavlinkPacket::Heartbeat, _, _, length)) => First::Other(length),
-        Err(DecodeError::Length { .. }) => First::Unfinished,
-        Err(_) => First::Noise,
     }
 }

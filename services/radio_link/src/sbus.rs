@@ -5,6 +5,9 @@
 //! `0x0F`, 22 bytes of channels, flags, `0x00`. The codes 172, 992 and 1811 are −100, 0 and 100 %. The failsafe of the
 //! link is a flag.
 
+use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
+use crate::format::{Content, Decoded, Format, fixed};
+use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
 
@@ -43,6 +46,40 @@ impl Flags {
             frame_lost: bit(2),
             failsafe: bit(3),
         }
+    }
+}
+
+/// The format.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sbus;
+
+impl Format for Sbus {
+    fn units(&self) -> Units {
+        Units {
+            ends: ENDS,
+            limits: ELEVEN_BITS,
+            unstated: [ENDS[0]; 16],
+            unit: CodeUnit::ReceiverStep,
+        }
+    }
+
+    #[inline]
+    fn encode(&mut self, content: &Content<'_>, frame: &mut Frame) {
+        let flags = Flags {
+            failsafe: content.failsafe,
+            ..Flags::default()
+        };
+        frame.push(&encode(&content.codes, flags));
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Decoded {
+        fixed(bytes, LENGTH, |frame| {
+            decode(frame).map(|(codes, flags)| (codes, flags.failsafe))
+        })
+    }
+
+    fn has_failsafe_flag(&self) -> bool {
+        true
     }
 }
 

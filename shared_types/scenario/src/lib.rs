@@ -63,7 +63,8 @@ pub use plugins::Plugins;
 pub use problem::{Key, Problem, Unflyable};
 pub use programs::Programs;
 pub use radio_link::{
-    ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProtocol, Transmitter,
+    ByteFormat, ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProperties,
+    RadioProtocol, Transmitter,
 };
 pub use rc_link::RcLink;
 pub use record::{Record, Recorded, Split};

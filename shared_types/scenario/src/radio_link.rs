@@ -27,6 +27,35 @@ pub enum RadioProtocol {
     Mavlink,
 }
 
+/// Properties of a radio link that its statement in a scenario depends on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RadioProperties {
+    /// Its word in `rc_output.link`.
+    pub name: &'static str,
+    /// The key of a socket that also carries its frames, if one does.
+    pub socket: Option<&'static str>,
+    /// Speed of the serial device, baud: the link's only one, or the default of most receivers.
+    pub baud: u32,
+    /// Format of a byte on the serial line.
+    pub byte: ByteFormat,
+    /// Usual frames a second, 1/s.
+    pub frame_rate: f64,
+    /// Longest frame, bytes.
+    pub longest_frame: u32,
+    /// Largest travel that a channel can be sent as, in both senses: beyond it a flight controller takes the channel for
+    /// broken (pulses below 900 or above 2100 µs), or the frame has no code.
+    pub largest_travel: f64,
+}
+
+/// Format of a byte on a serial line: eight bits always.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ByteFormat {
+    /// No parity, one stop bit: 8N1.
+    Plain,
+    /// Even parity, two stop bits: 8E2.
+    EvenTwo,
+}
+
 /// Transmitter of a laboratory: the destination of frames, and the channels of the vehicle.
 ///
 /// A travel of −1 to 1 on a channel is the link's −100 to 100 %: 1000 to 2000 µs of a pulse.
@@ -194,17 +223,80 @@ impl Default for Mavlink {
 }
 
 impl RadioProtocol {
+    /// All but the simulated one.
+    pub const ALL: [Self; 5] = [Self::Crsf, Self::Sbus, Self::Multi, Self::Msp, Self::Mavlink];
+
+    /// Returns its properties.
+    #[must_use]
+    pub fn properties(self) -> &'static RadioProperties {
+        match self {
+            Self::Simulated => &RadioProperties {
+                name: "simulated",
+                socket: None,
+                baud: 115_200,
+                byte: ByteFormat::Plain,
+                frame_rate: 50.0,
+                longest_frame: 0,
+                largest_travel: 1.2,
+            },
+            Self::Crsf => &RadioProperties {
+                name: "crsf",
+                socket: None,
+                baud: 420_000,
+                byte: ByteFormat::Plain,
+                frame_rate: 150.0,
+                longest_frame: 26,
+                // 1.17 · 512 µs.
+                largest_travel: 1.17,
+            },
+            Self::Sbus => &RadioProperties {
+                name: "sbus",
+                socket: None,
+                baud: 100_000,
+                byte: ByteFormat::EvenTwo,
+                frame_rate: 1.0 / 0.014,
+                longest_frame: 25,
+                // 1.17 · 512 µs.
+                largest_travel: 1.17,
+            },
+            Self::Multi => &RadioProperties {
+                name: "multi",
+                socket: None,
+                baud: 100_000,
+                byte: ByteFormat::EvenTwo,
+                frame_rate: 1.0 / 0.007,
+                longest_frame: 26,
+                // The codes 0 to 2047 around 1024, 8.195 a percent.
+                largest_travel: 1.24,
+            },
+            Self::Msp => &RadioProperties {
+                name: "msp",
+                socket: Some("tcp"),
+                baud: 115_200,
+                byte: ByteFormat::Plain,
+                frame_rate: 50.0,
+                longest_frame: 38,
+                // 1.2 · 500 µs.
+                largest_travel: 1.2,
+            },
+            Self::Mavlink => &RadioProperties {
+                name: "mavlink",
+                socket: Some("udp"),
+                baud: 921_600,
+                byte: ByteFormat::Plain,
+                frame_rate: 50.0,
+                // The heartbeat comes once a second beside it.
+                longest_frame: 51 + 21,
+                // 1.2 · 500 µs.
+                largest_travel: 1.2,
+            },
+        }
+    }
+
     /// Returns its name in a scenario.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Simulated => "simulated",
-            Self::Crsf => "crsf",
-            Self::Sbus => "sbus",
-            Self::Multi => "multi",
-            Self::Msp => "msp",
-            Self::Mavlink => "mavlink",
-        }
+        self.properties().name
     }
 
     /// Returns whether it is the simulated link.
@@ -213,53 +305,23 @@ impl RadioProtocol {
         *self == Self::Simulated
     }
 
-    /// Returns the speed of the serial device, baud: the link's only one, or the default of most receivers.
-    #[must_use]
-    pub fn baud(self) -> u32 {
-        match self {
-            Self::Crsf => 420_000,
-            Self::Sbus | Self::Multi => 100_000,
-            Self::Simulated | Self::Msp => 115_200,
-            Self::Mavlink => 921_600,
-        }
-    }
-
-    /// Returns the link's usual frames a second, 1/s.
-    #[must_use]
-    pub fn frame_rate(self) -> f64 {
-        match self {
-            Self::Crsf => 150.0,
-            Self::Sbus => 1.0 / 0.014,
-            Self::Multi => 1.0 / 0.007,
-            Self::Simulated | Self::Msp | Self::Mavlink => 50.0,
-        }
-    }
-
-    /// Returns the largest travel that a channel can be sent as, in both senses: beyond it a flight controller takes
-    /// the channel for broken (pulses below 900 or above 2100 µs), or the frame has no code.
-    #[must_use]
-    pub fn largest_travel(self) -> f64 {
-        match self {
-            // 1.17 · 512 µs.
-            Self::Crsf | Self::Sbus => 1.17,
-            // The codes 0 to 2047 around 1024, 8.195 a percent.
-            Self::Multi => 1.24,
-            // 1.2 · 500 µs.
-            Self::Simulated | Self::Msp | Self::Mavlink => 1.2,
-        }
-    }
-
     /// Returns the bits of the longest frame on a serial line, start, parity and stop bits included.
     #[must_use]
     pub fn bits_per_frame(self) -> u32 {
+        let RadioProperties {
+            longest_frame, byte, ..
+        } = self.properties();
+        longest_frame * byte.bits()
+    }
+}
+
+impl ByteFormat {
+    /// Returns the bits of a byte on the line, start, parity and stop bits included.
+    #[must_use]
+    pub fn bits(self) -> u32 {
         match self {
-            Self::Simulated => 0,
-            Self::Crsf => 26 * 10,
-            Self::Sbus => 25 * 12,
-            Self::Multi => 26 * 12,
-            Self::Msp => 38 * 10,
-            // The heartbeat comes once a second beside it.
-            Self::Mavlink => (51 + 21) * 10,
+            Self::Plain => 10,
+            Self::EvenTwo => 12,
         }
     }
 }
@@ -277,13 +339,13 @@ impl Transmitter {
     /// Returns the frames a second on a link, 1/s.
     #[must_use]
     pub fn frame_rate_on(&self, link: RadioProtocol) -> f64 {
-        self.frame_rate.unwrap_or_else(|| link.frame_rate())
+        self.frame_rate.unwrap_or_else(|| link.properties().frame_rate)
     }
 
     /// Returns the speed of the serial device on a link, baud.
     #[must_use]
     pub fn baud_on(&self, link: RadioProtocol) -> u32 {
-        self.baud.unwrap_or_else(|| link.baud())
+        self.baud.unwrap_or_else(|| link.properties().baud)
     }
 
     /// Returns whether the frames have channels: `SET_ATTITUDE_TARGET` has none.
@@ -291,5 +353,25 @@ impl Transmitter {
     pub fn has_channels(&self, link: RadioProtocol) -> bool {
         let message = self.mavlink.unwrap_or_default().message;
         link != RadioProtocol::Mavlink || message == MavlinkMessage::RcOverride
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests of the formats go through [`RadioProtocol::ALL`].
+    #[test]
+    fn every_word_of_a_link_but_the_simulated_one_is_among_all() {
+        let schema = schemars::schema_for!(RadioProtocol).to_value();
+        let variants = schema["oneOf"].as_array().unwrap().iter();
+        let words: Vec<&str> = variants
+            .map(|variant| variant["const"].as_str().unwrap())
+            .collect();
+        let others = words.into_iter().filter(|word| *word != "simulated");
+        assert_eq!(
+            others.collect::<Vec<_>>(),
+            RadioProtocol::ALL.map(RadioProtocol::name)
+        );
     }
 }

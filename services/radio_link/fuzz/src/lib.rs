@@ -4,15 +4,12 @@ use radio_link::receiver::{Command, Receiver};
 use radio_link::{crsf, mavlink, msp, multi, sbus};
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
-/// A receiver of every kind, the last two of `MAVLink`.
-const LINKS: [(RadioProtocol, MavlinkMessage); 6] = [
-    (RadioProtocol::Crsf, MavlinkMessage::RcOverride),
-    (RadioProtocol::Sbus, MavlinkMessage::RcOverride),
-    (RadioProtocol::Multi, MavlinkMessage::RcOverride),
-    (RadioProtocol::Msp, MavlinkMessage::RcOverride),
-    (RadioProtocol::Mavlink, MavlinkMessage::RcOverride),
-    (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget),
-];
+/// Returns every link, by `MAVLink` with both messages.
+fn links() -> impl Iterator<Item = (RadioProtocol, MavlinkMessage)> {
+    let with_channels = RadioProtocol::ALL.map(|link| (link, MavlinkMessage::RcOverride));
+    let without = (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget);
+    with_channels.into_iter().chain([without])
+}
 
 fn receiver((link, message): (RadioProtocol, MavlinkMessage)) -> Receiver {
     let transmitter = Transmitter {
@@ -52,7 +49,7 @@ pub fn check(bytes: &[u8]) {
     for byte in bytes {
         let _ = answers.push(*byte);
     }
-    for link in LINKS {
+    for link in links() {
         let (at_once, skipped) = heard(link, bytes, usize::MAX);
         assert_eq!((at_once.clone(), skipped), heard(link, bytes, 7), "{link:?}");
         assert!(skipped <= bytes.len() as u64);

@@ -5,11 +5,12 @@ use radio_link::encoder::Encoder;
 use radio_link::frame::Frame;
 use radio_link::receiver::{Command, Receiver};
 use radio_link::sticks::Sticks;
-use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
+use scenario::{Mavlink, RcLink, Transmitter};
+
+use super::vehicles::protocols;
 
 /// A link of every kind; channels in an order of their own, one of them reversed and with other ends.
 fn links() -> Vec<RcLink> {
-    use RadioProtocol::{Crsf, Mavlink as MavlinkLink, Msp, Multi, Sbus};
     let transmitter = Transmitter {
         order: "TAER".to_owned(),
         reversed: "E".to_owned(),
@@ -28,13 +29,8 @@ fn links() -> Vec<RcLink> {
         }),
         ..RcLink::default()
     };
-    [Crsf, Sbus, Multi, Msp]
-        .map(|protocol| link(protocol, MavlinkMessage::default()))
-        .into_iter()
-        .chain(
-            [MavlinkMessage::RcOverride, MavlinkMessage::AttitudeTarget]
-                .map(|message| link(MavlinkLink, message)),
-        )
+    protocols()
+        .map(|(protocol, message)| link(protocol, message))
         .collect()
 }
 

@@ -85,17 +85,11 @@ fn thrusts([low, high]: [f64; 2]) -> Vec<[f64; 2]> {
     found
 }
 
-/// Links, the last two by MAVLink.
-fn protocols() -> [(RadioProtocol, MavlinkMessage); 6] {
-    use RadioProtocol::{Crsf, Mavlink, Msp, Multi, Sbus};
-    [
-        (Crsf, MavlinkMessage::RcOverride),
-        (Sbus, MavlinkMessage::RcOverride),
-        (Multi, MavlinkMessage::RcOverride),
-        (Msp, MavlinkMessage::RcOverride),
-        (Mavlink, MavlinkMessage::RcOverride),
-        (Mavlink, MavlinkMessage::AttitudeTarget),
-    ]
+/// Returns every link, by MAVLink with both messages.
+pub fn protocols() -> impl Iterator<Item = (RadioProtocol, MavlinkMessage)> {
+    let with_channels = RadioProtocol::ALL.map(|link| (link, MavlinkMessage::RcOverride));
+    let without = (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget);
+    with_channels.into_iter().chain([without])
 }
 
 /// Every vehicle in every description.

@@ -32,11 +32,11 @@ impl RcLink {
                 format!("nothing says where frames of `{}` go", link.name()),
                 "add `[rc_output.transmitter]` with `device`, `tcp` or `udp`, or leave `link` out",
             ),
-            (Some(_), RadioProtocol::Simulated) => found.add(
-                section,
-                "the simulated link has no transmitter",
-                "say which `link` it is: crsf, sbus, multi, msp or mavlink",
-            ),
+            (Some(_), RadioProtocol::Simulated) => {
+                let [others @ .., last] = RadioProtocol::ALL.map(RadioProtocol::name);
+                let fix = format!("say which `link` it is: {} or {last}", others.join(", "));
+                found.add(section, "the simulated link has no transmitter", fix);
+            }
             (Some(transmitter), link) => {
                 let mut good = Findings::has_none(|found| self.check(at, found));
                 good &= transmitter.check(link, &section, found);
@@ -74,11 +74,7 @@ impl Transmitter {
 
     /// Frames go to one place, of a kind that the link knows.
     fn check_place(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
-        let socket = match link {
-            RadioProtocol::Msp => Some("tcp"),
-            RadioProtocol::Mavlink => Some("udp"),
-            _ => None,
-        };
+        let socket = link.properties().socket;
         let places = [("device", &self.device), ("tcp", &self.tcp), ("udp", &self.udp)];
         let fix = socket.map_or_else(
             || "state `device`, and nothing else".to_owned(),
@@ -292,7 +288,7 @@ fn check_travels<'a>(
     key: &Key,
     found: &mut Findings,
 ) -> bool {
-    let most = link.largest_travel();
+    let most = link.properties().largest_travel;
     let mut travels = travels.into_iter();
     let wrong = travels.find(|travel| !(-most..=most).contains(*travel));
     if let Some(travel) = wrong {

@@ -27,13 +27,7 @@ fn refused(link: RadioProtocol, spoil: impl FnOnce(&mut Transmitter), key: &str,
     );
 }
 
-const LINKS: [RadioProtocol; 5] = [
-    RadioProtocol::Crsf,
-    RadioProtocol::Sbus,
-    RadioProtocol::Multi,
-    RadioProtocol::Msp,
-    RadioProtocol::Mavlink,
-];
+const LINKS: [RadioProtocol; RadioProtocol::ALL.len()] = RadioProtocol::ALL;
 
 #[test]
 fn every_link_goes_by_a_serial_device_with_its_defaults() {
