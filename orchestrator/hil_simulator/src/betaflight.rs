@@ -1,4 +1,4 @@
-//! A vehicle that Betaflight flies: its firmware, built for simulation, reads a gyro and turns four motors.
+//! A quadcopter that Betaflight flies: its firmware, built for simulation, reads a gyro and turns four motors.
 //!
 //! Its simulator interface is UDP on the loopback, little-endian, as `src/platform/SIMULATOR` of its source (4.6) has it:
 //!
@@ -8,15 +8,15 @@
 //!
 //! The radio link does not come this way: a flight sends its frames to Betaflight itself.
 //!
-//! **Time.** From the time stamps Betaflight computes how much faster than the system's the world's clock goes, from packet to packet, and runs
-//! by that: packets that come together would send its clock ahead. Ours is the system's clock, so the stamp stands still, with which it
-//! never computes.
+//! **Time.** Betaflight computes from the time stamps of successive packets how much faster than the system's clock the
+//! simulator's runs, and follows that rate: packets that arrive together would advance its clock too far. Here both are
+//! the system's clock, so every packet has the same stamp, from which it computes no rate.
 //!
 //! ```text
 //! Fi = T_max/4 ui     u̇i = (ui* − ui)/τT
 //! ```
 //!
-//! ui motors in the order above, which is that of [`Rotors`]. The lag of T is the plant's own.
+//! ui motors in the order above. The lag of T is the plant's own.
 
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
@@ -26,16 +26,20 @@ use scenario::Scenario;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::{RcFrame, VehicleTruth};
 use vehicle_model::lag::{Lag, between};
+use vehicle_model::rigid_body::Wrench;
 use zerocopy::FromZeros;
 
 use super::link_loss_timer::LinkLossTimer;
 use super::receiver_input::{ReceiverInput, ReceiverInputError};
 
-pub use vehicle_model::rotors::Rotors;
+use vehicle_model::rotors::{Rotor, Rotors, Spin};
 
-/// Place where it sends what its motors do.
+/// Motors of its packets.
+const MOTORS: usize = 4;
+
+/// Address to which it sends the commands of its motors.
 const MOTORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9002);
-/// Place where it takes what its sensors feel.
+/// Address at which it receives the readings of its sensors.
 const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
 
 /// Pressure of the air at the ground, Pa.
@@ -46,25 +50,28 @@ const PRESSURE: f64 = 101_325.0;
 pub struct Betaflight {
     line: ReceiverInput,
     sensors: UdpSocket,
-    rotors: Rotors,
-    /// T_max/4, N.
-    largest_force: f64,
-    /// Share of its way that a motor goes in a tick.
+    rotors: Box<[Rotor; MOTORS]>,
+    mixer: Box<Rotors>,
+    /// Share of the way to its command that a motor goes in a tick.
     share: f64,
-    /// The demand on its motors and their speeds, 0 to 1.
-    asked: [f64; 4],
-    motors: [f64; 4],
+    /// Commands of the motors, 0 to 1.
+    asked: [f64; MOTORS],
+    /// Their state after the lag, 0 to 1.
+    motors: [f64; MOTORS],
     silence: LinkLossTimer,
     packets: u64,
 }
 
 impl Betaflight {
-    /// Takes the place of the simulator that it expects, for the vehicle of a scenario.
+    /// Opens the sockets of the simulator that it expects, for the vehicle of a scenario whose rotors have this arm and
+    /// this reaction torque per force, m; neither is 0.
     ///
     /// # Errors
-    /// [`ReceiverInputError`] if another process has that place.
-    pub fn open(scenario: &Scenario, rotors: Rotors) -> Result<Self, ReceiverInputError> {
+    /// [`ReceiverInputError`] if another process has these ports.
+    pub fn open(scenario: &Scenario, arm: f64, torque_per_force: f64) -> Result<Self, ReceiverInputError> {
         let actuators = scenario.vehicle.actuators.clone().unwrap_or_default();
+        let rotors = rotors(arm, torque_per_force, actuators.thrust_max);
+        let mixer = Rotors::new(&rotors).expect("a quadcopter with an arm can exert every wrench");
         let line = ReceiverInput::open(&Target::Udp(MOTORS_AT.into()))?;
         let sensors =
             UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|source| ReceiverInputError::Socket {
@@ -74,17 +81,17 @@ impl Betaflight {
         Ok(Self {
             line,
             sensors,
-            rotors,
-            largest_force: actuators.thrust_max / 4.0,
+            rotors: Box::new(rotors),
+            mixer: Box::new(mixer),
             share: Lag::new(actuators.thrust_lag).gone(scenario.schedule.tick),
-            asked: [0.0; 4],
-            motors: [0.0; 4],
+            asked: [0.0; MOTORS],
+            motors: [0.0; MOTORS],
             silence: LinkLossTimer::default(),
             packets: 0,
         })
     }
 
-    /// Takes what the motors are asked for until a time has come, ns of `CLOCK_MONOTONIC`.
+    /// Receives commands of the motors until a time, ns of `CLOCK_MONOTONIC`.
     pub fn listen_until(&mut self, until_ns: u64) {
         let Self {
             line,
@@ -105,7 +112,7 @@ impl Betaflight {
     /// Returns the commands that act in the tick before a time.
     pub fn acting(&mut self, at_ns: u64) -> RcFrame {
         if self.silence.becomes_too_long(at_ns) {
-            self.asked = [0.0; 4];
+            self.asked = [0.0; MOTORS];
         }
         for (motor, asked) in self.motors.iter_mut().zip(self.asked) {
             *motor = between(*motor, asked, self.share);
@@ -113,39 +120,63 @@ impl Betaflight {
         let mut frame = RcFrame::new_zeroed();
         frame.header.seq = self.packets;
         frame.mode = RcFrame::MODE_TORQUE;
-        frame.thrust = self.largest_force * self.asked.iter().sum::<f64>();
-        let forces = self.motors.map(|motor| self.largest_force * motor);
-        frame.torque_body = self.rotors.wrench(&forces).torque_body.into();
+        frame.thrust = self.wrench(&self.asked).thrust;
+        frame.torque_body = self.wrench(&self.motors).torque_body.into();
         frame
     }
 
-    /// Tells what the sensors feel. Who does not listen feels nothing.
+    /// Returns the wrench of motors at a share of their full speed.
+    fn wrench(&self, motors: &[f64; MOTORS]) -> Wrench {
+        let rotors = self.rotors.iter().zip(motors);
+        self.mixer
+            .wrench(rotors.map(|(rotor, share)| rotor.force_max * share))
+    }
+
+    /// Sends the readings of the sensors; a missing Betaflight is not an error.
     pub fn feel(&mut self, truth: &VehicleTruth) {
         let packet = sensors_of(truth);
         let _sent = self.sensors.send_to(&packet, SENSORS_AT);
     }
 
-    /// Packets of motors so far, and how often they stayed away for too long.
+    /// Returns the number of packets of motors, and of their losses.
     #[must_use]
     pub fn counts(&self) -> [u64; 2] {
         [self.packets, self.silence.losses()]
     }
 }
 
-/// Returns the demand of a packet on the motors, if it is one.
-fn motors_of(packet: &[u8]) -> Option<[f64; 4]> {
-    let packet: &[u8; 16] = packet.try_into().ok()?;
-    let motors: [f32; 4] =
+/// Returns the rotors in the order of its motors, of a vehicle with this thrust at full speed, N: four in an X between the
+/// axes of {B}.
+fn rotors(arm: f64, torque_per_force: f64, thrust_max: f64) -> [Rotor; MOTORS] {
+    let l = arm * std::f64::consts::FRAC_1_SQRT_2;
+    [
+        (l, l, Spin::Left),
+        (-l, -l, Spin::Left),
+        (l, -l, Spin::Right),
+        (-l, l, Spin::Right),
+    ]
+    .map(|(x, y, spin)| Rotor {
+        position_body: [x, y, 0.0].into(),
+        spin,
+        torque_per_force,
+        force_max: thrust_max / MOTORS as f64,
+    })
+}
+
+/// Returns the commands of a packet to the motors, if it is one.
+fn motors_of(packet: &[u8]) -> Option<[f64; MOTORS]> {
+    let packet: &[u8; 4 * MOTORS] = packet.try_into().ok()?;
+    let motors: [f32; MOTORS] =
         std::array::from_fn(|motor| f32::from_le_bytes([0, 1, 2, 3].map(|byte| packet[4 * motor + byte])));
     let are_finite = motors.iter().all(|motor| motor.is_finite());
     are_finite.then(|| motors.map(|motor| f64::from(motor).clamp(0.0, 1.0)))
 }
 
-/// The packet of what the sensors feel.
+/// Returns the packet of the sensors' readings.
 fn sensors_of(truth: &VehicleTruth) -> [u8; 144] {
     let world_from_body = from_row_major(&truth.world_from_body);
     let [x, y, z, w] = quaternion(&world_from_body);
-    // It flies by its gyro alone: of the force only the weight is told.
+    // It flies by its gyro alone: the specific force is that of a hover.
     let force_body = world_from_body.row(2) * -scenario::GRAVITY;
     let stamp = 0.0;
     let numbers = [stamp]
@@ -167,6 +198,23 @@ mod tests {
     use super::*;
     use nalgebra::Matrix3;
     use shared_types::rotation::to_row_major;
+
+    /// Front right and rear left turn to the left, and the body to the right.
+    #[test]
+    fn each_motor_of_a_packet_is_the_rotor_of_its_place() {
+        use std::cmp::Ordering::{Greater, Less};
+        let mixer = Rotors::new(&rotors(0.1, 0.03, 8.0)).unwrap();
+        let turns = |motor: usize| {
+            let mut forces = [0.0; MOTORS];
+            forces[motor] = 1.0;
+            let torque: [f64; 3] = mixer.wrench(forces).torque_body.into();
+            torque.map(|torque| torque.partial_cmp(&0.0).unwrap())
+        };
+        assert_eq!(turns(0), [Less, Greater, Greater], "front right");
+        assert_eq!(turns(1), [Greater, Less, Greater], "rear left");
+        assert_eq!(turns(2), [Greater, Greater, Less], "front left");
+        assert_eq!(turns(3), [Less, Less, Less], "rear right");
+    }
 
     #[test]
     fn a_packet_of_motors_is_sixteen_bytes_of_finite_numbers() {

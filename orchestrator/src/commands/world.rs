@@ -14,7 +14,7 @@ use crate::cli::HilSimulator as Arguments;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use hil_simulator::autopilot::Autopilot;
-use hil_simulator::betaflight::{Betaflight, Rotors};
+use hil_simulator::betaflight::Betaflight;
 use hil_simulator::cameras::CameraSender;
 use hil_simulator::radio::Radio;
 use hil_simulator::receiver_input::ReceiverInput;
@@ -96,12 +96,8 @@ fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure
 
 fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Autopilot, Failure> {
     if arguments.betaflight {
-        let rotors = Rotors {
-            arm: arguments.rotor_arm,
-            torque_per_thrust: arguments.rotor_torque,
-        };
-        let betaflight = Betaflight::open(scenario, rotors).map_err(Failure::trouble)?;
-        return Ok(Autopilot::Betaflight(betaflight));
+        let betaflight = Betaflight::open(scenario, arguments.rotor_arm, arguments.rotor_torque);
+        return betaflight.map(Autopilot::Betaflight).map_err(Failure::trouble);
     }
 
     let link = scenario.rc_output.as_ref();

@@ -4,7 +4,7 @@
 //! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
 //! * [`cayley`]: the chart of SO(3) that it works in;
 //! * [`lag`]: first-order lags, exact over a step;
-//! * [`rotors`]: the places of the rotors, and the mixer.
+//! * [`rotors`]: the rotors as data, and the mixer and the allocation that follow.
 //!
 //! {I} has z down, {B} x forward, y right, z down. SI units and radians.
 

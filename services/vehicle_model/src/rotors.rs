@@ -1,58 +1,107 @@
-//! Rotors: four in an X between the axes, and the mixer.
+//! Rotors: their places and coefficients as data, and the mixer and the allocation that follow from them.
 //!
 //! ```text
-//! T = Σ Fi     τ = (l(F1+F2−F0−F3), l(F0+F2−F1−F3), κ(F0+F1−F2−F3))     l = a/√2
+//! T = Σ Fi     τ = Σ Fi (ri × −e3 + κi e3) = Σ Fi (−yi, xi, κi)     F = Bᵀ (B Bᵀ)⁻¹ (T, τ)
 //! ```
 //!
-//! Fi forces, N, of front right, rear left, front left, rear right; a arm, m; κ torque about z per thrust, m. The propellers front right
-//! and rear left turn to the left, and the body the other way.
+//! Fi force of a rotor along −e3, N; ri = (xi, yi, zi) its place in {B}, m; κi its reaction torque about e3 per force, m. B has
+//! the column (1, −yi, xi, κi) for each rotor. With more rotors than a wrench has components, the forces of a wrench are those with the
+//! smallest sum of squares.
 
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, Vector3, Vector4};
 
 use crate::rigid_body::Wrench;
 
-/// Signs of the force of each rotor in τ.
-const TURNS: [[f64; 3]; 4] = [
-    [-1.0, 1.0, 1.0],
-    [1.0, -1.0, 1.0],
-    [1.0, 1.0, -1.0],
-    [-1.0, -1.0, -1.0],
-];
+/// Most rotors of a vehicle.
+pub const MAX_ROTORS: usize = 8;
 
-/// Places of the rotors and their reaction torque.
+/// Least share of a wrench's component that the ones before it must not determine; rounding leaves 1e-15.
+const LEAST_INDEPENDENT: f64 = 1e-9;
+
+/// A rotor, which pulls along −e3.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rotor {
+    /// r, place in {B}, m.
+    pub position_body: Vector3<f64>,
+    /// Direction in which it turns.
+    pub spin: Spin,
+    /// |κ|, reaction torque per force, m.
+    pub torque_per_force: f64,
+    /// Force at full speed, N.
+    pub force_max: f64,
+}
+
+/// Direction in which a propeller turns, seen from above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spin {
+    /// To the left; its reaction turns the body to the right, about +e3.
+    Left,
+    /// To the right.
+    Right,
+}
+
+impl Rotor {
+    /// Returns its column of B.
+    fn effect(&self) -> Vector4<f64> {
+        let reaction = match self.spin {
+            Spin::Left => self.torque_per_force,
+            Spin::Right => -self.torque_per_force,
+        };
+        Vector4::new(1.0, -self.position_body.y, self.position_body.x, reaction)
+    }
+}
+
+/// The rotors of a vehicle, which can exert every wrench.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
-    /// a, distance from the centre, m; not 0.
-    pub arm: f64,
-    /// κ, m; not 0.
-    pub torque_per_thrust: f64,
+    count: usize,
+    /// B; zero beyond the last rotor.
+    mixer: SMatrix<f64, 4, MAX_ROTORS>,
+    /// Bᵀ (B Bᵀ)⁻¹.
+    allocation: SMatrix<f64, MAX_ROTORS, 4>,
 }
 
 impl Rotors {
-    /// Returns the wrench of forces (N).
+    /// Makes the rotors of a vehicle; `None` if there are more than [`MAX_ROTORS`], or if they do not span all wrenches.
     #[must_use]
-    pub fn wrench(&self, forces: &[f64; 4]) -> Wrench {
-        let turning = forces
-            .iter()
-            .zip(TURNS)
-            .map(|(force, turn)| Vector3::from(turn) * *force);
+    pub fn new(rotors: &[Rotor]) -> Option<Self> {
+        let mut mixer = SMatrix::<f64, 4, MAX_ROTORS>::zeros();
+        for (index, rotor) in rotors.iter().enumerate() {
+            let mut column = (index < MAX_ROTORS).then(|| mixer.column_mut(index))?;
+            column.copy_from(&rotor.effect());
+        }
+        let gram = mixer * mixer.transpose();
+        let factor = gram.cholesky()?;
+        let independent = factor.l().diagonal();
+        let shares = independent
+            .component_mul(&independent)
+            .component_div(&gram.diagonal());
+        (shares.min() > LEAST_INDEPENDENT).then(|| Self {
+            count: rotors.len(),
+            mixer,
+            allocation: mixer.transpose() * factor.inverse(),
+        })
+    }
+
+    /// Returns the wrench of forces (N), one for each rotor.
+    #[must_use]
+    pub fn wrench(&self, forces: impl IntoIterator<Item = f64>) -> Wrench {
+        let columns = self.mixer.column_iter().take(self.count);
+        let exerted = columns
+            .zip(forces)
+            .fold(Vector4::zeros(), |sum, (column, force)| sum + column * force);
         Wrench {
-            thrust: forces.iter().sum(),
-            torque_body: turning.sum::<Vector3<f64>>().component_mul(&self.levers()),
+            thrust: exerted[0],
+            torque_body: exerted.fixed_rows::<3>(1).into_owned(),
         }
     }
 
-    /// Returns the forces (N) of a wrench. A rotor pulls up only, so forces below 0 are out of its reach.
-    #[must_use]
-    pub fn forces(&self, wrench: &Wrench) -> [f64; 4] {
-        let turning = wrench.torque_body.component_div(&self.levers());
-        TURNS.map(|turn| 0.25 * (wrench.thrust + Vector3::from(turn).dot(&turning)))
-    }
-
-    /// Returns (l, l, κ), torque per force about each axis.
-    fn levers(&self) -> Vector3<f64> {
-        let lever = self.arm * std::f64::consts::FRAC_1_SQRT_2;
-        Vector3::new(lever, lever, self.torque_per_thrust)
+    /// Returns the forces (N) of a wrench, one for each rotor. A rotor pulls up only, so forces below 0 are out of its
+    /// reach.
+    pub fn forces(&self, wrench: &Wrench) -> impl Iterator<Item = f64> + use<> {
+        let [x, y, z]: [f64; 3] = wrench.torque_body.into();
+        let forces: [f64; MAX_ROTORS] = (self.allocation * Vector4::new(wrench.thrust, x, y, z)).into();
+        forces.into_iter().take(self.count)
     }
 }
 
@@ -62,10 +111,44 @@ mod tests {
     use proptest::prelude::*;
     use shared_types::GRAVITY;
 
-    fn rotors() -> impl Strategy<Value = Rotors> {
-        (0.03..0.5f64, 0.005..0.1f64).prop_map(|(arm, torque_per_thrust)| Rotors {
-            arm,
-            torque_per_thrust,
+    fn rotor([x, y]: [f64; 2], spin: Spin, torque_per_force: f64) -> Rotor {
+        Rotor {
+            position_body: Vector3::new(x, y, 0.0),
+            spin,
+            torque_per_force,
+            force_max: 5.0,
+        }
+    }
+
+    /// Front right, rear left, front left, rear right.
+    fn quadcopter(arm: f64, torque_per_force: f64) -> Vec<Rotor> {
+        let l = arm * std::f64::consts::FRAC_1_SQRT_2;
+        let places = [
+            ([l, l], Spin::Left),
+            ([-l, -l], Spin::Left),
+            ([l, -l], Spin::Right),
+            ([-l, l], Spin::Right),
+        ];
+        places
+            .map(|(place, spin)| rotor(place, spin, torque_per_force))
+            .into()
+    }
+
+    /// Rotors in a regular polygon, with spins that alternate.
+    fn polygon(count: usize, arm: f64, torque_per_force: f64) -> Vec<Rotor> {
+        let rotors = (0..count).map(|index| {
+            let (sine, cosine) = libm::sincos(std::f64::consts::TAU * (index as f64 + 0.5) / count as f64);
+            let spin = [Spin::Left, Spin::Right][index % 2];
+            rotor([arm * cosine, arm * sine], spin, torque_per_force)
+        });
+        rotors.collect()
+    }
+
+    fn vehicles() -> impl Strategy<Value = Vec<Rotor>> {
+        let counts = prop::sample::select(&[0_usize, 4, 6, 8][..]);
+        (counts, 0.03..0.5f64, 0.005..0.1f64).prop_map(|(count, arm, torque_per_force)| match count {
+            0 => quadcopter(arm, torque_per_force),
+            count => polygon(count, arm, torque_per_force),
         })
     }
 
@@ -73,64 +156,104 @@ mod tests {
         [-0.1..0.1f64, -0.1..0.1f64, -0.02..0.02f64].prop_map(Vector3::from)
     }
 
+    fn of(rotors: &[Rotor]) -> Rotors {
+        Rotors::new(rotors).unwrap()
+    }
+
     #[test]
     fn more_thrust_on_the_left_rolls_to_the_right_and_at_the_front_lifts_the_nose() {
-        let rotors = Rotors {
-            arm: 0.1,
-            torque_per_thrust: 0.03,
-        };
-        let turns = |forces| {
-            let torque: [f64; 3] = rotors.wrench(&forces).torque_body.into();
+        use std::cmp::Ordering::{Equal, Greater, Less};
+        let turns = |forces: [f64; 4]| {
+            let torque: [f64; 3] = of(&quadcopter(0.1, 0.03)).wrench(forces).torque_body.into();
             torque.map(|torque| torque.partial_cmp(&0.0).unwrap())
         };
-        use std::cmp::Ordering::{Equal, Greater, Less};
         assert_eq!(turns([1.0, 2.0, 2.0, 1.0]), [Greater, Equal, Equal]);
         assert_eq!(turns([2.0, 1.0, 2.0, 1.0]), [Equal, Greater, Equal]);
-        // Left-turning propellers turn to the right.
+        // Left-turning propellers turn the body to the right.
         assert_eq!(turns([2.0, 2.0, 1.0, 1.0]), [Equal, Equal, Greater]);
         assert_eq!(turns([1.0, 1.0, 2.0, 1.0]), [Greater, Greater, Less]);
     }
 
+    #[test]
+    fn rotors_that_cannot_exert_every_wrench_or_are_too_many_are_refused() {
+        let quadcopter = quadcopter(0.1, 0.03);
+        assert_eq!(Rotors::new(&quadcopter[..3]), None);
+        let all_left = quadcopter.iter().map(|rotor| Rotor {
+            spin: Spin::Left,
+            ..*rotor
+        });
+        assert_eq!(Rotors::new(&all_left.collect::<Vec<_>>()), None);
+        assert_eq!(Rotors::new(&polygon(MAX_ROTORS + 1, 0.1, 0.03)), None);
+    }
+
     proptest! {
         #[test]
-        fn forces_of_a_wrench_exert_it(rotors in rotors(), thrust in 0.0..20.0f64, torque_body in torque()) {
-            let exerted = rotors.wrench(&rotors.forces(&Wrench { thrust, torque_body }));
+        fn forces_of_a_wrench_exert_it(rotors in vehicles(), thrust in 0.0..20.0f64, torque_body in torque()) {
+            let rotors = of(&rotors);
+            let exerted = rotors.wrench(rotors.forces(&Wrench { thrust, torque_body }));
             prop_assert!((exerted.thrust - thrust).abs() < 1e-13, "{:?}", exerted);
             prop_assert!((exerted.torque_body - torque_body).norm() < 1e-13, "{:?}", exerted);
         }
 
         #[test]
-        fn a_wrench_of_forces_is_exerted_by_them(rotors in rotors(), forces in proptest::array::uniform4(0.0..5.0f64)) {
-            let back = rotors.forces(&rotors.wrench(&forces));
-            for (back, force) in back.into_iter().zip(forces) {
+        fn a_wrench_of_four_forces_is_exerted_by_them(
+            arm in 0.03..0.5f64, torque_per_force in 0.005..0.1f64, forces in proptest::array::uniform4(0.0..5.0f64),
+        ) {
+            let rotors = of(&quadcopter(arm, torque_per_force));
+            let back = rotors.forces(&rotors.wrench(forces));
+            for (back, force) in back.zip(forces) {
                 prop_assert!((back - force).abs() < 1e-14);
             }
         }
 
+        /// No other forces of the same wrench have a smaller sum of squares.
         #[test]
-        fn the_torque_of_each_rotor_is_its_arm_times_its_force(rotors in rotors(), rotor in 0..4usize, force in 0.0..5.0f64) {
-            let mut forces = [0.0; 4];
-            forces[rotor] = force;
-            let torque = rotors.wrench(&forces).torque_body;
-            prop_assert!((torque.xy().norm() - rotors.arm * force).abs() < 1e-14);
-            prop_assert!((torque.z.abs() - rotors.torque_per_thrust * force).abs() < 1e-15);
+        fn of_more_rotors_the_forces_are_the_smallest(
+            rotors in vehicles(), forces in prop::collection::vec(0.0..5.0f64, MAX_ROTORS),
+        ) {
+            let rotors = of(&rotors);
+            let forces = &forces[..rotors.count];
+            let smallest = rotors.forces(&rotors.wrench(forces.iter().copied()));
+            let squares = |forces: &[f64]| forces.iter().map(|force| force * force).sum::<f64>();
+            prop_assert!(squares(&smallest.collect::<Vec<_>>()) <= squares(forces) + 1e-12);
+        }
+
+        /// Thrust along −e3 at its place, and its reaction.
+        #[test]
+        fn the_torque_of_each_rotor_is_its_arm_times_its_force(
+            all in vehicles(), index in any::<prop::sample::Index>(), force in 0.0..5.0f64,
+        ) {
+            let index = index.index(all.len());
+            let mut forces = vec![0.0; all.len()];
+            forces[index] = force;
+            let wrench = of(&all).wrench(forces);
+            let Rotor { position_body, spin, torque_per_force, .. } = all[index];
+            let reaction = if spin == Spin::Left { torque_per_force } else { -torque_per_force };
+            let torque = position_body.cross(&(Vector3::z() * -force)) + Vector3::z() * (reaction * force);
+            prop_assert!((wrench.torque_body - torque).norm() < 1e-14);
+            prop_assert_eq!(wrench.thrust, force);
         }
 
         #[test]
-        fn a_vehicle_that_hovers_has_a_quarter_of_its_weight_on_each_rotor(rotors in rotors(), mass in 0.05..5.0f64) {
+        fn a_quadcopter_that_hovers_has_a_quarter_of_its_weight_on_each_rotor(
+            arm in 0.03..0.5f64, torque_per_force in 0.005..0.1f64, mass in 0.05..5.0f64,
+        ) {
+            let rotors = of(&quadcopter(arm, torque_per_force));
             let hover = Wrench { thrust: mass * GRAVITY, torque_body: Vector3::zeros() };
-            prop_assert_eq!(rotors.forces(&hover), [0.25 * mass * GRAVITY; 4]);
-            let exerted = rotors.wrench(&rotors.forces(&hover));
+            let forces: Vec<f64> = rotors.forces(&hover).collect();
+            prop_assert_eq!(&forces[..], &[0.25 * hover.thrust; 4][..]);
+            let exerted = rotors.wrench(forces);
             prop_assert!((exerted.thrust - hover.thrust).abs() <= f64::EPSILON * hover.thrust);
             prop_assert_eq!(exerted.torque_body, hover.torque_body);
         }
 
         #[test]
-        fn a_torque_is_no_thrust_and_a_thrust_no_torque(rotors in rotors(), thrust in 0.0..20.0f64, torque_body in torque()) {
-            let turned: f64 = rotors.forces(&Wrench { thrust: 0.0, torque_body }).iter().sum();
-            prop_assert!(turned.abs() < 1e-14);
+        fn a_torque_is_no_thrust_and_a_thrust_no_torque(rotors in vehicles(), thrust in 0.0..20.0f64, torque_body in torque()) {
+            let rotors = of(&rotors);
+            let turned: f64 = rotors.forces(&Wrench { thrust: 0.0, torque_body }).sum();
+            prop_assert!(turned.abs() < 1e-13);
             let lifted = rotors.forces(&Wrench { thrust, torque_body: Vector3::zeros() });
-            prop_assert_eq!(rotors.wrench(&lifted).torque_body, Vector3::zeros());
+            prop_assert!(rotors.wrench(lifted).torque_body.norm() < 1e-14);
         }
     }
 }
