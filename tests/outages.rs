@@ -232,7 +232,7 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
         ),
         (
             "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"intermittent\", fraction = 1.5}".to_owned(),
-            ["fault.0.fraction", "share above 0"],
+            ["fault.0.fraction", "above 0 and at most 1"],
         ),
         (
             "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"wrong\", field = \"mode\", bias = 1.0}"

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use host::in_process::TickSink;
-use scenario::{ControllerChange, Fault, Flight, Scenario, Target, VehicleChange};
+use scenario::{Fault, Flight, Scenario, Target, VehicleChange};
 use shared_types::samples::RunEvent;
 use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
@@ -188,7 +188,7 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
     }
     for change in &scenario.controller.change {
         let tick = scenario.tick_of(change.at);
-        events.push((tick, RunEvent::KIND_GAINS_CHANGE, describe_gains(change)));
+        events.push((tick, RunEvent::KIND_GAINS_CHANGE, change.to_string()));
     }
     events.extend(operator_requests(scenario));
     for fault in &scenario.fault {
@@ -261,22 +261,6 @@ fn describe(change: &VehicleChange) -> String {
     if let Some([x, y, z]) = change.disturbance {
         parts.push(format!("disturbance [{x}, {y}, {z}] m/s²"));
     }
-    parts.join(", ")
-}
-
-fn describe_gains(change: &ControllerChange) -> String {
-    let numbers = [
-        ("k1", change.k1),
-        ("k2", change.k2),
-        ("k3", change.k3),
-        ("β", change.beta),
-        ("λm", change.lambda_mass),
-        ("Λw", change.lambda_inertia),
-        ("κ", change.prediction_gain),
-    ];
-    let stated = numbers.into_iter().filter_map(|(name, gain)| Some((name, gain?)));
-    let mut parts: Vec<_> = stated.map(|(name, gain)| format!("{name} {gain:?}")).collect();
-    parts.extend(change.lambda_disturbance.map(|gains| format!("Λb {gains:?}")));
     parts.join(", ")
 }
 

@@ -4,7 +4,8 @@
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-use scenario::{Key, Scenario};
+use scenario::schema::{resolved, schema, type_name};
+use scenario::{Key, Range};
 use serde_json::Value;
 
 use super::setting::path_of;
@@ -186,17 +187,11 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
     names
 }
 
-/// The schema of a scenario, made when the first one is read.
-pub(super) fn schema() -> &'static Value {
-    static SCHEMA: LazyLock<Value> = LazyLock::new(|| schemars::schema_for!(Scenario).to_value());
-    &SCHEMA
-}
-
 /// All keys, made when the first is asked for.
 fn all() -> &'static [KeyInfo] {
     static ALL: LazyLock<Vec<KeyInfo>> = LazyLock::new(|| {
         let mut keys = Vec::new();
-        push_table(schema(), &Key::root(), &mut keys);
+        push_table(schema().as_value(), &Key::root(), &mut keys);
         keys
     });
     &ALL
@@ -256,24 +251,6 @@ fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<Key
     }
 }
 
-/// The part of the schema that a part of it refers to, or that part itself.
-pub(super) fn resolved(part: &Value) -> &Value {
-    // An optional table is any of that table and null, which TOML does not have.
-    let part = match part["anyOf"].as_array() {
-        Some(choices) => choices
-            .iter()
-            .find(|choice| choice["type"] != "null")
-            .unwrap_or(part),
-        None => part,
-    };
-    let reference = part["$ref"]
-        .as_str()
-        .and_then(|reference| reference.strip_prefix('#'));
-    reference
-        .and_then(|pointer| schema().pointer(pointer))
-        .unwrap_or(part)
-}
-
 /// Returns whether it is a table, or one of several.
 pub(super) fn is_table(part: &Value) -> bool {
     let variants = part["oneOf"].as_array();
@@ -282,22 +259,18 @@ pub(super) fn is_table(part: &Value) -> bool {
     part["properties"].is_object() || is_choice_of_tables
 }
 
-/// The type of a value; an optional one may also be null, which TOML does not have.
-pub(super) fn type_name(part: &Value) -> Option<&str> {
-    part["type"].as_str().or_else(|| part["type"][0].as_str())
-}
-
 /// Describes the form of a value, in words.
 fn kind(part: &Value) -> String {
     if let Some(variants) = part["oneOf"].as_array() {
         let words = variants.iter().map(|variant| toml_text(&variant["const"]));
         return words.collect::<Vec<_>>().join(" or ");
     }
+    let in_range = |noun: &str, part| format!("{noun} {}", Range::of(part)).trim_end().to_owned();
     match (type_name(part), part["maxItems"].as_u64()) {
-        (Some("array"), Some(count)) => format!("{count} numbers"),
+        (Some("array"), Some(count)) => in_range(&format!("{count} numbers"), &part["items"]),
         (Some("array"), None) => format!("an array, each element {}", kind(&part["items"])),
-        (Some("number"), _) => "a number".to_owned(),
-        (Some("integer"), _) => "a whole number".to_owned(),
+        (Some("number"), _) => in_range("a number", part),
+        (Some("integer"), _) => in_range("a whole number", part),
         (Some("boolean"), _) => "`true` or `false`".to_owned(),
         (Some("string"), _) => "a text".to_owned(),
         _ => "a value".to_owned(),
@@ -325,14 +298,17 @@ mod tests {
 
     #[test]
     fn advice_says_what_a_value_is_and_its_unit() {
-        assert_eq!(advice(&key("vehicle.mass")), "`vehicle.mass` is a number: m, kg");
+        assert_eq!(
+            advice(&key("vehicle.mass")),
+            "`vehicle.mass` is a number above 0: m, kg"
+        );
         assert_eq!(
             advice(&key("vehicle.change.3.mass")),
-            "`vehicle.change.3.mass` is a number: New m, kg"
+            "`vehicle.change.3.mass` is a number above 0: New m, kg"
         );
         assert_eq!(
             advice(&key("vehicle.inertia.1")),
-            "`vehicle.inertia.1` is 3 numbers: Diagonal of J, kg m²"
+            "`vehicle.inertia.1` is 3 numbers above 0: Diagonal of J, kg m²"
         );
         assert_eq!(
             advice(&key("path.mode")),
@@ -370,15 +346,15 @@ mod tests {
     fn advice_on_what_is_in_an_optional_table_is_as_on_all_else() {
         assert_eq!(
             advice(&key("cameras.occlusion.2.lasts")),
-            "`cameras.occlusion.2.lasts` is a number: Duration, s"
+            "`cameras.occlusion.2.lasts` is a number above 0: Duration, s"
         );
         assert_eq!(
             advice(&key("rc_output.thrust_range")),
-            "`rc_output.thrust_range` is 2 numbers: Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover"
+            "`rc_output.thrust_range` is 2 numbers from -1 to 1: Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover"
         );
         assert_eq!(
             advice(&key("vehicle.fan.off_at")),
-            "`vehicle.fan.off_at` is a number: Time at which it is switched off, s; never unless stated"
+            "`vehicle.fan.off_at` is a number of 0 or more: Time at which it is switched off, s; never unless stated"
         );
         assert_eq!(
             advice(&key("vehicle.turbulence")),
@@ -390,7 +366,7 @@ mod tests {
                     .into_iter()
                     .collect()
             ),
-            "`safety.\"vehicle/state -> controller\".jump` is a number: Largest distance of a state from the continuation of the last good one, m; any unless stated"
+            "`safety.\"vehicle/state -> controller\".jump` is a number above 0: Largest distance of a state from the continuation of the last good one, m; any unless stated"
         );
         assert_eq!(
             advice(&key("estimator")),

@@ -152,8 +152,8 @@ pub fn refuse_own_law(path: &Path, text: &str, sets: &[String]) -> Result<(), Sc
 /// Never: a schema is made of names and numbers.
 #[must_use]
 pub fn json_schema() -> String {
-    let schema = schemars::schema_for!(Scenario);
-    let mut text = serde_json::to_string_pretty(&schema).expect("a schema is made of names and numbers");
+    let mut text = serde_json::to_string_pretty(scenario::schema::schema())
+        .expect("a schema is made of names and numbers");
     text.push('\n');
     text
 }

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use scenario::schema::{resolved, schema, type_name};
 use scenario::{Key, MOVED_KEYS, Scenario, suggest};
 use serde::Deserialize;
 use serde_json::Value;
@@ -25,7 +26,8 @@ pub(super) fn read(
         unknown: Vec::new(),
         findings: Vec::new(),
     };
-    walk.table(&Key::root(), document.get_ref(), document.span(), keys::schema());
+    let whole = schema().as_value();
+    walk.table(&Key::root(), document.get_ref(), document.span(), whole);
     let Walk {
         unknown,
         mut findings,
@@ -102,7 +104,7 @@ impl Walk<'_> {
     }
 
     fn value(&mut self, key: &Key, written: &Spanned<DeValue<'_>>, part: &Value) {
-        let part = keys::resolved(part);
+        let part = resolved(part);
         let (wanted, span) = (wanted(part), written.span());
         match (written.get_ref(), wanted) {
             (DeValue::Table(table), Wanted::Table) => self.table(key, table, span, part),
@@ -216,7 +218,7 @@ fn wanted(part: &Value) -> Wanted<'_> {
             Wanted::Word(choices)
         };
     }
-    match keys::type_name(part) {
+    match type_name(part) {
         Some("array") => Wanted::Array,
         Some("number") => Wanted::Number,
         Some("integer") => Wanted::Integer,

@@ -95,18 +95,13 @@ pub fn value_of(scenario: &Scenario, key: &Key) -> Option<String> {
     };
     let mut segments = key.segments().iter();
     let stated = segments.try_fold(stated, |value, segment| inside(&value, segment));
-    let follows = || {
-        let gains = scenario.gains();
-        match key.to_string().as_str() {
-            "controller.beta" => Some(gains.beta),
-            "controller.lambda_inertia" => Some(gains.lambda_inertia),
-            "controller.prediction_gain" => Some(gains.prediction_gain),
-            _ => None,
+    let follows = || match key.segments() {
+        [section, gain] if section == "controller" => {
+            toml::Value::try_from(scenario.gains()).ok()?.get(gain).cloned()
         }
+        _ => None,
     };
-    stated
-        .or_else(|| follows().map(toml::Value::Float))
-        .map(|value| value.to_string())
+    stated.or_else(follows).map(|value| value.to_string())
 }
 
 /// As [`value_of`], of a key as people write it, and with it: `controller.k1=3.0`.

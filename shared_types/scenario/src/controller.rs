@@ -4,137 +4,211 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Baseline, LawKind, Scenario, Vector};
+use crate::range::{between, moment, not_negative, not_zero, positive};
 use shared_types::Gains;
 use shared_types::wiring::ServiceId;
 
-/// Gains, bounds and initial estimates of the adaptive law.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Controller {
-    /// Control law: the paper's, or a baseline for comparison, which needs `rates`.
-    #[serde(skip_serializing_if = "LawKind::is_adaptive")]
-    pub law: LawKind,
-    /// Gains of the baselines.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub baseline: Option<Baseline>,
-    /// k1, gain on the position error.
-    #[schemars(extend("x-tunable" = true))]
-    pub k1: f64,
-    /// k2, gain on the velocity error.
-    #[schemars(extend("x-tunable" = true))]
-    pub k2: f64,
-    /// k3, gain on the angular velocity error.
-    #[schemars(extend("x-tunable" = true))]
-    pub k3: f64,
-    /// β, weight of the angular velocity error in the Lyapunov function; follows from `initial.inertia` unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-tunable" = true))]
-    pub beta: Option<f64>,
-    /// δ, the value to which the velocity error is driven along the thrust axis, m/s; not 0.
-    pub delta: f64,
-    /// σmax, level of the saturation; above δ/k1.
-    pub sigma_max: f64,
-    /// λm, adaptation gain of η̂; with 0 the estimate stays where it begins.
-    #[schemars(extend("x-tunable" = true))]
-    pub lambda_mass: f64,
-    /// Diagonal of Λb, adaptation gains of b̂; with 0 the estimate stays where it begins.
-    #[schemars(extend("x-tunable" = true))]
-    pub lambda_disturbance: Vector,
-    /// Λw is this times the identity, adaptation gain of ŵ; 0 holds the estimate; follows from the other gains unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-tunable" = true))]
-    pub lambda_inertia: Option<f64>,
-    /// κ, weight of the prediction error beside z2 in the estimators of η and b, s; none in the paper.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-tunable" = true))]
-    pub prediction_gain: Option<f64>,
-    /// Estimators of what repeats with the path in the disturbance; none in the paper.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub harmonics: Option<Harmonics>,
-    /// `true` if the law uses the acceleration that the estimates do not explain as a part of b at once, as an observer
-    /// would; an ablation, without a proof.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub disturbance_observer: bool,
-    /// Known bounds of the unknown parameters.
-    pub bounds: Bounds,
-    /// Initial values of the estimates.
-    pub initial: InitialEstimates,
-    /// `true` if the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
-    /// not in the paper.
-    pub remove_offset: bool,
-    /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rates: Option<RateCommand>,
-    /// Gain γ of the immersion-and-invariance mass observer, which runs in parallel and is recorded, not used; none
-    /// unless stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub observer_gain: Option<f64>,
-    /// Planned changes of gains in flight.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub change: Vec<ControllerChange>,
-    /// Names of the numbers that a plug-in or program in place of the controller publishes on `control/telemetry`.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub telemetry: Vec<String>,
+/// Forms of a gain's key: its type, its default, its value in a scenario, and the key that states a value.
+macro_rules! form {
+    (type stated $type:ty) => { $type };
+    (type $form:ident $type:ty) => { Option<$type> };
+    (default stated $default:expr) => { $default };
+    (default $form:ident $value:expr) => { None };
+    (value stated $default:expr, $key:expr, $scenario:expr) => { $key };
+    (value follows $rule:expr, $key:expr, $scenario:expr) => { $rule($scenario) };
+    (value absent $value:expr, $key:expr, $scenario:expr) => { $key.unwrap_or($value) };
+    (key stated $default:expr, $before:expr, $gain:expr) => { $gain };
+    (key follows $rule:expr, $before:expr, $gain:expr) => { Some($gain) };
+    (key absent $value:expr, $before:expr, $gain:expr) => {
+        ($before.is_some() || $gain != $value).then_some($gain)
+    };
 }
 
-/// Change of gains in flight: stated values take effect at once, the others stay as they are.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ControllerChange {
-    /// Time of the change, s.
-    pub at: f64,
-    /// New k1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub k1: Option<f64>,
-    /// New k2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub k2: Option<f64>,
-    /// New k3.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub k3: Option<f64>,
-    /// New β; stays as it is unless stated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub beta: Option<f64>,
-    /// New λm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lambda_mass: Option<f64>,
-    /// New diagonal of Λb.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lambda_disturbance: Option<Vector>,
-    /// New Λw; stays as it is unless stated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lambda_inertia: Option<f64>,
-    /// New κ, s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub prediction_gain: Option<f64>,
-}
-
-impl ControllerChange {
-    /// Returns the gains after the change.
-    #[must_use]
-    pub fn of(&self, gains: &Gains) -> Gains {
-        Gains {
-            k1: self.k1.unwrap_or(gains.k1),
-            k2: self.k2.unwrap_or(gains.k2),
-            k3: self.k3.unwrap_or(gains.k3),
-            beta: self.beta.unwrap_or(gains.beta),
-            lambda_mass: self.lambda_mass.unwrap_or(gains.lambda_mass),
-            lambda_disturbance: self.lambda_disturbance.unwrap_or(gains.lambda_disturbance),
-            lambda_inertia: self.lambda_inertia.unwrap_or(gains.lambda_inertia),
-            prediction_gain: self.prediction_gain.unwrap_or(gains.prediction_gain),
+macro_rules! controller {
+    (
+        {$(
+            $(#[doc = $law_doc:literal])+
+            $law:ident: $law_type:ty = $law_form:ident($law_value:expr), $law_range:ident, $law_symbol:literal;
+        )+}
+        {$(
+            $(#[doc = $doc:literal])+
+            $gain:ident: $type:ty = $form:ident($value:expr), $range:ident, $symbol:literal;
+        )+}
+    ) => {
+        /// Gains, bounds and initial estimates of the adaptive law.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Controller {
+            /// Control law: the paper's, or a baseline for comparison, which needs `rates`.
+            #[serde(skip_serializing_if = "LawKind::is_adaptive")]
+            pub law: LawKind,
+            /// Gains of the baselines.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub baseline: Option<Baseline>,
+            $(
+                $(#[doc = $law_doc])+
+                #[serde(skip_serializing_if = "Stated::is_left_out")]
+                #[schemars(transform = $law_range, extend("x-tunable" = true, "x-symbol" = $law_symbol))]
+                pub $law: form!(type $law_form $law_type),
+            )+
+            /// δ, the value to which the velocity error is driven along the thrust axis, m/s.
+            #[schemars(transform = not_zero, extend("x-symbol" = "δ", "x-hint" = "the angular velocity (18) divides by it; the paper uses 0.1"))]
+            pub delta: f64,
+            /// σmax, level of the saturation; above δ/k1.
+            #[schemars(transform = positive, extend("x-symbol" = "σmax"))]
+            pub sigma_max: f64,
+            $(
+                $(#[doc = $doc])+
+                #[serde(skip_serializing_if = "Stated::is_left_out")]
+                #[schemars(transform = $range, extend("x-tunable" = true, "x-symbol" = $symbol))]
+                pub $gain: form!(type $form $type),
+            )+
+            /// Estimators of what repeats with the path in the disturbance; none in the paper.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub harmonics: Option<Harmonics>,
+            /// `true` if the law uses the acceleration that the estimates do not explain as a part of b at once, as an observer
+            /// would; an ablation, without a proof.
+            #[serde(skip_serializing_if = "std::ops::Not::not")]
+            pub disturbance_observer: bool,
+            /// Known bounds of the unknown parameters.
+            pub bounds: Bounds,
+            /// Initial values of the estimates.
+            pub initial: InitialEstimates,
+            /// `true` if the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
+            /// not in the paper.
+            pub remove_offset: bool,
+            /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub rates: Option<RateCommand>,
+            /// Gain γ of the immersion-and-invariance mass observer, which runs in parallel and is recorded, not used; none
+            /// unless stated.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            #[schemars(transform = positive, extend("x-symbol" = "γ"))]
+            pub observer_gain: Option<f64>,
+            /// Planned changes of gains in flight.
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            pub change: Vec<ControllerChange>,
+            /// Names of the numbers that a plug-in or program in place of the controller publishes on `control/telemetry`.
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            pub telemetry: Vec<String>,
         }
+
+        impl Default for Controller {
+            fn default() -> Self {
+                Self {
+                    law: LawKind::Adaptive,
+                    baseline: None,
+                    $($law: form!(default $law_form $law_value),)+
+                    delta: 0.1,
+                    sigma_max: 1.5,
+                    $($gain: form!(default $form $value),)+
+                    harmonics: None,
+                    disturbance_observer: false,
+                    bounds: Bounds::default(),
+                    initial: InitialEstimates::default(),
+                    remove_offset: false,
+                    rates: None,
+                    observer_gain: None,
+                    change: Vec::new(),
+                    telemetry: Vec::new(),
+                }
+            }
+        }
+    };
+}
+shared_types::with_gains!(controller);
+
+/// Values of a gain's key, stated or not.
+trait Stated {
+    /// Returns whether a scenario leaves the key out.
+    fn is_left_out(&self) -> bool {
+        false
     }
 }
+
+impl Stated for f64 {}
+
+impl Stated for Vector {}
+
+impl<T> Stated for Option<T> {
+    fn is_left_out(&self) -> bool {
+        self.is_none()
+    }
+}
+
+macro_rules! changes {
+    ($({$(
+        $(#[doc = $doc:literal])+
+        $gain:ident: $type:ty = $form:ident($value:expr), $range:ident, $symbol:literal;
+    )+})+) => {
+        /// Change of gains in flight: stated values take effect at once, the others stay as they are.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields)]
+        pub struct ControllerChange {
+            /// Time of the change, s.
+            #[schemars(transform = moment)]
+            pub at: f64,
+            $($(
+                #[doc = concat!("New ", $symbol, ".")]
+                #[serde(default, skip_serializing_if = "Option::is_none")]
+                #[schemars(transform = $range, extend("x-symbol" = $symbol))]
+                pub $gain: Option<$type>,
+            )+)+
+        }
+
+        impl ControllerChange {
+            /// Returns the gains after the change.
+            #[must_use]
+            pub fn of(&self, gains: &Gains) -> Gains {
+                Gains {$($($gain: self.$gain.unwrap_or(gains.$gain),)+)+}
+            }
+        }
+
+        impl std::fmt::Display for ControllerChange {
+            /// Lists the new values, numbers before vectors.
+            fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                let mut stated = Vec::new();
+                $($(stated.extend(self.$gain.map(|gain| (size_of_val(&gain), format!("{} {gain:?}", $symbol))));)+)+
+                stated.sort_by_key(|(size, _)| *size);
+                let stated: Vec<_> = stated.into_iter().map(|(_, text)| text).collect();
+                formatter.write_str(&stated.join(", "))
+            }
+        }
+
+        impl Scenario {
+            /// Returns the gains that may change in flight, those that follow from others included.
+            #[must_use]
+            pub fn gains(&self) -> Gains {
+                Gains {$($($gain: form!(value $form $value, self.controller.$gain, self),)+)+}
+            }
+        }
+
+        impl Controller {
+            /// Returns the controller with these gains stated. A κ of 0 is as none.
+            #[must_use]
+            pub fn with_gains(&self, gains: &Gains) -> Self {
+                Self {
+                    $($($gain: form!(key $form $value, self.$gain, gains.$gain),)+)+
+                    ..self.clone()
+                }
+            }
+        }
+    };
+}
+shared_types::with_gains!(changes);
 
 /// Harmonics of the path's parameter in the disturbance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Harmonics {
     /// N, their number.
+    #[schemars(transform = between(1, Self::MOST))]
     pub count: u8,
     /// λa, adaptation gain of each.
+    #[schemars(transform = not_negative, extend("x-symbol" = "λa"))]
     pub gain: f64,
     /// Largest distance from the path at which they learn, m: what happens once is not to be learned as repeating.
+    #[schemars(transform = positive)]
     pub within: f64,
 }
 
@@ -149,34 +223,6 @@ impl Default for Harmonics {
             count: Self::MOST,
             gain: 1.0,
             within: 0.3,
-        }
-    }
-}
-
-impl Default for Controller {
-    fn default() -> Self {
-        Self {
-            law: LawKind::Adaptive,
-            baseline: None,
-            k1: 4.0,
-            k2: 4.0,
-            k3: 13.0,
-            beta: None,
-            delta: 0.1,
-            sigma_max: 1.5,
-            lambda_mass: 0.3,
-            lambda_disturbance: [1.0; 3],
-            lambda_inertia: None,
-            prediction_gain: None,
-            harmonics: None,
-            disturbance_observer: false,
-            bounds: Bounds::default(),
-            initial: InitialEstimates::default(),
-            remove_offset: false,
-            rates: None,
-            observer_gain: None,
-            change: Vec::new(),
-            telemetry: Vec::new(),
         }
     }
 }
@@ -207,13 +253,17 @@ impl Scenario {
 #[serde(deny_unknown_fields, default)]
 pub struct RateCommand {
     /// kp of the yaw law (28), 1/s.
+    #[schemars(transform = not_negative, extend("x-symbol" = "kp"))]
     pub yaw_kp: f64,
     /// ki of the yaw law (28), 1/s².
+    #[schemars(transform = not_negative, extend("x-symbol" = "ki"))]
     pub yaw_ki: f64,
     /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to compensate. It
     /// is frozen while the proportional term is larger.
+    #[schemars(transform = not_negative)]
     pub yaw_integral_max: f64,
     /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
+    #[schemars(transform = positive)]
     pub roll_out_step: f64,
     /// `true` if vehicle and path move along over the hold; if not the law uses their state at its beginning.
     pub roll_out: bool,
@@ -251,14 +301,19 @@ impl RateCommand {
 #[serde(deny_unknown_fields, default)]
 pub struct Bounds {
     /// mmin, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "mmin"))]
     pub mass_min: f64,
     /// mmax, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "mmax"))]
     pub mass_max: f64,
     /// bmax of each component of b, m/s².
+    #[schemars(transform = positive, extend("x-symbol" = "bmax"))]
     pub disturbance: f64,
     /// ε of the projection of η̂, 1/kg; below 1/mmax.
+    #[schemars(transform = positive, extend("x-symbol" = "ε of η̂"))]
     pub epsilon_eta: f64,
     /// ε of the projection of b̂, m/s².
+    #[schemars(transform = positive, extend("x-symbol" = "ε of b̂"))]
     pub epsilon_disturbance: f64,
 }
 
@@ -279,8 +334,10 @@ impl Default for Bounds {
 #[serde(deny_unknown_fields, default)]
 pub struct InitialEstimates {
     /// 1/η̂, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "initial mass estimate"))]
     pub mass: f64,
     /// Diagonal of J for the initial ŵ; β and Λw follow from it unless they are stated, kg m².
+    #[schemars(transform = positive, extend("x-symbol" = "J"))]
     pub inertia: Vector,
     /// b̂, m/s².
     pub disturbance: Vector,

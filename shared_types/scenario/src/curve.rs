@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
+use crate::range::{angle, positive};
 
 /// A curve pd(γ) in {I}, at least C⁴ with bounded derivatives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,12 +32,15 @@ pub enum Curve {
 #[serde(deny_unknown_fields, default)]
 pub struct TiltedEight {
     /// ℓ, m.
+    #[schemars(transform = positive, extend("x-symbol" = "ℓ"))]
     pub size: f64,
     /// w, rad per unit of γ.
+    #[schemars(transform = positive, extend("x-symbol" = "w"))]
     pub frequency: f64,
     /// Height of the centre above the origin before the tilt, m.
     pub height: f64,
     /// Angle of the tilt about x, rad.
+    #[schemars(transform = angle)]
     pub tilt: f64,
 }
 
@@ -66,12 +70,15 @@ pub struct Circle {
     /// Centre in {I}, m.
     pub center: Vector,
     /// r, m.
+    #[schemars(transform = positive, extend("x-symbol" = "r"))]
     pub radius: f64,
     /// w, rad per unit of γ.
     #[serde(default = "default::circle_frequency")]
+    #[schemars(transform = positive, extend("x-symbol" = "w"))]
     pub frequency: f64,
     /// Angle of the tilt about x, rad.
     #[serde(default)]
+    #[schemars(transform = angle)]
     pub tilt: f64,
 }
 
@@ -109,6 +116,7 @@ pub struct Waypoints {
     /// `true` if the last point leads back to the first.
     pub closed: bool,
     /// γ from one point to the next.
+    #[schemars(transform = positive)]
     pub interval: f64,
     /// File in place of `points`, relative to the scenario's: CSV with the columns `x,y,z` or `duration,x^0,…`, z up.
     #[serde(skip_serializing_if = "Option::is_none")]

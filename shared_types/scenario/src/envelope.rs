@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
+use crate::range::{not_negative, positive};
 use shared_types::samples::RcFrame;
 
 /// Limits that the transmitter checks on its inputs while it sends commands, each with an action.
@@ -13,8 +14,10 @@ use shared_types::samples::RcFrame;
 #[serde(deny_unknown_fields, default)]
 pub struct Envelope {
     /// Time for which a limit is exceeded without a break before its action, s.
+    #[schemars(transform = not_negative)]
     pub after: f64,
     /// Longest time from the demand to land until the vehicle rests disarmed, s; then it is killed.
+    #[schemars(transform = positive)]
     pub land_within: f64,
     /// Box that the vehicle may not leave.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -56,6 +59,7 @@ pub enum Action {
 #[serde(deny_unknown_fields)]
 pub struct Limit {
     /// The largest value.
+    #[schemars(transform = positive)]
     pub max: f64,
     /// Action above it.
     pub action: Action,
@@ -66,6 +70,7 @@ pub struct Limit {
 #[serde(deny_unknown_fields)]
 pub struct VectorLimit {
     /// The largest magnitudes.
+    #[schemars(transform = positive)]
     pub max: Vector,
     /// Action above one of them.
     pub action: Action,
@@ -81,6 +86,7 @@ pub struct Fence {
     pub max: Vector,
     /// Distance outside of the box at which a vehicle that is to land is killed, m.
     #[serde(default = "default_margin")]
+    #[schemars(transform = not_negative)]
     pub margin: f64,
     /// Action for a vehicle outside.
     pub action: Action,
@@ -104,6 +110,7 @@ impl Fence {
 #[serde(deny_unknown_fields)]
 pub struct EstimateLimit {
     /// Largest standard deviation of the position, m.
+    #[schemars(transform = positive)]
     pub position_sigma: f64,
     /// Action above it, and if there is no state, none that is tracked or none that is recent.
     pub action: Action,

@@ -1,9 +1,13 @@
 //! Planned faults: a service with an outage, or an input of a service whose samples are late, wrong or missing.
 
+use std::ops::Bound::Included;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::EdgeName;
+use crate::range::{length, moment, positive, positive_up_to};
+use crate::timing::LONGEST_DELAY;
 use shared_types::wiring::ServiceId;
 
 /// Planned fault of a service or of an input, exact in simulated time.
@@ -13,6 +17,7 @@ use shared_types::wiring::ServiceId;
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// Begin, s.
+    #[schemars(transform = moment)]
     pub at: f64,
     /// Name of the service that fails; with `off` and `freeze`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -24,15 +29,18 @@ pub struct Fault {
     pub kind: FaultKind,
     /// Duration, s; for ever unless stated.
     #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = length)]
     pub lasts: Option<f64>,
     /// State of the service when it comes back; with `off`.
     #[serde(default)]
     pub state: FaultState,
     /// Additional delay of samples, s; with `delay`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive, extend("x-ticks" = LONGEST_DELAY))]
     pub by: Option<f64>,
-    /// Share of the samples that are lost, above 0 and at most 1; with `intermittent`.
+    /// Share of the samples that are lost; with `intermittent`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive_up_to(Included(1.0)), extend("x-hint" = "0.1 is one in ten"))]
     pub fraction: Option<f64>,
     /// Number of the sample that is wrong, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -45,6 +53,7 @@ pub struct Fault {
     pub bias: Option<f64>,
     /// Largest magnitude of the random numbers; any bits at all unless stated; with `garbage`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub range: Option<f64>,
 }
 

@@ -1,9 +1,13 @@
 //! Phases of a flight: the operator's planned requests, and take-off and landing.
 
+use std::f64::consts::FRAC_PI_2;
+use std::ops::Bound::Included;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
+use crate::range::{moment, not_negative, positive, positive_up_to};
 use shared_types::flight_phase::ReadyLimits;
 use shared_types::schedule::OperatorPlan;
 use shared_types::{ServiceId, Topic};
@@ -17,26 +21,36 @@ pub struct Flight {
     /// Time of the operator's only request to arm, s: it lapses if not all is ready within 0.5 s; by command only
     /// unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = moment)]
     pub arm_at: Option<f64>,
     /// Time at which the operator demands a landing, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = moment)]
     pub land_at: Option<f64>,
     /// Time at which the operator stops the motors for ever, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = moment)]
     pub kill_at: Option<f64>,
     /// Time for which the motors idle between arming and take-off, s.
+    #[schemars(transform = not_negative)]
     pub spool_up: f64,
     /// Climb before the vehicle flies to the path, m.
+    #[schemars(transform = positive)]
     pub takeoff_height: f64,
     /// Largest speed on the way from the ground to the path, m/s.
+    #[schemars(transform = positive)]
     pub takeoff_speed: f64,
     /// Time in which the path reaches its full speed from rest, and later comes to rest before the vehicle descends, s.
+    #[schemars(transform = positive)]
     pub transition_time: f64,
     /// Speed of the descent, m/s.
+    #[schemars(transform = positive)]
     pub landing_speed: f64,
     /// Largest standard deviation of the estimated position with which the vehicle arms, m.
+    #[schemars(transform = positive)]
     pub position_sigma_max: f64,
     /// Largest angle between the vehicle's thrust axis and the vertical with which the vehicle arms, rad.
+    #[schemars(transform = positive_up_to(Included(FRAC_PI_2)), extend("x-hint" = "0.35, which is 20°, is much for a vehicle that stands on its legs"))]
     pub tilt_max: f64,
 }
 

@@ -92,22 +92,6 @@ impl Scenario {
         13.5 * self.controller.damping() / (self.controller_step() * beta * beta * learned)
     }
 
-    /// Returns the gains that may change in flight, those that follow from others included.
-    #[must_use]
-    pub fn gains(&self) -> Gains {
-        let controller = &self.controller;
-        Gains {
-            k1: controller.k1,
-            k2: controller.k2,
-            k3: controller.k3,
-            beta: self.beta(),
-            lambda_mass: controller.lambda_mass,
-            lambda_disturbance: controller.lambda_disturbance,
-            lambda_inertia: self.lambda_inertia(),
-            prediction_gain: controller.prediction_gain.unwrap_or(0.0),
-        }
-    }
-
     /// Returns the planned changes of gains, each with the tick from which its gains hold, in the order of ticks.
     #[must_use]
     pub fn planned_gains(&self) -> Vec<(u64, Gains)> {
@@ -155,23 +139,6 @@ impl Scenario {
 }
 
 impl Controller {
-    /// Returns the controller with these gains stated. A κ of 0 is as none.
-    #[must_use]
-    pub fn with_gains(&self, gains: &Gains) -> Self {
-        let is_stated = self.prediction_gain.is_some() || gains.prediction_gain != 0.0;
-        Self {
-            k1: gains.k1,
-            k2: gains.k2,
-            k3: gains.k3,
-            beta: Some(gains.beta),
-            lambda_mass: gains.lambda_mass,
-            lambda_disturbance: gains.lambda_disturbance,
-            lambda_inertia: Some(gains.lambda_inertia),
-            prediction_gain: is_stated.then_some(gains.prediction_gain),
-            ..self.clone()
-        }
-    }
-
     /// Returns k3 σmax, the largest value of k3 σ(z3) about an axis.
     #[must_use]
     pub fn damping(&self) -> f64 {

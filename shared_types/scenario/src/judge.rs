@@ -1,11 +1,13 @@
 //! Limits beyond which a vehicle counts as lost.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Flight, Scenario};
+use crate::range::{positive, positive_up_to};
 
 /// Excess over the speed of descent with which a vehicle may touch the ground unless stated, m/s: it has fallen some
 /// centimetres.
@@ -18,14 +20,18 @@ const HARDER: f64 = 1.0;
 #[serde(deny_unknown_fields, default)]
 pub struct Judge {
     /// Distance from the path above which the vehicle is lost, m; until the vehicle has come within half of it, at least twice its distance at the start.
+    #[schemars(transform = positive)]
     pub distance_max: f64,
     /// Angle between thrust and vertical above which the vehicle is lost, rad, once it has been upright within a tenth of `distance_max` of its path; π for never.
+    #[schemars(transform = positive_up_to(Included(PI)), extend("x-hint" = "upside down is π, with which no attitude counts as lost"))]
     pub tilt_max: f64,
     /// Speed above which the vehicle is lost when it touches the ground, m/s; 1 m/s above `flight.landing_speed` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub impact_speed_max: Option<f64>,
     /// Time from the start of a phase, or of the flight along the path, until its steady state, s; 10 s, or half of a shorter phase, unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub steady_after: Option<f64>,
     /// `true` if a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
     pub end_when_lost: bool,

@@ -2,6 +2,9 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use shared_types::Gains;
+
+use crate::range::{not_negative, positive};
 
 /// Control law of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -33,14 +36,8 @@ impl LawKind {
     #[must_use]
     pub fn uses(self, key: &[&str]) -> bool {
         match key {
-            [
-                "k1" | "k2" | "k3" | "beta" | "delta" | "sigma_max" | "remove_offset",
-                ..,
-            ]
-            | [
-                "lambda_mass" | "lambda_disturbance" | "lambda_inertia" | "prediction_gain",
-                ..,
-            ] => self.is_adaptive(),
+            ["delta" | "sigma_max" | "remove_offset", ..] => self.is_adaptive(),
+            [gain, ..] if Gains::NAMES.contains(gain) => self.is_adaptive(),
             ["baseline", name, ..] => self.uses_of_baseline(name),
             [
                 "rates",
@@ -84,35 +81,50 @@ impl LawKind {
 #[serde(deny_unknown_fields, default)]
 pub struct Baseline {
     /// Kp, gain on the position error, 1/s².
+    #[schemars(transform = positive)]
     pub position_gain: f64,
     /// Kv, gain on the velocity error, 1/s.
+    #[schemars(transform = positive)]
     pub velocity_gain: f64,
     /// kR, rate of the attitude loop, 1/s.
+    #[schemars(transform = positive)]
     pub attitude_gain: f64,
     /// Largest position error that the loop acts on, m; integrals rest above it. Any unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub error_limit: Option<f64>,
     /// Largest component of an integral or an estimate of the disturbance, m/s².
+    #[schemars(transform = positive)]
     pub disturbance_max: f64,
     /// Integral gain of `geometric_pid`, 1/s².
+    #[schemars(transform = not_negative)]
     pub integral_gain: f64,
     /// Leak a of the predictor of `l1`, 1/s.
+    #[schemars(transform = positive)]
     pub l1_leak: f64,
     /// Bandwidth ωc of the filter of `l1`, rad/s.
+    #[schemars(transform = positive)]
     pub l1_bandwidth: f64,
     /// Gain p of `nf_constant` on the tracking error, 1/s².
+    #[schemars(transform = not_negative)]
     pub composite_tracking_gain: f64,
     /// Gain p/r of `nf_constant` on the prediction error, 1/s.
+    #[schemars(transform = not_negative)]
     pub composite_prediction_gain: f64,
     /// Factor on the rates of PX4's loops of position and velocity for `px4`.
+    #[schemars(transform = positive)]
     pub cascade_scale: f64,
     /// Gain γ of the mass estimate of `immersion_mass`, 1/(N² s).
+    #[schemars(transform = not_negative)]
     pub immersion_gain: f64,
     /// Rate kω of the loop of the angular velocity of `immersion_inertia`, 1/s.
+    #[schemars(transform = positive)]
     pub rate_gain: f64,
     /// Gain γ of the inertia's estimate of `immersion_inertia`, s³.
+    #[schemars(transform = not_negative)]
     pub inertia_gain: f64,
     /// Weight of the commanded rates of `nmpc`, beside 1000 for the position error.
+    #[schemars(transform = positive)]
     pub nmpc_rate_weight: f64,
 }
 

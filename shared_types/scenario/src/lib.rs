@@ -27,9 +27,11 @@ mod plugins;
 mod problem;
 mod programs;
 mod radio_link;
+mod range;
 mod rc_link;
 mod record;
 mod safety;
+pub mod schema;
 pub mod suggest;
 #[cfg(test)]
 mod tests_support;
@@ -42,6 +44,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::range::positive;
 pub use cameras::{Cameras, MarkerSwap, Occlusion};
 pub use controller::{Bounds, Controller, ControllerChange, Harmonics, InitialEstimates, RateCommand};
 pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
@@ -66,6 +69,7 @@ pub use radio_link::{
     ByteFormat, ChannelSwitch, DsmProtocol, Mavlink, MavlinkMessage, MultiModule, RadioProperties,
     RadioProtocol, Transmitter,
 };
+pub use range::Range;
 pub use rc_link::RcLink;
 pub use record::{Record, Recorded, Split};
 pub use safety::InputSafety;
@@ -98,6 +102,7 @@ pub struct Scenario {
     #[serde(default = "first_seed")]
     pub seed: u64,
     /// Length of the flight, s.
+    #[schemars(transform = positive)]
     pub duration: f64,
     /// Base tick, rates and transport latencies.
     #[serde(default)]

@@ -8,9 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use super::kind::MOTION_CAPTURE;
 use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario};
+use crate::range::{between, not_negative, positive};
 use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
 use shared_types::wiring::ServiceId;
+
+const CORE_HINT: &str = "cores count from 0; `gerono doctor` lists those that a run may use";
+const PRIORITY_HINT: &str = "such as 20; leave it out for the ordinary scheduler";
+const SLACK_HINT: &str = "1e-6 gives wake-ups as sharp as the system can; leave it out for the system's 5e-5";
 
 macro_rules! deployment {
     ($($name:ident: $service:ident),+) => {
@@ -23,9 +28,11 @@ macro_rules! deployment {
             pub strict: bool,
             /// Core that the services run on; chosen as the run begins unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
+            #[schemars(transform = between(0, 1023), extend("x-hint" = CORE_HINT))]
             pub core: Option<u32>,
-            /// Priority of `SCHED_FIFO`, 1 to 99, above all ordinary work; the ordinary scheduler unless stated.
+            /// Priority of `SCHED_FIFO`, above all ordinary work; the ordinary scheduler unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
+            #[schemars(transform = between(1, 99), extend("x-hint" = PRIORITY_HINT))]
             pub priority: Option<u32>,
             /// `true` to lock and touch memory before the flight, so that no step waits for a page; not unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -33,6 +40,7 @@ macro_rules! deployment {
             /// Delay by which the system may wake a sleeping service late to save energy, s; the system's 5e-5 unless
             /// stated.
             #[serde(skip_serializing_if = "Option::is_none")]
+            #[schemars(transform = between(1e-9, 1.0), extend("x-hint" = SLACK_HINT))]
             pub timer_slack: Option<f64>,
             $(
                 #[doc = concat!("What differs for `", stringify!($name), "`.")]
@@ -76,15 +84,18 @@ shared_types::with_services!(deployment);
 pub struct ServiceDeployment {
     /// Core that it runs on; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(0, 1023), extend("x-hint" = CORE_HINT))]
     pub core: Option<u32>,
-    /// Priority of `SCHED_FIFO`, 1 to 99; as for all services unless stated.
+    /// Priority of `SCHED_FIFO`; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(1, 99), extend("x-hint" = PRIORITY_HINT))]
     pub priority: Option<u32>,
     /// `true` to lock and touch its memory before the flight; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lock_memory: Option<bool>,
     /// Delay by which the system may wake it late to save energy, s; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(1e-9, 1.0), extend("x-hint" = SLACK_HINT))]
     pub timer_slack: Option<f64>,
 }
 
@@ -133,8 +144,10 @@ pub struct RealTime {
     /// Time after a due step that a service has not made until the service counts as hanging and is replaced, s; 0.1, or
     /// twice the longest time that a step waits for its inputs if that is longer, unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub hang_limit: Option<f64>,
     /// Time beyond the due time that a step waits for due inputs, s; half its service's period if that is longer.
+    #[schemars(transform = not_negative)]
     pub grace: f64,
     /// Reaction of the services to the loss of the orchestrator.
     pub orchestrator_loss: OrchestratorLoss,

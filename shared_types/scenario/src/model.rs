@@ -5,23 +5,34 @@ use serde::{Deserialize, Serialize};
 
 use super::Vector;
 use super::vehicle::is_zero;
+use crate::range::{between, not_negative, positive};
+use crate::timing::LONGEST_FLIGHT;
+
+/// Longest latency that a model may state, s: what a vehicle does in a longer time cannot be predicted.
+const LONGEST_PREDICTION: f64 = 0.2;
 
 /// Model of the vehicle and of the links that estimator and controller use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Model {
     /// Mass, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "M"))]
     pub mass: f64,
     /// Edges of the cuboid that models the vehicle, along each body axis, m: its J is Ji = M(lj² + lk²)/12.
+    #[schemars(transform = positive, extend("x-symbol" = "l"))]
     pub size: Vector,
     /// Time constant of the thrust, s.
+    #[schemars(transform = not_negative)]
     pub thrust_lag: f64,
     /// Time constant of the body rates, s.
+    #[schemars(transform = not_negative)]
     pub rate_lag: f64,
     /// Time from the sending of a frame to its acting, s.
+    #[schemars(transform = between(0.0, LONGEST_PREDICTION), extend("x-ticks" = LONGEST_FLIGHT))]
     pub radio_latency: f64,
     /// Time from a capture's exposure to its arrival, s; from the captures' stamps unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(0.0, LONGEST_PREDICTION), extend("x-ticks" = LONGEST_FLIGHT))]
     pub capture_latency: Option<f64>,
     /// Point that the cameras track, seen from the centre of mass, in {B}, m.
     #[serde(skip_serializing_if = "is_zero")]

@@ -1,11 +1,13 @@
 //! Source of poses: a laboratory's motion-capture system on the network, with its known properties.
 
 use std::net::Ipv4Addr;
+use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Scenario, Vector};
+use crate::range::{angle, between, from_0_to_below, not_negative, positive, positive_up_to};
 use shared_types::schedule::Schedule;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::Topic;
@@ -96,6 +98,7 @@ pub struct MotionCapture {
     pub server: String,
     /// Its port, or with Vicon's UDP stream the local port; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(1, u16::MAX))]
     pub port: Option<u32>,
     /// IPv4 address of the local interface on which packets are received; packets on others are ignored.
     #[serde(default = "default_interface")]
@@ -114,19 +117,24 @@ pub struct MotionCapture {
     /// Shortest time from the exposure to the arrival beyond that of the stamps, s; 0.005 (Vicon), 0.004 (VRPN) or
     /// 0.0002 (NatNet) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "poses that are older cannot be flown with; 0.005 is usual"))]
     pub latency: Option<f64>,
     /// Smallest and largest rate of frames without a warning, Hz; captures are missing after two periods of the
     /// smallest.
     #[serde(default = "default_rate")]
+    #[schemars(transform = positive_up_to(Included(2000.0)))]
     pub rate: [f64; 2],
     /// Largest speed at which a pose is accepted, m/s.
     #[serde(default = "default_max_speed")]
+    #[schemars(transform = positive)]
     pub max_speed: f64,
     /// Largest rate of turn at which a pose is accepted, rad/s.
     #[serde(default = "default_max_turn_rate")]
+    #[schemars(transform = positive)]
     pub max_turn_rate: f64,
     /// Time for which poses must follow each other before they are accepted, at the start and after a jump, s.
     #[serde(default = "default_settle")]
+    #[schemars(transform = not_negative)]
     pub settle: f64,
 }
 
@@ -137,6 +145,7 @@ pub struct FrameTransform {
     /// The origin of the frame that is transformed from, m.
     pub position: Vector,
     /// Roll, pitch and yaw, rad.
+    #[schemars(transform = angle)]
     pub roll_pitch_yaw: Vector,
 }
 

@@ -6,6 +6,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::radio_link::BAUDS;
+use crate::range::{between, within};
+
+/// Largest code of a key: KEY_MAX of the kernel's input-event-codes.h.
+const LAST_KEY: u32 = 0x2ff;
+
 /// Kill switch of the operator: a key of an input device or a button at a serial line, which does what `gerono kill`
 /// does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,9 +22,11 @@ pub struct OperatorDevices {
     pub kill_device: String,
     /// Code of the key that kills, or of the byte on a serial line; any unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(0, LAST_KEY), extend("x-hint" = "`gerono operator probe` prints the code of a key; leave it out for any key"))]
     pub kill_key: Option<u32>,
     /// Speed of a serial kill switch, baud.
     #[serde(default = "default_baud")]
+    #[schemars(transform = within(BAUDS), extend("x-hint" = "such as 9600"))]
     pub kill_baud: u32,
     /// Reaction to the loss of the kill switch while the vehicle is armed.
     #[serde(default)]

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Curve;
+use crate::range::{angle, moment, not_negative, positive};
 
 /// Path, its speed, and the gains of the timing law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -14,15 +15,19 @@ pub struct Path {
     pub mode: PathMode,
     /// vd, desired rate of the path parameter, 1/s.
     #[serde(default = "default::speed")]
+    #[schemars(transform = not_negative, extend("x-symbol" = "vd"))]
     pub speed: f64,
     /// k4, gain of the timing law (25), 1/s.
     #[serde(default = "default::k4")]
+    #[schemars(transform = positive)]
     pub k4: f64,
     /// α1, position error below which the path moves at full speed, m.
     #[serde(default = "default::alpha1")]
+    #[schemars(transform = positive, extend("x-symbol" = "α1"))]
     pub alpha1: f64,
     /// α2, position error above which the path stands still, m.
     #[serde(default = "default::alpha2")]
+    #[schemars(transform = positive, extend("x-symbol" = "α2"))]
     pub alpha2: f64,
     /// γ at the start of the flight.
     #[serde(default)]
@@ -32,6 +37,7 @@ pub struct Path {
     pub initial_gamma_dot: f64,
     /// ψd, desired yaw, rad.
     #[serde(default)]
+    #[schemars(transform = angle)]
     pub yaw: f64,
     /// Steps of the desired yaw, in the order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -64,8 +70,10 @@ impl Path {
 #[serde(deny_unknown_fields)]
 pub struct YawStep {
     /// Time of the step, s.
+    #[schemars(transform = moment)]
     pub at: f64,
     /// New ψd, rad.
+    #[schemars(transform = angle)]
     pub yaw: f64,
 }
 

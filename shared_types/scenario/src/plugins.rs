@@ -12,6 +12,7 @@ use shared_types::ServiceId;
 
 use super::Scenario;
 use super::programs::anchored;
+use crate::range::any_finite;
 
 macro_rules! plugins {
     ($($name:ident: $service:ident),+) => {
@@ -29,6 +30,7 @@ macro_rules! plugins {
             )+
             /// Numbers for the libraries, by names of their own.
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+            #[schemars(transform = any_finite)]
             pub parameters: BTreeMap<String, f64>,
             /// SHA-256 of each service's library; another library is refused.
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]

@@ -35,6 +35,13 @@ impl Key {
         &self.segments
     }
 
+    /// Returns whether this is another key, or a position in its value.
+    pub(crate) fn is_element_of(&self, other: &Self) -> bool {
+        let inside = self.segments.strip_prefix(other.segments.as_slice());
+        let is_position = |segment: &String| segment.parse::<usize>().is_ok();
+        inside.is_some_and(|inside| inside.iter().all(is_position))
+    }
+
     /// Returns whether one of two keys is the other, or inside of it.
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {

@@ -3,10 +3,19 @@
 //! It does not affect the log of a flight in simulated time: there the link is simulated in any case, and
 //! [`Scenario::experiment`](super::Scenario::experiment) leaves it out.
 
+use std::ops::RangeInclusive;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
+use crate::range::{at_least, between, within};
+
+/// Speeds that a serial device can be asked for, baud.
+pub(crate) const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
+
+/// Channels that no stick takes, counted from 1.
+const FREE_CHANNELS: RangeInclusive<u32> = 5..=16;
 
 /// Radio link of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -67,6 +76,7 @@ pub struct Transmitter {
     pub device: Option<String>,
     /// Speed of the serial device, baud; the link's standard speed unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = within(BAUDS), extend("x-hint" = "leave it out for the link's own; 420000 is CRSF's, 115200 usual for MSP"))]
     pub baud: Option<u32>,
     /// Address and port of a TCP server, such as 127.0.0.1:5761; for `msp`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -76,6 +86,7 @@ pub struct Transmitter {
     pub udp: Option<String>,
     /// Frames a second, whether the command is new or not, 1/s; the link's usual rate unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(1.0, 1000.0), extend("x-hint" = "leave it out for the link's own"))]
     pub frame_rate: Option<f64>,
     /// Meaning of the first four channels: A roll, E pitch, T thrust, R yaw.
     pub order: String,
@@ -85,8 +96,9 @@ pub struct Transmitter {
     pub thrust_ends: [f64; 2],
     /// Travels sent at the ends of each rate stick.
     pub rate_ends: [f64; 2],
-    /// Channel of the arming switch, 5 to 16; none unless stated.
+    /// Channel of the arming switch; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = within(FREE_CHANNELS))]
     pub arming_channel: Option<u32>,
     /// Travels of the arming switch: disarmed, which failsafe frames have, and armed.
     pub arming: [f64; 2],
@@ -100,6 +112,7 @@ pub struct Transmitter {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failsafe: Option<[f64; 4]>,
     /// Time without commands or states before the failsafe of the link is used as well, s.
+    #[schemars(transform = at_least(0.1), extend("x-hint" = "a command is only late in a shorter time; 0.5 is usual"))]
     pub silence_after: f64,
     /// Settings of `multi`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -113,7 +126,8 @@ pub struct Transmitter {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelSwitch {
-    /// The channel, 5 to 16.
+    /// The channel.
+    #[schemars(transform = within(FREE_CHANNELS))]
     pub channel: u32,
     /// Its travel.
     pub travel: f64,
@@ -125,9 +139,11 @@ pub struct ChannelSwitch {
 pub struct MultiModule {
     /// The Spektrum protocol that the vehicle is bound with.
     pub dsm: DsmProtocol,
-    /// Number of the model that the vehicle is bound as, 0 to 15.
+    /// Number of the model that the vehicle is bound as.
+    #[schemars(transform = between(0, 15), extend("x-hint" = "the number that the vehicle was bound as"))]
     pub model: u32,
-    /// Channels that are sent over the air, 4 to 12.
+    /// Channels that are sent over the air.
+    #[schemars(transform = between(4, 12), extend("x-hint" = "7 go out with every frame"))]
     pub channels: u32,
     /// `true` to send with low power, for tests on the ground.
     pub low_power: bool,
@@ -154,13 +170,17 @@ pub enum DsmProtocol {
 pub struct Mavlink {
     /// The message that carries the command.
     pub message: MavlinkMessage,
-    /// System of the sender, 1 to 255; ArduPilot takes overrides from its ground station only, usually 255.
+    /// System of the sender; ArduPilot takes overrides from its ground station only, usually 255.
+    #[schemars(transform = between(1, 255))]
     pub system: u32,
-    /// Component of the sender, 1 to 255.
+    /// Component of the sender.
+    #[schemars(transform = between(1, 255))]
     pub component: u32,
-    /// The autopilot's system, 1 to 255.
+    /// The autopilot's system.
+    #[schemars(transform = between(1, 255))]
     pub target_system: u32,
-    /// The autopilot's component, 1 to 255.
+    /// The autopilot's component.
+    #[schemars(transform = between(1, 255))]
     pub target_component: u32,
 }
 

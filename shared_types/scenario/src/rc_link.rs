@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{RadioProtocol, Transmitter, Vector};
+use crate::range::{between, not_zero};
 
 /// Radio link: calibration of the sticks, resolution, and frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -12,14 +13,19 @@ pub struct RcLink {
     /// Thrust at a thrust channel of 0, N.
     pub thrust_offset: f64,
     /// Thrust per unit of the thrust channel, N.
+    #[schemars(transform = not_zero, extend("x-hint" = "a negative one turns the channel around"))]
     pub thrust_slope: f64,
     /// Body rate about each axis per unit of its channel, rad/s; the paper's are negative.
+    #[schemars(transform = not_zero, extend("x-hint" = "a negative one turns the channel around"))]
     pub rate_slope: Vector,
     /// Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover.
+    #[schemars(transform = between(-1.0, 1.0))]
     pub thrust_range: [f64; 2],
     /// Range of each rate channel.
+    #[schemars(transform = between(-1.0, 1.0))]
     pub rate_range: [f64; 2],
     /// Resolution of the link: steps from −1 to 1, as a power of two, bits.
+    #[schemars(transform = between(1, 16), extend("x-hint" = "11 is usual"))]
     pub resolution: u32,
     /// Radio link of frames in real time; simulated unless stated, and always in simulated time.
     #[serde(skip_serializing_if = "RadioProtocol::is_simulated")]

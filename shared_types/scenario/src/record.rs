@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::Topic;
 
 use crate::Scenario;
+use crate::range::at_least;
 
 /// The recording of the flight. It changes the files of the log, not the flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,6 +18,7 @@ pub struct Record {
     pub split: Option<Split>,
     /// Names of topics, each with a number n: only samples whose number is a multiple of n are recorded.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(transform = at_least(1), extend("x-hint" = "name the topic in `record.leave_out` to record nothing"))]
     pub every: BTreeMap<String, u64>,
     /// Names of topics of which nothing is recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -27,11 +29,13 @@ pub struct Record {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
-    /// Size from which on the log goes on in another file, bytes; at least 65536.
+    /// Size from which on the log goes on in another file, bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = at_least(Self::LEAST_BYTES), extend("x-hint" = "manifest and schemas, which each file repeats, would take most of a smaller file"))]
     pub after_bytes: Option<u64>,
-    /// Time of the flight from which on the log goes on in another file, s; at least 1.
+    /// Time of the flight from which on the log goes on in another file, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = at_least(Self::LEAST_SECONDS), extend("x-hint" = "manifest and schemas, which each file repeats, would take most of a shorter file"))]
     pub after_seconds: Option<f64>,
 }
 

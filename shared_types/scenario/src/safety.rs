@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use shared_types::input_validator::Policy;
 
 use super::{EdgeName, Scenario};
+use crate::range::{length, not_negative, positive};
+use crate::timing::LONGEST_DELAY;
 use shared_types::path_stop::BRAKE;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{ServiceId, Topic};
@@ -23,21 +25,27 @@ const GRACE: f64 = 0.1;
 #[serde(deny_unknown_fields)]
 pub struct InputSafety {
     /// Age up to which a sample is used as if it were new, s.
+    #[schemars(transform = length)]
     pub max_age: f64,
     /// Age above which the controller levels the vehicle, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = length)]
     pub level: Option<f64>,
     /// Age above which the controller lets the level vehicle descend, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = length)]
     pub descend: Option<f64>,
     /// Age above which the motors are stopped, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = length)]
     pub failsafe: Option<f64>,
     /// Largest distance of a state from the continuation of the last good one, m; any unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub jump: Option<f64>,
     /// Duration of the transfer to the law's commands when the state is back, s; 0.1 unless stated, 0 is at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = not_negative, extend("x-ticks" = LONGEST_DELAY))]
     pub recover: Option<f64>,
 }
 

@@ -1,9 +1,8 @@
 //! Resolution of a scenario's times, in seconds, to the schedule, in whole base ticks.
 
-mod events;
 mod faults;
 pub(super) mod names;
-mod ticks;
+pub(super) mod ticks;
 mod unread;
 
 use std::collections::BTreeMap;
@@ -13,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use ticks::TickReader;
 
 use super::{Key, Problem, Scenario};
+use crate::range::{between, not_negative, positive};
 use shared_types::schedule::{
     MAX_PORTS, Rate, Schedule, ScheduleError, acts_before_delivery, default_latencies,
 };
@@ -22,23 +22,27 @@ const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();
 
 /// Longest flight, base ticks: more than a day at the default tick.
-const LONGEST_FLIGHT: u64 = 100_000_000;
+pub(crate) const LONGEST_FLIGHT: u64 = 100_000_000;
 
 /// Largest period, phase and latency, base ticks: they determine how far services run ahead, and thus the shared memory
 /// of their buffers.
-const LONGEST_DELAY: u64 = 10_000;
+pub(crate) const LONGEST_DELAY: u64 = 10_000;
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Timing {
     /// Base tick h, s.
+    #[schemars(transform = between(1e-6, 1.0), extend("x-hint" = "a whole number of nanoseconds; the default is 0.001"))]
     pub tick: f64,
     /// Period of a service or topic, by name, s; one tick unless stated, a topic's is its publisher's.
+    #[schemars(transform = positive)]
     pub period: BTreeMap<String, f64>,
     /// First step of a service or first sample of a topic, by name, s; 0 unless stated.
+    #[schemars(transform = not_negative)]
     pub phase: BTreeMap<String, f64>,
     /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated. That of `"rc/frame -> plant"` is the time from the sending of a frame until it acts, 0 unless stated.
+    #[schemars(transform = not_negative)]
     pub latency: BTreeMap<String, f64>,
 }
 
@@ -62,7 +66,6 @@ impl Scenario {
         let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
         let root = Key::root();
         let last_tick = reader.read(&root.then("duration"), self.duration, 1..=LONGEST_FLIGHT);
-        self.read_event_times(&mut reader);
         let (services, topics) = self.schedule.rates(&mut reader).resolved();
         let latencies = self.schedule.latencies(&mut reader);
         let tick_ns = reader.finish()?;
@@ -90,7 +93,8 @@ impl Scenario {
     #[must_use]
     pub fn tick_of(&self, time: f64) -> u64 {
         TickReader::new(self.schedule.tick)
-            .and_then(|reader| reader.whole_ticks(&Key::root(), time, &(0..=LONGEST_FLIGHT)))
+            .ok()
+            .and_then(|reader| reader.whole_ticks(time, 0..=LONGEST_FLIGHT).ok())
             .unwrap_or(u64::MAX)
     }
 }

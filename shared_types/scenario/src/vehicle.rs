@@ -1,17 +1,23 @@
 //! Vehicle, the forces on it, and its changes in flight.
 
+use std::f64::consts::FRAC_PI_2;
+use std::ops::Bound::Excluded;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
+use crate::range::{angle, moment, not_negative, positive, positive_up_to, share};
 
 /// The vehicle, its initial state and its changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
     /// m, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "m"))]
     pub mass: f64,
     /// Diagonal of J, kg m².
+    #[schemars(transform = positive, extend("x-symbol" = "J"))]
     pub inertia: Vector,
     /// b, a constant acceleration in {I}, m/s².
     #[serde(default)]
@@ -30,9 +36,11 @@ pub struct Vehicle {
     pub actuators: Option<Actuators>,
     /// Drag of the rotors: force against the velocity through the air, along each body axis, N s/m.
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub drag: Vector,
     /// Parasitic drag: force against the velocity through the air, by its square, N s²/m².
     #[serde(default, skip_serializing_if = "is_none_of_it")]
+    #[schemars(transform = not_negative)]
     pub parasitic_drag: f64,
     /// Wind, which acts by the drag; still air unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,25 +83,34 @@ impl Vehicle {
 #[serde(deny_unknown_fields, default)]
 pub struct Actuators {
     /// Time constant of the thrust, s; 0 follows at once.
+    #[schemars(transform = not_negative)]
     pub thrust_lag: f64,
     /// Time constant of a thrust that falls, s: motors brake by their drag alone; that of `thrust_lag` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = not_negative)]
     pub thrust_lag_down: Option<f64>,
     /// Time constants of the body rates about each axis, s; 0 follows at once.
+    #[schemars(transform = not_negative)]
     pub rate_lag: Vector,
     /// Largest thrust, N; the smallest is 0.
+    #[schemars(transform = positive)]
     pub thrust_max: f64,
     /// Largest magnitude of the body rate about each axis, rad/s.
+    #[schemars(transform = positive)]
     pub rate_max: Vector,
     /// Actual thrust per commanded thrust.
+    #[schemars(transform = positive)]
     pub thrust_factor: f64,
     /// Actual body rates per commanded rate.
+    #[schemars(transform = positive)]
     pub rate_factor: Vector,
     /// Actual body rates at zero command, rad/s.
     pub rate_bias: Vector,
-    /// Share of the radio's frames that the vehicle does not receive, 0 to 1; the one before goes on acting.
+    /// Share of the radio's frames that the vehicle does not receive; the one before goes on acting.
+    #[schemars(transform = share)]
     pub frame_loss: f64,
     /// Thrust at the start of the flight and until the first frame, N.
+    #[schemars(transform = not_negative)]
     pub initial_thrust: f64,
     /// Battery whose voltage falls in flight; a constant voltage unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -107,11 +124,14 @@ pub struct Actuators {
 #[serde(deny_unknown_fields)]
 pub struct Battery {
     /// Time for which the battery carries `initial_thrust`, s.
+    #[schemars(transform = positive)]
     pub endurance: f64,
     /// Share of the voltage that is lost from full to empty.
+    #[schemars(transform = share)]
     pub fade: f64,
     /// Share of the voltage that is lost over the battery's resistance at `initial_thrust`.
     #[serde(default)]
+    #[schemars(transform = share)]
     pub droop: f64,
 }
 
@@ -138,8 +158,10 @@ impl Default for Actuators {
 #[serde(deny_unknown_fields)]
 pub struct Turbulence {
     /// Standard deviation of each component: m/s² of turbulence, m/s of gusts.
+    #[schemars(transform = not_negative)]
     pub deviation: f64,
     /// Correlation time, s.
+    #[schemars(transform = positive)]
     pub correlation_time: f64,
 }
 
@@ -160,6 +182,7 @@ pub struct Wind {
     pub sine: Vector,
     /// Frequency of the sine, rad/s.
     #[serde(skip_serializing_if = "is_none_of_it")]
+    #[schemars(transform = not_negative)]
     pub sine_frequency: f64,
 }
 
@@ -171,8 +194,10 @@ pub struct Wind {
 #[serde(deny_unknown_fields)]
 pub struct Dryden {
     /// Standard deviations along the mean wind, aside and vertically, m/s.
+    #[schemars(transform = not_negative)]
     pub deviation: Vector,
     /// Lengths along the mean wind, aside and vertically, m.
+    #[schemars(transform = positive)]
     pub length: Vector,
 }
 
@@ -181,9 +206,11 @@ pub struct Dryden {
 #[serde(deny_unknown_fields)]
 pub struct GroundEffect {
     /// R, radius of a rotor, m.
+    #[schemars(transform = positive)]
     pub rotor_radius: f64,
     /// ρ, 1 for a single rotor, up to 8.6 for four.
     #[serde(default = "default::ground_factor")]
+    #[schemars(transform = not_negative, extend("x-symbol" = "ρ"))]
     pub factor: f64,
     /// z of the ground in {I}, m; the rotors are as high above it as the centre of mass.
     #[serde(default)]
@@ -203,29 +230,37 @@ pub(super) fn is_none_of_it(number: &f64) -> bool {
 pub struct Fan {
     /// Time at which it is switched on, s.
     #[serde(default)]
+    #[schemars(transform = moment)]
     pub on_at: f64,
     /// Time at which it is switched off, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = moment)]
     pub off_at: Option<f64>,
     /// Time constant of its start and stop, s; 0 is at once.
     #[serde(default)]
+    #[schemars(transform = not_negative)]
     pub run_up: f64,
     /// Place in {I}, m.
     pub position: Vector,
     /// Direction of the jet in {I}; of any length but 0.
     pub direction: Vector,
     /// Force on the vehicle on the axis at `reference_distance`, N.
+    #[schemars(transform = not_negative)]
     pub force: f64,
     /// Distance from the fan for which `force` is stated, m.
+    #[schemars(transform = positive)]
     pub reference_distance: f64,
     /// Half the opening angle of the jet, at which the force has fallen to 1/e, rad.
     #[serde(default = "default::jet_half_angle")]
+    #[schemars(transform = positive_up_to(Excluded(FRAC_PI_2)), extend("x-hint" = "a free jet has about 0.2"))]
     pub half_angle: f64,
     /// Standard deviation of the force's fluctuation in each component, as a share of the local force.
     #[serde(default)]
+    #[schemars(transform = not_negative)]
     pub turbulence: f64,
     /// Correlation time of the fluctuation, s.
     #[serde(default = "default::jet_correlation_time")]
+    #[schemars(transform = positive)]
     pub correlation_time: f64,
     /// Later places, in the order of time: the fan moves straight at constant speed from one to the next.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -237,6 +272,7 @@ pub struct Fan {
 #[serde(deny_unknown_fields)]
 pub struct FanMove {
     /// Time at which it is there, s.
+    #[schemars(transform = moment)]
     pub at: f64,
     /// Place at that time in {I}, m.
     pub position: Vector,
@@ -251,6 +287,7 @@ pub struct InitialState {
     /// p in {I}, m.
     pub position: Vector,
     /// Roll, pitch and yaw, rad; R = Rz(yaw) Ry(pitch) Rx(roll).
+    #[schemars(transform = angle)]
     pub roll_pitch_yaw: Vector,
     /// v in {B}, m/s.
     pub velocity_body: Vector,
@@ -263,10 +300,13 @@ pub struct InitialState {
 #[serde(deny_unknown_fields)]
 pub struct VehicleChange {
     /// Time of the change, s.
+    #[schemars(transform = moment)]
     pub at: f64,
     /// New m, kg.
+    #[schemars(transform = positive, extend("x-symbol" = "m"))]
     pub mass: Option<f64>,
     /// New diagonal of J, kg m².
+    #[schemars(transform = positive, extend("x-symbol" = "J"))]
     pub inertia: Option<Vector>,
     /// New b in {I}, m/s².
     pub disturbance: Option<Vector>,

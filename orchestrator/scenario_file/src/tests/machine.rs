@@ -81,25 +81,12 @@ fn what_no_machine_could_do_is_refused_at_its_line() {
         (
             "core = 1",
             "core = 4096",
-            ["no system has a core 4096", "help: cores count from 0"],
-        ),
-        (
-            "priority = 30",
-            "priority = 100",
-            [
-                "100 is no priority of SCHED_FIFO",
-                "help: give a whole number from 1 to 99",
-            ],
+            ["core = 4096 is above 1023", "cores count from 0"],
         ),
         (
             "priority = 30",
             "priority = -1",
             ["a whole number of 0 or more is wanted here", "help: "],
-        ),
-        (
-            "timer_slack = 1e-6",
-            "timer_slack = 0.0",
-            ["0.0 s is not a slack", "help: give 1e-6"],
         ),
         (
             "hang_limit = 0.1",

@@ -3,139 +3,102 @@
 use super::*;
 
 /// fig1.toml with one replacement is refused on the line of the replacement.
-#[track_caller]
-fn refused(part: &str, replacement: &str, pieces: &[&str]) {
-    let text = with(&fig1(), part, replacement);
-    refused_on_line(&text, line_of(&text, replacement), pieces);
-}
-
 #[test]
-fn saturation_below_the_theorems_condition() {
-    refused(
-        "sigma_max = 1.5",
-        "sigma_max = 0.02",
-        &[
-            "σmax = 0.02 is not above |δ|/k1 = 0.1/4.0 = 0.025",
-            "help: raise `sigma_max` above 0.025",
-        ],
-    );
-}
-
-#[test]
-fn delta_of_zero() {
-    refused(
-        "delta = 0.1",
-        "delta = 0.0",
-        &[
-            "δ is 0, but the angular velocity (18) divides by it",
-            "help: give a number other than 0",
-        ],
-    );
-}
-
-#[test]
-fn epsilon_of_eta_too_large() {
-    refused(
-        "epsilon_eta = 0.01",
-        "epsilon_eta = 1.7",
-        &[
-            "ε = 1.7 1/kg is not below 1/mmax = 1/0.6 = 1.66667 1/kg",
-            "help: lower `epsilon_eta` below 1.66667",
-        ],
-    );
-}
-
-#[test]
-fn mass_bounds_in_the_wrong_order() {
-    refused(
-        "mass_min = 0.1",
-        "mass_min = 0.7",
-        &[
-            "mmin = 0.7 kg is not below mmax = 0.6 kg",
-            "help: lower `mass_min` or raise `mass_max`",
-        ],
-    );
-}
-
-#[test]
-fn a_gain_that_is_not_positive() {
-    refused(
-        "k3 = 13.0",
-        "k3 = -13.0",
-        &["k3 = -13.0 is not above 0", "help: give a number above 0"],
-    );
-    refused(
-        "k4 = 1.0",
-        "k4 = 0.0",
-        &["k4 = 0.0 is not above 0", "help: give a number above 0"],
-    );
-}
-
-#[test]
-fn a_mass_that_is_not_positive() {
-    refused(
-        "mass = 0.245",
-        "mass = -0.245",
-        &["m = -0.245 is not above 0", "help: give a number above 0"],
-    );
-}
-
-#[test]
-fn an_inertia_that_no_body_has() {
-    refused(
-        "inertia = [7.96e-4, 7.96e-4, 15.92e-4]",
-        "inertia = [7.96e-4, 7.96e-4, 20.0e-4]",
-        &[
-            "`vehicle.change.0.inertia.2`",
-            "no body is like that",
-            "help: check the moments",
-        ],
-    );
-    refused(
-        "inertia = [7.96e-4, 7.96e-4, 15.92e-4]",
-        "inertia = [7.96e-4, 0.0, 15.92e-4]",
-        &[
-            "`vehicle.change.0.inertia.1`",
-            "J2 = 0.0 is not above 0",
-            "help: give a number above 0",
-        ],
-    );
-}
-
-#[test]
-fn a_mass_outside_of_the_controllers_bounds() {
-    refused(
-        "mass = 0.245",
-        "mass = 0.9",
-        &[
-            "the vehicle's new mass of 0.9 kg lies outside the controller's bounds from 0.1 kg to 0.6 kg (Assumption 1)",
-            "help: raise `controller.bounds.mass_max` to 0.9 or more",
-        ],
-    );
-}
-
-#[test]
-fn a_disturbance_outside_of_the_controllers_bounds() {
-    refused(
-        "disturbance = [0.3, 0.2, 0.1]",
-        "disturbance = [0.3, 5.0, 0.1]",
-        &[
-            "5.0 m/s² lies outside the controller's bounds of ±3.0 m/s²",
-            "help: raise `controller.bounds.disturbance`",
-        ],
-    );
-}
-
-#[test]
-fn a_change_after_the_end() {
-    refused(
-        "at = 30.0 ",
-        "at = 60.5 ",
-        &[
-            "the change at 60.5 s comes after the end of the flight at 60.0 s",
-            "help: let it happen earlier",
-        ],
-    );
+fn values_that_do_not_fit_are_refused_at_their_line() {
+    let cases: [(&str, &str, &[&str]); 12] = [
+        (
+            "sigma_max = 1.5",
+            "sigma_max = 0.02",
+            &[
+                "σmax = 0.02 is not above |δ|/k1 = 0.1/4.0 = 0.025",
+                "help: raise `sigma_max` above 0.025",
+            ],
+        ),
+        (
+            "delta = 0.1",
+            "delta = 0.0",
+            &[
+                "δ is 0",
+                "help: give a number other than 0; the angular velocity (18) divides by it",
+            ],
+        ),
+        (
+            "epsilon_eta = 0.01",
+            "epsilon_eta = 1.7",
+            &[
+                "ε = 1.7 1/kg is not below 1/mmax = 1/0.6 = 1.66667 1/kg",
+                "help: lower `epsilon_eta` below 1.66667",
+            ],
+        ),
+        (
+            "mass_min = 0.1",
+            "mass_min = 0.7",
+            &[
+                "mmin = 0.7 kg is not below mmax = 0.6 kg",
+                "help: lower `mass_min` or raise `mass_max`",
+            ],
+        ),
+        (
+            "k3 = 13.0",
+            "k3 = -13.0",
+            &["k3 = -13.0 is not above 0", "help: give a number above 0"],
+        ),
+        (
+            "k4 = 1.0",
+            "k4 = 0.0",
+            &["k4 = 0.0 is not above 0", "help: give a number above 0"],
+        ),
+        (
+            "inertia = [7.96e-4, 7.96e-4, 15.92e-4]",
+            "inertia = [7.96e-4, 7.96e-4, 20.0e-4]",
+            &[
+                "`vehicle.change.0.inertia.2`",
+                "no body is like that",
+                "help: check the moments",
+            ],
+        ),
+        (
+            "mass = 0.245",
+            "mass = 0.9",
+            &[
+                "the vehicle's new mass of 0.9 kg lies outside the controller's bounds from 0.1 kg to 0.6 kg (Assumption 1)",
+                "help: raise `controller.bounds.mass_max` to 0.9 or more",
+            ],
+        ),
+        (
+            "disturbance = [0.3, 0.2, 0.1]",
+            "disturbance = [0.3, 5.0, 0.1]",
+            &[
+                "5.0 m/s² lies outside the controller's bounds of ±3.0 m/s²",
+                "help: raise `controller.bounds.disturbance`",
+            ],
+        ),
+        (
+            "at = 30.0 ",
+            "at = 60.5 ",
+            &[
+                "the change at 60.5 s comes after the end of the flight at 60.0 s",
+                "help: let it happen earlier",
+            ],
+        ),
+        (
+            "duration = 60.0",
+            "duration = 60.0005",
+            &[
+                "60.0005 s is not a whole number of base ticks of 0.001 s",
+                "help: use 60.0 or 60.001",
+            ],
+        ),
+        (
+            "alpha1 = 0.5",
+            "alpha1 = 1.5",
+            &["α1 = 1.5 m is not below α2 = 1.5 m", "help: lower `alpha1`"],
+        ),
+    ];
+    for (part, replacement, pieces) in cases {
+        let text = with(&fig1(), part, replacement);
+        refused_on_line(&text, line_of(&text, replacement), pieces);
+    }
 }
 
 #[test]
@@ -160,36 +123,6 @@ fn a_change_of_nothing() {
         &text,
         last_header,
         &["the change changes nothing", "help: state a new `mass`"],
-    );
-}
-
-#[test]
-fn a_time_between_two_ticks() {
-    refused(
-        "duration = 60.0",
-        "duration = 60.0005",
-        &[
-            "60.0005 s is not a whole number of base ticks of 0.001 s",
-            "help: use 60.0 or 60.001",
-        ],
-    );
-}
-
-#[test]
-fn a_bump_without_width() {
-    refused(
-        "alpha1 = 0.5",
-        "alpha1 = 1.5",
-        &["α1 = 1.5 m is not below α2 = 1.5 m", "help: lower `alpha1`"],
-    );
-}
-
-#[test]
-fn a_curve_of_no_size() {
-    refused(
-        "size = 1.2",
-        "size = 0.0",
-        &["`path.curve.tilted_eight.size`", "ℓ = 0.0 is not above 0"],
     );
 }
 

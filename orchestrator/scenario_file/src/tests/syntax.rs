@@ -31,7 +31,7 @@ fn an_empty_text_is_refused_for_what_it_lacks() {
     for piece in [
         "3 problems in flight.toml",
         "`duration` is missing",
-        "`duration` is a number: Length of the flight, s",
+        "`duration` is a number above 0: Length of the flight, s",
         "`path` is missing",
         "`vehicle` is missing",
         "label at line 1, column",
@@ -158,7 +158,7 @@ fn a_missing_key_is_refused_at_its_table_with_what_it_is() {
         &[
             "`vehicle.mass` is missing",
             "must be stated here",
-            "help: `vehicle.mass` is a number: m, kg",
+            "help: `vehicle.mass` is a number above 0: m, kg",
         ],
     );
     let text = with(&fig1(), "at = 30.0 ", "# ");
@@ -167,7 +167,7 @@ fn a_missing_key_is_refused_at_its_table_with_what_it_is() {
         line_of(&text, "\n[[vehicle.change]]\n") + 1,
         &[
             "`vehicle.change.0.at` is missing",
-            "help: `vehicle.change.0.at` is a number: Time of the change, s",
+            "help: `vehicle.change.0.at` is a number of 0 or more: Time of the change, s",
         ],
     );
 }

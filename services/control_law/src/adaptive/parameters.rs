@@ -105,15 +105,25 @@ impl Parameters {
     /// Returns the parameters with other gains.
     #[must_use]
     pub fn with_gains(&self, gains: &Gains) -> Self {
+        let Gains {
+            k1,
+            k2,
+            k3,
+            beta,
+            lambda_mass,
+            lambda_disturbance,
+            lambda_inertia,
+            prediction_gain,
+        } = *gains;
         Self {
-            k1: gains.k1,
-            k2: gains.k2,
-            k3: gains.k3,
-            beta: gains.beta,
-            lambda_mass: gains.lambda_mass,
-            lambda_disturbance: Vector3::from(gains.lambda_disturbance),
-            lambda_inertia: gains.lambda_inertia,
-            prediction_gain: gains.prediction_gain,
+            k1,
+            k2,
+            k3,
+            beta,
+            lambda_mass,
+            lambda_disturbance: lambda_disturbance.into(),
+            lambda_inertia,
+            prediction_gain,
             ..*self
         }
     }

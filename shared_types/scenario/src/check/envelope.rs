@@ -58,25 +58,8 @@ impl Scenario {
 
 impl Envelope {
     fn check(&self, at: &Key, found: &mut Findings) {
-        found.not_negative(&at.then("after"), "the time", self.after);
-        found.positive(&at.then("land_within"), "the time", self.land_within);
         if let Some(fence) = &self.r#box {
             fence.check(&at.then("box"), found);
-        }
-        let numbers = [
-            ("tilt", &self.tilt),
-            ("speed", &self.speed),
-            ("thrust", &self.thrust),
-        ];
-        for (name, limit) in numbers {
-            if let Some(limit) = limit {
-                found.positive(&at.then(name).then("max"), "the limit", limit.max);
-            }
-        }
-        for (name, limit) in [("torque", &self.torque), ("rates", &self.rates)] {
-            for (axis, &most) in limit.iter().flat_map(|limit| limit.max.iter().enumerate()) {
-                found.positive(&at.then(name).then("max").then(axis), "the limit", most);
-            }
         }
         if let Some(limit) = self.tilt.as_ref().filter(|limit| limit.max >= PI) {
             found.add(
@@ -84,10 +67,6 @@ impl Envelope {
                 format!("no thrust tilts by {:?} rad: upside down is π", limit.max),
                 "give an angle below π; 0.8 is much for a flight of this kind",
             );
-        }
-        if let Some(estimate) = &self.estimate {
-            let key = at.then("estimate").then("position_sigma");
-            found.positive(&key, "the deviation", estimate.position_sigma);
         }
         self.check_sight(at, found);
     }
@@ -112,10 +91,8 @@ impl Envelope {
 
 impl Fence {
     fn check(&self, at: &Key, found: &mut Findings) {
-        let good = found.vector(&at.then("min"), &self.min) & found.vector(&at.then("max"), &self.max);
-        found.not_negative(&at.then("margin"), "the distance", self.margin);
         for (axis, (&least, &most)) in self.min.iter().zip(&self.max).enumerate() {
-            if good && least >= most {
+            if least >= most && found.are_in_range(at, &["min", "max"]) {
                 found.add(
                     at.then("max").then(axis),
                     format!("{most:?} m is not above {least:?} m in `min`: the box holds nothing"),

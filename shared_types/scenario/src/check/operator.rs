@@ -1,11 +1,7 @@
 //! A kill switch that some machine has. Whether the device is there is asked when it is opened.
 
 use super::Findings;
-use super::radio_link::BAUDS;
 use crate::{Key, KillSwitchLoss, OrchestratorLoss, Scenario};
-
-/// Largest code of a key: KEY_MAX of the kernel's input-event-codes.h.
-const LAST_KEY: u32 = 0x2ff;
 
 impl Scenario {
     /// Checks the devices of the operator.
@@ -17,21 +13,6 @@ impl Scenario {
                 at.then("kill_device"),
                 "the kill switch has no name",
                 "give its path, such as one of /dev/input/by-id; `gerono operator probe` tries it",
-            );
-        }
-        if let Some(key) = operator.kill_key.filter(|&key| key > LAST_KEY) {
-            found.add(
-                at.then("kill_key"),
-                format!("no key has the code {key}"),
-                "give the code that `gerono operator probe` prints, or leave it out for any key",
-            );
-        }
-        if !BAUDS.contains(&operator.kill_baud) {
-            let reason = format!("{} baud is no speed of a serial device", operator.kill_baud);
-            found.add(
-                at.then("kill_baud"),
-                reason,
-                "give the button's speed, such as 9600",
             );
         }
         let after_loss = self.real_time.unwrap_or_default().orchestrator_loss;

@@ -2,15 +2,11 @@
 
 use super::Findings;
 use super::events::Events;
-use crate::{Circle, Curve, Hover, Key, Line, Lissajous, Path, TiltedEight, Vector, Waypoints};
+use crate::{Curve, Key, Line, Path, Vector, Waypoints};
 
 impl Path {
     pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
-        found.not_negative(&at.then("speed"), "vd", self.speed);
-        found.positive(&at.then("k4"), "k4", self.k4);
-        let alpha1_is_good = found.positive(&at.then("alpha1"), "α1", self.alpha1);
-        let alpha2_is_good = found.positive(&at.then("alpha2"), "α2", self.alpha2);
-        if alpha1_is_good && alpha2_is_good && self.alpha1 >= self.alpha2 {
+        if self.alpha1 >= self.alpha2 && found.are_in_range(at, &["alpha1", "alpha2"]) {
             found.add(
                 at.then("alpha1"),
                 format!(
@@ -20,17 +16,11 @@ impl Path {
                 "lower `alpha1` or raise `alpha2`; the paper uses 0.5 and 1.5",
             );
         }
-        found.number(&at.then("initial_gamma"), self.initial_gamma);
-        found.number(&at.then("initial_gamma_dot"), self.initial_gamma_dot);
-        found.angle(&at.then("yaw"), self.yaw);
         self.check_yaw_steps(duration, &at.then("yaw_step"), found);
         self.curve.check(&at.then("curve"), found);
     }
 
     fn check_yaw_steps(&self, duration: f64, at: &Key, found: &mut Findings) {
-        for (index, step) in self.yaw_step.iter().enumerate() {
-            found.angle(&at.then(index).then("yaw"), step.yaw);
-        }
         let steps = Events {
             one: "yaw step",
             several: "yaw steps",
@@ -44,17 +34,12 @@ impl Path {
 impl Curve {
     fn check(&self, at: &Key, found: &mut Findings) {
         match self {
-            Self::TiltedEight(eight) => eight.check(&at.then("tilted_eight"), found),
-            Self::Hover(hover) => hover.check(&at.then("hover"), found),
-            Self::Circle(circle) => circle.check(&at.then("circle"), found),
             Self::Line(line) => line.check(&at.then("line"), found),
-            Self::Lissajous(figure) => figure.check(&at.then("lissajous"), found),
             Self::Waypoints(waypoints) => waypoints.check(&at.then("waypoints"), found),
+            Self::TiltedEight(_) | Self::Hover(_) | Self::Circle(_) | Self::Lissajous(_) => {}
         }
     }
-}
 
-impl Curve {
     /// Returns the key that states the curve's height, and the stated z, m; the lowest of several.
     pub(super) fn stated_depth(&self) -> (Key, f64) {
         let at = Key::root().then("path").then("curve");
@@ -76,51 +61,16 @@ impl Curve {
     }
 }
 
-impl TiltedEight {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        found.positive(&at.then("size"), "ℓ", self.size);
-        found.positive(&at.then("frequency"), "w", self.frequency);
-        found.number(&at.then("height"), self.height);
-        found.angle(&at.then("tilt"), self.tilt);
-    }
-}
-
-impl Hover {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        found.vector(&at.then("position"), &self.position);
-    }
-}
-
-impl Circle {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        found.vector(&at.then("center"), &self.center);
-        found.positive(&at.then("radius"), "r", self.radius);
-        found.positive(&at.then("frequency"), "w", self.frequency);
-        found.angle(&at.then("tilt"), self.tilt);
-    }
-}
-
 impl Line {
     fn check(&self, at: &Key, found: &mut Findings) {
-        found.vector(&at.then("start"), &self.start);
         let fix = "give a direction such as [1.0, 0.0, 0.0], or use `hover`";
         let direction = at.then("direction");
         found.direction(&direction, &self.direction, "the line has no direction", fix);
     }
 }
 
-impl Lissajous {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        found.vector(&at.then("center"), &self.center);
-        found.vector(&at.then("amplitude"), &self.amplitude);
-        found.vector(&at.then("frequency"), &self.frequency);
-        found.vector(&at.then("phase"), &self.phase);
-    }
-}
-
 impl Waypoints {
     fn check(&self, at: &Key, found: &mut Findings) {
-        found.positive(&at.then("interval"), "interval", self.interval);
         let points = at.then("points");
         let (least, kind) = if self.closed {
             (3, "a closed")
@@ -134,9 +84,6 @@ impl Waypoints {
                 format!("{kind} curve through {count} points"),
                 format!("give at least {least} points, or their `file`"),
             );
-        }
-        for (index, point) in self.points.iter().enumerate() {
-            found.vector(&points.then(index), point);
         }
         self.check_neighbours(&points, found);
     }

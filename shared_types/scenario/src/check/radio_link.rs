@@ -1,29 +1,16 @@
 //! A transmitter whose frames a link can carry. Whether the device is there is asked when it is opened.
 
 use std::net::SocketAddr;
-use std::ops::RangeInclusive;
 
 use super::Findings;
-use crate::{Key, Mavlink, MultiModule, RadioProtocol, RcLink, Transmitter};
-
-/// Channels that no stick takes, counted from 1.
-const FREE_CHANNELS: RangeInclusive<u32> = 5..=16;
-
-/// Frames a second that a link can be asked for, 1/s.
-const FRAME_RATES: RangeInclusive<f64> = 1.0..=1000.0;
-
-/// Speeds that a serial device can be asked for, baud.
-pub(super) const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
-
-/// Shortest time after which a command counts as lost, s: several periods of any transmitter.
-const SHORTEST_SILENCE: f64 = 0.1;
+use crate::{Key, RadioProtocol, RcLink, Transmitter};
 
 /// Letters of the sticks: thrust, roll, pitch, yaw.
 const STICKS: [char; 4] = ['T', 'A', 'E', 'R'];
 
 impl RcLink {
-    /// Checks the radio link of a laboratory.
-    pub(super) fn check_transmitter(&self, at: &Key, found: &mut Findings) {
+    /// Checks the radio link of a laboratory; with a calibration that `is_good` also what stops the motors.
+    pub(super) fn check_transmitter(&self, is_good: bool, at: &Key, found: &mut Findings) {
         let section = at.then("transmitter");
         match (&self.transmitter, self.link) {
             (None, RadioProtocol::Simulated) => {}
@@ -38,9 +25,7 @@ impl RcLink {
                 found.add(section, "the simulated link has no transmitter", fix);
             }
             (Some(transmitter), link) => {
-                let mut good = Findings::has_none(|found| self.check(at, found));
-                good &= transmitter.check(link, &section, found);
-                if good {
+                if transmitter.check(link, &section, found) && is_good {
                     self.check_motors_stop(transmitter, &section, found);
                 }
             }
@@ -53,7 +38,6 @@ impl Transmitter {
     fn check(&self, link: RadioProtocol, at: &Key, found: &mut Findings) -> bool {
         self.check_place(link, at, found);
         self.check_rate(link, at, found);
-        self.check_silence(&at.then("silence_after"), found);
         self.check_own_tables(link, at, found);
         let before = found.problems.len();
         self.check_sticks(link, at, found);
@@ -61,15 +45,6 @@ impl Transmitter {
         let failsafe = self.failsafe.iter().flatten();
         check_travels(link, failsafe, &at.then("failsafe"), found);
         found.problems.len() == before
-    }
-
-    /// A command that is a little late is not lost.
-    fn check_silence(&self, key: &Key, found: &mut Findings) {
-        if found.number(key, self.silence_after) && self.silence_after < SHORTEST_SILENCE {
-            let reason = format!("after {:?} s a command is only late", self.silence_after);
-            let fix = format!("give a time of at least {SHORTEST_SILENCE:?} s, such as 0.5");
-            found.add(key.clone(), reason, fix);
-        }
     }
 
     /// Frames go to one place, of a kind that the link knows.
@@ -111,33 +86,17 @@ impl Transmitter {
 
     /// The line carries the frames of a second in less than a second.
     fn check_rate(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
-        if let Some(baud) = self.baud {
-            let key = at.then("baud");
-            if self.device.is_none() {
-                found.add(
-                    key,
-                    "only a serial device has a speed",
-                    "leave `baud` out, or state `device`",
-                );
-                return;
-            }
-            if !BAUDS.contains(&baud) {
-                let fix = "leave `baud` out for the link's own; 420000 is CRSF's, 115200 usual for MSP";
-                found.add(key, format!("{baud} baud is no speed of a serial device"), fix);
-                return;
-            }
-        }
-        let rate = self.frame_rate_on(link);
-        let key = at.then("frame_rate");
-        if !FRAME_RATES.contains(&rate) {
-            let reason = format!("{rate:?} frames a second are none that a link could send");
+        if self.baud.is_some() && self.device.is_none() {
             found.add(
-                key,
-                reason,
-                "give a rate from 1.0 to 1000.0 1/s; leave it out for the link's own",
+                at.then("baud"),
+                "only a serial device has a speed",
+                "leave `baud` out, or state `device`",
             );
+        }
+        if !found.are_in_range(at, &["baud", "frame_rate"]) {
             return;
         }
+        let rate = self.frame_rate_on(link);
         let most = f64::from(self.baud_on(link)) / f64::from(link.bits_per_frame().max(1));
         if self.device.is_some() && rate > most {
             let reason = format!(
@@ -145,7 +104,7 @@ impl Transmitter {
                 self.baud_on(link)
             );
             found.add(
-                key,
+                at.then("frame_rate"),
                 reason,
                 format!("give a rate of at most {most:.0} 1/s, or raise `baud`"),
             );
@@ -205,10 +164,7 @@ impl Transmitter {
             .enumerate()
             .map(|(index, switch)| (at.then("switch").then(index).then("channel"), switch.channel));
         for (key, channel) in arming.into_iter().chain(switches) {
-            if !FREE_CHANNELS.contains(&channel) {
-                let reason = format!("{channel} is no channel beside the sticks");
-                found.add(key, reason, "give a channel from 5 to 16");
-            } else if taken.contains(&channel) {
+            if taken.contains(&channel) {
                 let reason = format!("channel {channel} is taken already");
                 found.add(key, reason, "give every switch a separate channel");
             }
@@ -234,49 +190,6 @@ impl Transmitter {
                 let reason = format!("the link is `{}`", link.name());
                 let fix = format!("leave `{}` out, or change `rc_output.link`", owner.name());
                 found.add(at.then(owner.name()), reason, fix);
-            }
-        }
-        if let Some(multi) = &self.multi {
-            multi.check(&at.then("multi"), found);
-        }
-        if let Some(mavlink) = &self.mavlink {
-            mavlink.check(&at.then("mavlink"), found);
-        }
-    }
-}
-
-impl MultiModule {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        if self.model > 15 {
-            let reason = format!("a MULTI module knows no model {}", self.model);
-            found.add(
-                at.then("model"),
-                reason,
-                "give the number from 0 to 15 that the vehicle was bound as",
-            );
-        }
-        if !(4..=12).contains(&self.channels) {
-            let reason = format!("DSM does not send {} channels", self.channels);
-            found.add(
-                at.then("channels"),
-                reason,
-                "give a number from 4 to 12; 7 go out with every frame",
-            );
-        }
-    }
-}
-
-impl Mavlink {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        for (name, id) in [
-            ("system", self.system),
-            ("component", self.component),
-            ("target_system", self.target_system),
-            ("target_component", self.target_component),
-        ] {
-            if !(1..=255).contains(&id) {
-                let reason = format!("{id} is no number of a system or component");
-                found.add(at.then(name), reason, "give a whole number from 1 to 255");
             }
         }
     }

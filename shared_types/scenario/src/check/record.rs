@@ -19,16 +19,9 @@ impl Scenario {
 
 impl Record {
     fn check_topics(&self, at: &Key, found: &mut Findings) {
-        for (topic, every) in &self.every {
+        for topic in self.every.keys() {
             let key = at.then("every").then(topic);
             check_topic(topic, &key, found);
-            if *every == 0 {
-                found.add(
-                    key.clone(),
-                    "of 0 no sample's number is a multiple",
-                    "state 1 or more, or name the topic in `record.leave_out`",
-                );
-            }
             if self.leave_out.contains(topic) {
                 found.add(
                     key,
@@ -67,24 +60,6 @@ impl Split {
                 at.clone(),
                 "it does not say when the log goes on in another file",
                 "state `after_bytes` or `after_seconds` (s), or leave `record.split` out",
-            );
-        }
-        if self.after_bytes.is_some_and(|bytes| bytes < Self::LEAST_BYTES) {
-            found.add(
-                at.then("after_bytes"),
-                "manifest and schemas, which each file repeats, would take most of it",
-                format!("give at least {} bytes", Self::LEAST_BYTES),
-            );
-        }
-        let key = at.then("after_seconds");
-        if let Some(seconds) = self.after_seconds
-            && found.positive(&key, "the time", seconds)
-            && seconds < Self::LEAST_SECONDS
-        {
-            found.add(
-                key,
-                "manifest and schemas, which each file repeats, would take most of it",
-                format!("give at least {:?} s", Self::LEAST_SECONDS),
             );
         }
     }

@@ -12,12 +12,12 @@ const MOST_STEPS: f64 = 1000.0;
 const STEP_TOLERANCE: f64 = 1e-6;
 
 impl Scenario {
-    pub(super) fn check_sections(&self, found: &mut Findings) {
+    pub(super) fn check_sections(&self, has_good_link: bool, found: &mut Findings) {
         match &self.controller.rates {
             Some(rates) => self.check_rate_commands(rates, found),
             None => self.check_torque_commands(found),
         }
-        self.check_hover_thrust(found);
+        self.check_hover_thrust(has_good_link, found);
     }
 
     /// Checks the sections that a controller of body rates needs.
@@ -53,7 +53,7 @@ impl Scenario {
     /// A whole number of steps over the hold of a command.
     fn check_roll_out(&self, rates: &RateCommand, key: &Key, found: &mut Findings) {
         let step = rates.roll_out_step;
-        let (true, Ok(schedule)) = (found.positive(key, "the step", step), self.schedule()) else {
+        let (true, Ok(schedule)) = (found.is_in_range(key), self.schedule()) else {
             return;
         };
         let hold = seconds(schedule.time_ns(schedule.topic_rate(Topic::ControlCommand).period));
@@ -111,7 +111,7 @@ impl Scenario {
     }
 
     /// Motors and link can hold the vehicle in the air, at every moment of the flight.
-    fn check_hover_thrust(&self, found: &mut Findings) {
+    fn check_hover_thrust(&self, has_good_link: bool, found: &mut Findings) {
         let [least, most] = self.hover_thrusts();
         let vehicle = &self.vehicle;
         if let Some(actuators) = &vehicle.actuators
@@ -137,7 +137,7 @@ impl Scenario {
             .map_or(1.0, |stated| stated.thrust_factor);
         if let Some(link) = &self.rc_output
             && factor > 0.0
-            && Findings::has_none(|found| link.check(&Key::root(), found))
+            && has_good_link
         {
             check_reach(link, [least / factor, most / factor], found);
         }

@@ -242,8 +242,7 @@ fn all_problems_are_reported_at_once() {
         .insert("rc/frame -> plant".to_owned(), 0.0015);
     scenario.vehicle.change[0].at = 30.0005;
     let keys: Vec<String> = scenario
-        .schedule()
-        .unwrap_err()
+        .problems()
         .iter()
         .map(|problem| problem.key.to_string())
         .collect();

@@ -11,14 +11,14 @@ const TICK: RangeInclusive<f64> = 1e-6..=1.0;
 
 /// Reader of times as whole numbers of ticks, which collects the others as problems.
 #[derive(Debug)]
-pub(super) struct TickReader {
+pub(crate) struct TickReader {
     tick_ns: u64,
     problems: Vec<Problem>,
 }
 
 impl TickReader {
     /// A reader for a base tick in s, which must be a whole number of nanoseconds.
-    pub(super) fn new(tick: f64) -> Result<Self, Problem> {
+    pub(crate) fn new(tick: f64) -> Result<Self, Problem> {
         let refused = |reason: String| {
             Problem::new(
                 Key::root().then("schedule").then("tick"),
@@ -40,17 +40,13 @@ impl TickReader {
         })
     }
 
-    /// Length of the tick, ns.
-    pub(super) fn tick_ns(&self) -> u64 {
-        self.tick_ns
-    }
-
     /// Reads a time in s as ticks. If it is not an allowed number of ticks, it returns the smallest allowed one and
     /// adds a problem.
     pub(super) fn read(&mut self, key: &Key, time: f64, allowed: RangeInclusive<u64>) -> u64 {
-        self.whole_ticks(key, time, &allowed).unwrap_or_else(|problem| {
-            self.problems.push(problem);
-            *allowed.start()
+        let least = *allowed.start();
+        self.whole_ticks(time, allowed).unwrap_or_else(|(reason, fix)| {
+            self.problems.push(Problem::new(key.clone(), reason, fix));
+            least
         })
     }
 
@@ -67,18 +63,19 @@ impl TickReader {
         }
     }
 
-    /// A time in s as ticks.
-    pub(super) fn whole_ticks(
+    /// Returns a time in s as ticks.
+    ///
+    /// # Errors
+    /// Reason and fix, if it is not an allowed number of ticks.
+    pub(crate) fn whole_ticks(
         &self,
-        key: &Key,
         time: f64,
-        allowed: &RangeInclusive<u64>,
-    ) -> Result<u64, Problem> {
+        allowed: RangeInclusive<u64>,
+    ) -> Result<u64, (String, String)> {
         let least = self.seconds(*allowed.start());
         let most = self.seconds(*allowed.end());
         if !(least..=most).contains(&time) {
-            return Err(Problem::new(
-                key.clone(),
+            return Err((
                 format!("{time:?} s is not a time from {least:?} s to {most:?} s"),
                 format!("give a time of {least:?} s or more and at most {most:?} s"),
             ));
@@ -91,8 +88,7 @@ impl TickReader {
                 (false, _) => format!("{:?}", self.seconds(below + 1)),
                 (_, false) => format!("{:?}", self.seconds(below)),
             };
-            Problem::new(
-                key.clone(),
+            (
                 format!(
                     "{time:?} s is not a whole number of base ticks of {:?} s",
                     self.seconds(1)

@@ -14,7 +14,6 @@ fn judged(change: impl FnOnce(&mut Judge)) -> impl FnOnce(&mut Scenario) {
 #[test]
 fn limits_that_can_be_exceeded_and_kept_are_accepted() {
     accepted(judged(|_| {}));
-    accepted(judged(|judge| judge.tilt_max = std::f64::consts::PI));
     accepted(|scenario| {
         scenario.flight = Some(Flight::default());
         scenario.vehicle.initial.velocity_body = [0.0; 3];
@@ -23,25 +22,7 @@ fn limits_that_can_be_exceeded_and_kept_are_accepted() {
 }
 
 #[test]
-fn limits_that_nothing_could_keep_are_refused() {
-    refused(
-        judged(|judge| judge.distance_max = 0.0),
-        "judge.distance_max",
-        "is not above 0",
-        "above 0",
-    );
-    refused(
-        judged(|judge| judge.tilt_max = 3.2),
-        "judge.tilt_max",
-        "upside down is π",
-        "no attitude counts as lost",
-    );
-    refused(
-        judged(|judge| judge.steady_after = Some(0.0)),
-        "judge.steady_after",
-        "is not above 0",
-        "above 0",
-    );
+fn only_a_flight_with_phases_touches_the_ground() {
     refused(
         judged(|judge| judge.impact_speed_max = Some(1.0)),
         "judge.impact_speed_max",

@@ -26,70 +26,23 @@ fn in_real_time(scenario: Scenario, real_time: RealTime) -> Vec<Problem> {
 }
 
 #[test]
-fn values_for_some_machine_are_accepted() {
-    for (priority, timer_slack) in [(1, 1e-9), (99, 1.0)] {
-        let own = ServiceDeployment {
-            core: Some(1023),
-            priority: Some(priority),
-            lock_memory: Some(true),
-            timer_slack: Some(timer_slack),
-        };
-        let deployment = Deployment {
-            strict: true,
-            core: Some(0),
-            rc_output: Some(own),
-            ..Deployment::default()
-        };
-        assert_eq!(deployed(deployment), []);
-    }
-    assert_eq!(in_real_time(fig1(), RealTime::default()), []);
-    assert_eq!(in_real_time(rig(), RealTime::default()), []);
-}
-
-#[test]
-fn values_for_no_machine_are_refused() {
-    let common = Deployment {
-        core: Some(1024),
+fn a_table_of_a_process_that_does_not_fly_is_refused() {
+    let own = Some(ServiceDeployment::default());
+    let of_plant = Deployment {
+        plant: own,
         ..Deployment::default()
     };
+    assert_eq!(deployed(of_plant), []);
     let of_cameras = Deployment {
-        motion_capture: Some(common.common()),
+        motion_capture: own,
         ..Deployment::default()
     };
-    assert_eq!(deployed(of_cameras).len(), 2, "no process, no core");
     assert_only(
-        &deployed(common),
-        "deployment.core",
-        "no system has a core 1024",
-        "cores count from 0",
+        &deployed(of_cameras),
+        "deployment.motion_capture",
+        "no process is called `motion_capture`",
+        "name the table `deployment.plant`",
     );
-    for priority in [0, 100] {
-        let deployment = Deployment {
-            controller: Some(ServiceDeployment {
-                priority: Some(priority),
-                ..ServiceDeployment::default()
-            }),
-            ..Deployment::default()
-        };
-        assert_only(
-            &deployed(deployment),
-            "deployment.controller.priority",
-            "is no priority of SCHED_FIFO",
-            "from 1 to 99",
-        );
-    }
-    for timer_slack in [0.0, -1.0, 1.5, f64::NAN] {
-        let deployment = Deployment {
-            timer_slack: Some(timer_slack),
-            ..Deployment::default()
-        };
-        assert_only(
-            &deployed(deployment),
-            "deployment.timer_slack",
-            "is not a slack",
-            "give 1e-6",
-        );
-    }
 }
 
 #[test]
@@ -115,18 +68,8 @@ fn a_healthy_service_does_not_hang() {
         "waits up to 0.1 s for its inputs",
         "give a time above 0.1 s",
     );
-    assert_only(
-        &refused(0.25, -0.001),
-        "real_time.grace",
-        "grace = -0.001 is below 0",
-        "give 0 or a number above it",
-    );
-    assert_only(
-        &refused(f64::INFINITY, 0.002),
-        "real_time.hang_limit",
-        "inf is not a finite number",
-        "give a finite number",
-    );
+    assert_eq!(refused(0.25, -0.001).len(), 1);
+    assert_eq!(refused(f64::INFINITY, 0.002).len(), 1);
 }
 
 #[test]
@@ -142,7 +85,7 @@ fn a_hang_limit_that_is_not_stated_suits_every_schedule() {
 }
 
 #[test]
-fn a_kill_switch_is_some_device_and_some_key() {
+fn a_kill_switch_is_some_device() {
     let with = |spoil: &dyn Fn(&mut OperatorDevices)| {
         let mut devices = OperatorDevices::new("/dev/input/event3");
         spoil(&mut devices);
@@ -152,24 +95,11 @@ fn a_kill_switch_is_some_device_and_some_key() {
         }
     };
     let refused = |spoil: &dyn Fn(&mut OperatorDevices)| with(spoil).problems();
-    assert_eq!(refused(&|devices| devices.kill_key = Some(0x2ff)), []);
     assert_only(
         &refused(&|devices| devices.kill_device.clear()),
         "operator.kill_device",
         "has no name",
         "gerono operator probe",
-    );
-    assert_only(
-        &refused(&|devices| devices.kill_key = Some(0x300)),
-        "operator.kill_key",
-        "no key has the code 768",
-        "leave it out for any key",
-    );
-    assert_only(
-        &refused(&|devices| devices.kill_baud = 0),
-        "operator.kill_baud",
-        "0 baud is no speed",
-        "such as 9600",
     );
 }
 

@@ -3,8 +3,8 @@
 use super::{NOWHERE, assert_only};
 use crate::tests_support::rig;
 use crate::{
-    Actuators, Cameras, Dryden, Fan, FanMove, Kalman, MarkerSwap, Model, Occlusion, Problem, RateCommand,
-    RcLink, Scenario, Turbulence, Vector, VehicleChange, Wind, YawStep,
+    Actuators, Cameras, Dryden, Fan, FanMove, MarkerSwap, Model, Occlusion, Problem, RateCommand, RcLink,
+    Scenario, Vector, VehicleChange, Wind, YawStep,
 };
 
 /// The problems of the flight in the laboratory after it has been spoilt.
@@ -28,20 +28,12 @@ fn actuators(scenario: &mut Scenario) -> &mut Actuators {
     scenario.vehicle.actuators.as_mut().unwrap()
 }
 
-fn turbulence(scenario: &mut Scenario) -> &mut Turbulence {
-    scenario.vehicle.turbulence.as_mut().unwrap()
-}
-
 fn fan(scenario: &mut Scenario) -> &mut Fan {
     scenario.vehicle.fan.as_mut().unwrap()
 }
 
 fn cameras(scenario: &mut Scenario) -> &mut Cameras {
     scenario.cameras.as_mut().unwrap()
-}
-
-fn kalman(scenario: &mut Scenario) -> &mut Kalman {
-    &mut scenario.estimator.as_mut().unwrap().kalman
 }
 
 fn link(scenario: &mut Scenario) -> &mut RcLink {
@@ -62,178 +54,6 @@ type Number = (&'static str, fn(&mut Scenario) -> &mut f64);
 #[test]
 fn a_flight_in_the_laboratory_has_no_problem() {
     accepted(|_| ());
-}
-
-#[test]
-fn divisors_and_measures_are_above_0() {
-    let numbers: &[Number] = &[
-        ("vehicle.actuators.rate_max.1", |s| &mut actuators(s).rate_max[1]),
-        ("vehicle.actuators.thrust_factor", |s| {
-            &mut actuators(s).thrust_factor
-        }),
-        ("vehicle.actuators.rate_factor.2", |s| {
-            &mut actuators(s).rate_factor[2]
-        }),
-        ("vehicle.turbulence.correlation_time", |s| {
-            &mut turbulence(s).correlation_time
-        }),
-        ("vehicle.fan.reference_distance", |s| {
-            &mut fan(s).reference_distance
-        }),
-        ("vehicle.fan.half_angle", |s| &mut fan(s).half_angle),
-        ("vehicle.fan.correlation_time", |s| &mut fan(s).correlation_time),
-        ("estimator.kalman.position_deviation", |s| {
-            &mut kalman(s).position_deviation
-        }),
-        ("estimator.kalman.attitude_deviation", |s| {
-            &mut kalman(s).attitude_deviation
-        }),
-        ("estimator.kalman.gate", |s| &mut kalman(s).gate),
-        ("model.mass", |s| &mut model(s).mass),
-        ("model.size.0", |s| &mut model(s).size[0]),
-        ("controller.rates.roll_out_step", |s| &mut rates(s).roll_out_step),
-        ("controller.observer_gain", |s| {
-            s.controller.observer_gain.as_mut().unwrap()
-        }),
-    ];
-    for (key, number) in numbers {
-        for value in [0.0, -1.0] {
-            refused(
-                |scenario| *number(scenario) = value,
-                key,
-                &format!("= {value:?} is not above 0"),
-                "give a number above 0",
-            );
-        }
-    }
-}
-
-#[test]
-fn optional_effects_are_0_or_more() {
-    let numbers: &[Number] = &[
-        ("vehicle.drag.1", |s| &mut s.vehicle.drag[1]),
-        ("vehicle.actuators.thrust_lag", |s| &mut actuators(s).thrust_lag),
-        ("vehicle.actuators.rate_lag.2", |s| &mut actuators(s).rate_lag[2]),
-        ("vehicle.actuators.initial_thrust", |s| {
-            &mut actuators(s).initial_thrust
-        }),
-        ("vehicle.turbulence.deviation", |s| &mut turbulence(s).deviation),
-        ("vehicle.fan.run_up", |s| &mut fan(s).run_up),
-        ("vehicle.fan.force", |s| &mut fan(s).force),
-        ("vehicle.fan.turbulence", |s| &mut fan(s).turbulence),
-        ("cameras.position_deviation", |s| {
-            &mut cameras(s).position_deviation
-        }),
-        ("cameras.attitude_deviation", |s| {
-            &mut cameras(s).attitude_deviation
-        }),
-        ("cameras.jitter", |s| &mut cameras(s).jitter),
-        ("estimator.kalman.disturbance_drift", |s| {
-            &mut kalman(s).disturbance_drift
-        }),
-        ("estimator.kalman.acceleration_noise", |s| {
-            &mut kalman(s).acceleration_noise
-        }),
-        ("estimator.kalman.rate_noise", |s| &mut kalman(s).rate_noise),
-        ("estimator.kalman.rate_bias_drift", |s| {
-            &mut kalman(s).rate_bias_drift
-        }),
-        ("estimator.kalman.restart_after", |s| &mut kalman(s).restart_after),
-        ("estimator.kalman.coast", |s| &mut kalman(s).coast),
-        ("model.thrust_lag", |s| &mut model(s).thrust_lag),
-        ("model.rate_lag", |s| &mut model(s).rate_lag),
-        ("controller.rates.yaw_kp", |s| &mut rates(s).yaw_kp),
-        ("controller.rates.yaw_ki", |s| &mut rates(s).yaw_ki),
-        ("controller.rates.yaw_integral_max", |s| {
-            &mut rates(s).yaw_integral_max
-        }),
-    ];
-    for (key, number) in numbers {
-        accepted(|scenario| *number(scenario) = 0.0);
-        refused(
-            |scenario| *number(scenario) = -0.1,
-            key,
-            "= -0.1 is below 0",
-            "give 0 or a number above it",
-        );
-    }
-}
-
-#[test]
-fn numbers_that_are_none_are_refused_once_wherever_they_stand() {
-    let numbers: &[Number] = &[
-        ("vehicle.center_of_mass.0", |s| &mut s.vehicle.center_of_mass[0]),
-        ("vehicle.drag.0", |s| &mut s.vehicle.drag[0]),
-        ("vehicle.actuators.rate_bias.1", |s| {
-            &mut actuators(s).rate_bias[1]
-        }),
-        ("vehicle.actuators.thrust_max", |s| &mut actuators(s).thrust_max),
-        ("vehicle.actuators.frame_loss", |s| &mut actuators(s).frame_loss),
-        ("vehicle.turbulence.deviation", |s| &mut turbulence(s).deviation),
-        ("vehicle.fan.position.2", |s| &mut fan(s).position[2]),
-        ("vehicle.fan.direction.2", |s| &mut fan(s).direction[2]),
-        ("vehicle.fan.half_angle", |s| &mut fan(s).half_angle),
-        ("vehicle.fan.on_at", |s| &mut fan(s).on_at),
-        ("vehicle.fan.moves.1.at", |s| &mut fan(s).moves[1].at),
-        ("vehicle.fan.moves.0.position.1", |s| {
-            &mut fan(s).moves[0].position[1]
-        }),
-        ("vehicle.fan.moves.0.direction.1", |s| {
-            &mut fan(s).moves[0].direction[1]
-        }),
-        ("path.yaw_step.1.at", |s| &mut s.path.yaw_step[1].at),
-        ("path.yaw_step.1.yaw", |s| &mut s.path.yaw_step[1].yaw),
-        ("cameras.jitter", |s| &mut cameras(s).jitter),
-        ("cameras.frame_loss", |s| &mut cameras(s).frame_loss),
-        ("cameras.occlusion.0.at", |s| &mut cameras(s).occlusion[0].at),
-        ("cameras.occlusion.1.lasts", |s| {
-            &mut cameras(s).occlusion[1].lasts
-        }),
-        ("cameras.marker_swap.1.lasts", |s| {
-            &mut cameras(s).marker_swap[1].lasts
-        }),
-        ("cameras.marker_swap.0.position.0", |s| {
-            &mut cameras(s).marker_swap[0].position[0]
-        }),
-        ("cameras.marker_swap.0.rotation.0", |s| {
-            &mut cameras(s).marker_swap[0].rotation[0]
-        }),
-        ("estimator.kalman.gate", |s| &mut kalman(s).gate),
-        ("rc_output.thrust_offset", |s| &mut link(s).thrust_offset),
-        ("rc_output.thrust_slope", |s| &mut link(s).thrust_slope),
-        ("rc_output.rate_slope.1", |s| &mut link(s).rate_slope[1]),
-        ("rc_output.thrust_range", |s| &mut link(s).thrust_range[1]),
-        ("rc_output.rate_range", |s| &mut link(s).rate_range[0]),
-        ("model.mass", |s| &mut model(s).mass),
-        ("model.radio_latency", |s| &mut model(s).radio_latency),
-        ("controller.rates.roll_out_step", |s| &mut rates(s).roll_out_step),
-        ("controller.rates.yaw_kp", |s| &mut rates(s).yaw_kp),
-        ("controller.observer_gain", |s| {
-            s.controller.observer_gain.as_mut().unwrap()
-        }),
-    ];
-    for (key, number) in numbers {
-        refused(|scenario| *number(scenario) = f64::NAN, key, "NaN", "");
-    }
-}
-
-#[test]
-fn a_share_of_lost_frames_is_from_0_to_below_1() {
-    let shares: &[Number] = &[
-        ("vehicle.actuators.frame_loss", |s| &mut actuators(s).frame_loss),
-        ("cameras.frame_loss", |s| &mut cameras(s).frame_loss),
-    ];
-    for (key, share) in shares {
-        for value in [-0.1, 1.0, 10.0] {
-            refused(
-                |scenario| *share(scenario) = value,
-                key,
-                &format!("{value:?} is not a share from 0 to below 1"),
-                "0.1 is one in ten",
-            );
-        }
-        accepted(|scenario| *share(scenario) = 0.99);
-    }
 }
 
 #[test]
@@ -371,19 +191,6 @@ fn air_that_blows_nowhere_is_refused() {
 }
 
 #[test]
-fn a_jet_that_opens_to_a_plane_is_refused() {
-    for angle in [std::f64::consts::FRAC_PI_2, 3.0] {
-        refused(
-            |scenario| fan(scenario).half_angle = angle,
-            "vehicle.fan.half_angle",
-            "is not below π/2",
-            "a free jet has about 0.2",
-        );
-    }
-    accepted(|scenario| fan(scenario).half_angle = 1.57);
-}
-
-#[test]
 fn a_fan_that_is_moved_at_the_start_is_refused() {
     refused(
         |scenario| fan(scenario).moves[0].at = 0.0,
@@ -449,12 +256,6 @@ fn events_lie_within_the_flight_and_in_order() {
             &second,
             "20.5005 s is not a whole number of base ticks of 0.001 s",
             "use 20.5 or 20.501",
-        );
-        refused(
-            |scenario| happen_at(scenario, [-1.0, 20.0]),
-            &format!("{key}.0.at"),
-            "-1.0 s is not a time from 0.0 s",
-            "give a time of 0.0 s or more",
         );
         accepted(|scenario| happen_at(scenario, [59.0, 60.0]));
         accepted(|scenario| happen_at(scenario, [0.1, 0.6]));
@@ -524,12 +325,6 @@ fn durations_are_whole_ticks() {
             "0.2005 s is not a whole number of base ticks",
             "use 0.2 or 0.201",
         );
-        refused(
-            |scenario| *length(scenario) = 0.0,
-            key,
-            "0.0 s is not a time from 0.001 s",
-            "give a time of 0.001 s or more",
-        );
     }
 }
 
@@ -568,25 +363,8 @@ fn jitter_beyond_the_frame_before_is_refused() {
 }
 
 #[test]
-fn a_channel_without_slope_is_refused() {
-    let slopes: &[Number] = &[
-        ("rc_output.thrust_slope", |s| &mut link(s).thrust_slope),
-        ("rc_output.rate_slope.2", |s| &mut link(s).rate_slope[2]),
-    ];
-    for (key, slope) in slopes {
-        refused(
-            |scenario| *slope(scenario) = -0.0,
-            key,
-            "the slope is 0",
-            "other than 0",
-        );
-        accepted(|scenario| *slope(scenario) *= -1.0);
-    }
-}
-
-#[test]
 fn an_empty_range_is_refused() {
-    for range in [[1.0, -1.0], [0.5, 0.5], [-1.1, 1.0], [-1.0, 1.5], [2.0, 3.0]] {
+    for range in [[1.0, -1.0], [0.5, 0.5]] {
         let reason = format!("from {:?} to {:?} is no range of a channel", range[0], range[1]);
         for key in ["rc_output.thrust_range", "rc_output.rate_range"] {
             refused(
@@ -625,21 +403,6 @@ fn a_link_that_cannot_pull_is_refused() {
 }
 
 #[test]
-fn a_resolution_that_no_link_has_is_refused() {
-    for bits in [0, 17, u32::MAX] {
-        refused(
-            |scenario| link(scenario).resolution = bits,
-            "rc_output.resolution",
-            &format!("a channel of {bits} bits"),
-            "from 1 to 16 bits",
-        );
-    }
-    for bits in [2, 16] {
-        accepted(|scenario| link(scenario).resolution = bits);
-    }
-}
-
-#[test]
 fn a_range_without_a_step_of_the_link_is_refused() {
     refused(
         |scenario| {
@@ -657,7 +420,7 @@ fn a_range_without_a_step_of_the_link_is_refused() {
 }
 
 #[test]
-fn latencies_beyond_any_prediction_are_refused() {
+fn modelled_latencies_are_whole_ticks() {
     for (key, set) in [
         (
             "model.radio_latency",
@@ -668,22 +431,10 @@ fn latencies_beyond_any_prediction_are_refused() {
         }),
     ] {
         refused(
-            |scenario| set(model(scenario), 0.201),
-            key,
-            "0.201 s is not a time from 0.0 s to 0.2 s",
-            "at most 0.2 s",
-        );
-        refused(
             |scenario| set(model(scenario), 0.0055),
             key,
             "0.0055 s is not a whole number of base ticks",
             "use 0.005 or 0.006",
-        );
-        refused(
-            |scenario| set(model(scenario), -0.005),
-            key,
-            "is not a time from 0.0 s",
-            "",
         );
         accepted(|scenario| set(model(scenario), 0.0));
         accepted(|scenario| set(model(scenario), 0.2));

@@ -131,7 +131,7 @@ fn stages_that_do_not_follow_each_other_are_refused_at_the_later() {
 }
 
 #[test]
-fn ages_that_are_no_whole_ticks_and_distances_of_nothing_are_refused() {
+fn ages_that_are_no_whole_ticks_are_refused() {
     refused(
         STATE,
         InputSafety::new(0.0505),
@@ -139,11 +139,6 @@ fn ages_that_are_no_whole_ticks_and_distances_of_nothing_are_refused() {
         "not a whole number of base ticks",
         "0.05",
     );
-    let safety = InputSafety {
-        jump: Some(0.0),
-        ..InputSafety::new(0.05)
-    };
-    refused(STATE, safety, ".jump", "is not above 0", "above 0");
 }
 
 /// A state of ideal cameras repeats a capture until the next, and says nothing new.

@@ -1,0 +1,34 @@
+//! The JSON Schema of scenarios: the one place from which keys, types, defaults, ranges and descriptions are read.
+
+use std::sync::LazyLock;
+
+use schemars::Schema;
+use serde_json::Value;
+
+use crate::Scenario;
+
+/// Returns the schema of a scenario, made when the first one is read.
+pub fn schema() -> &'static Schema {
+    static SCHEMA: LazyLock<Schema> = LazyLock::new(|| schemars::schema_for!(Scenario));
+    &SCHEMA
+}
+
+/// Returns the part of the schema that a part of it refers to, or that part itself.
+#[must_use]
+pub fn resolved(part: &Value) -> &Value {
+    // An optional table is any of that table and null, which TOML does not have.
+    let choices = part["anyOf"].as_array();
+    let stated = choices.and_then(|choices| choices.iter().find(|choice| choice["type"] != "null"));
+    let part = stated.unwrap_or(part);
+    let reference = part["$ref"].as_str();
+    let pointer = reference.and_then(|reference| reference.strip_prefix('#'));
+    pointer
+        .and_then(|pointer| schema().pointer(pointer))
+        .unwrap_or(part)
+}
+
+/// Returns the type of a value; an optional one may also be null, which TOML does not have.
+#[must_use]
+pub fn type_name(part: &Value) -> Option<&str> {
+    part["type"].as_str().or_else(|| part["type"][0].as_str())
+}
