@@ -331,7 +331,7 @@ fn who_speaks_out_of_turn_ends_the_run() {
     fails(
         &script,
         BROKEN_CONTRACT,
-        &[r#"says "Finished", which it is not its turn to say"#],
+        &[r#"says "Finished", which it is not its turn to send"#],
     );
 }
 
@@ -417,7 +417,7 @@ fn who_breaks_the_contract_in_real_time_is_replaced_and_it_is_said_why() {
     let said = complaint(&output);
     for piece in [
         "killed, because it says \"CaughtUp\"",
-        "not its turn to say",
+        "not its turn to send",
         "--restarts",
     ] {
         assert!(said.contains(piece), "no `{piece}` in:\n{said}");

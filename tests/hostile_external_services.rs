@@ -122,7 +122,7 @@ const CONDUCTS: [(&str, Then, Then); 54] = [
         Either,
     ),
     ("says_what_controls_a_terminal", Ends("gave up: "), Either),
-    ("speaks_out_of_turn", Ends("not its turn to say"), Either),
+    ("speaks_out_of_turn", Ends("not its turn to send"), Either),
     (
         "says_that_it_has_finished",
         Ends("says that it has finished"),

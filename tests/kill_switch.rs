@@ -128,7 +128,7 @@ fn the_key_stops_the_motors_in_the_air_and_no_other_key_does() {
 fn a_loss_that_is_ignored_is_told_and_the_switch_kills_when_it_is_back() {
     let (place, mut switch, run) = in_the_air("ignore");
     switch.pull_out();
-    await_words(&place, "goes on without its kill switch");
+    await_words(&place, "continues without its kill switch");
     let snapshot = place.look().unwrap();
     assert_eq!((snapshot.phase.as_deref(), snapshot.killed), (Some("fly"), false));
     switch.plug_in();

@@ -340,7 +340,7 @@ impl Here {
     /// Sends what the cameras see; when, ns.
     fn show(&mut self, number: u32, height: f64, roll: f64) -> u64 {
         let mut draws = self.noise.at(u64::from(number));
-        // CameraSender that see the same twice are taken for frozen.
+        // Cameras that report the same pose twice count as frozen.
         let position = Vector3::new(0.0, 0.0, -height) + draws.normal3() * 1e-5;
         let attitude = exp(&(Vector3::new(roll, 0.0, 0.0) + draws.normal3() * 1e-5));
         let seen = MocapPose {

@@ -1,7 +1,6 @@
 //! The measurements of `gerono bench`.
 
 use std::convert::Infallible;
-use std::ffi::OsStr;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -262,14 +261,15 @@ pub(super) fn fly_by_command(
     Ok((output, serde_json::from_str(&text).map_err(RunFailure::setup)?))
 }
 
-/// Returns the command of the program that flies: this one, or `gerono` beside it.
+/// Returns the command of the program that flies: this one, also where its file was renamed or replaced, or of
+/// `gerono-bench` the `gerono` beside it.
 pub(super) fn gerono() -> Result<Command> {
     let own = std::env::current_exe().map_err(RunFailure::setup)?;
-    let name = OsStr::new("gerono");
-    if own.file_name() == Some(name) {
+    let name = own.file_name().unwrap_or_default();
+    if !name.as_encoded_bytes().starts_with(b"gerono-bench") {
         return Ok(Command::new("/proc/self/exe"));
     }
-    let beside = own.with_file_name(name);
+    let beside = own.with_file_name("gerono");
     if beside.is_file() {
         Ok(Command::new(beside))
     } else {

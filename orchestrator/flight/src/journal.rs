@@ -28,6 +28,7 @@ pub trait Header: Serialize + DeserializeOwned {
 
 /// Last line of a complete journal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Footer {
     rows: u64,
     sha256: String,
@@ -323,7 +324,12 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
         if read.map_err(|error| self.file_error(error))? == 0 {
             return Err(self.damaged("it ends before its footer"));
         }
-        if let Ok(footer) = serde_json::from_slice::<Footer>(&self.line) {
+        // A sequence would be read as a structure, too.
+        let is_object = self.line.starts_with(b"{");
+        if let Some(footer) = is_object
+            .then(|| serde_json::from_slice::<Footer>(&self.line).ok())
+            .flatten()
+        {
             let sha256 = hex(&self.hash.clone().finalize());
             let rows = self.results;
             if footer != (Footer { rows, sha256 }) {
@@ -341,6 +347,12 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
         result
             .map(Some)
             .map_err(|error| self.damaged(&format!("row {}: {error}", self.results)))
+    }
+
+    /// Returns the number of results that were read.
+    #[must_use]
+    pub fn results(&self) -> u64 {
+        self.results
     }
 
     /// Returns the error of a journal whose last result is not one of its header's.

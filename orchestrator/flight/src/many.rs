@@ -92,6 +92,7 @@ pub fn for_each<R: Send, E>(
         }
     };
     thread::scope(|scope| {
+        let _stop = Stop(&state, &changed);
         let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(worker)).collect();
         let mut outcome = Ok(());
         for item in items.clone() {

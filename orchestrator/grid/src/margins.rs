@@ -67,7 +67,7 @@ pub fn search(
         let own = quantities.iter().filter(|quantity| quantity.is_of(&scenario));
         for quantity in own {
             pairs.push((law, quantity));
-            searches.push((scenario.clone(), quantity.name, seeds));
+            searches.push((&law.name, scenario.clone(), quantity.name, seeds));
         }
     }
     let campaign = Campaign::new("margins", searches).map_err(GridError::Unreadable)?;

@@ -12,7 +12,6 @@
 //! a flight or from its log, without allocation.
 
 #![warn(missing_docs)]
-#![warn(missing_docs)]
 
 pub mod loss;
 pub mod path_clock;

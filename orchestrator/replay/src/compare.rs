@@ -27,7 +27,7 @@ pub struct Difference {
     pub topic: Topic,
     pub tick: u64,
     pub time: f64,
-    /// First node that differs.
+    /// First field that differs.
     pub field: String,
     pub recorded: Value,
     pub replayed: Value,

@@ -194,10 +194,10 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
         .filter_map(|value| value.as_ref().ok().copied())
         .collect();
     let is_whole = failure.is_none() && !good.is_empty();
-    let (median, worst) = (
-        median_of(good.iter().copied()).unwrap_or(f64::NAN),
-        row.bar.worst(&good),
-    );
+    // A flight without the number does not reach the bar.
+    let are_numbers = good.iter().all(|value| !value.is_nan());
+    let median = median_of(good.iter().copied()).filter(|_| are_numbers);
+    let (median, worst) = (median.unwrap_or(f64::NAN), row.bar.worst(&good));
     let is_known = gap.is_some_and(|(limit, _)| row.bar.keeps(worst, limit));
     let verdict = match row.bar {
         AcceptanceLimit::Shown if is_whole => None,

@@ -13,7 +13,6 @@
 //! of a damaged chunk.
 
 #![warn(missing_docs)]
-#![warn(missing_docs)]
 
 mod compression;
 mod csv;

@@ -97,6 +97,14 @@ mod tests {
     }
 
     #[test]
+    fn no_command_is_hidden_but_the_one_that_starts_services() {
+        let command = Cli::command();
+        let hidden = command.get_subcommands().filter(|command| command.is_hide_set());
+        let hidden: Vec<_> = hidden.map(Command::get_name).collect();
+        assert_eq!(hidden, ["service"]);
+    }
+
+    #[test]
     fn every_line_of_the_help_fits_eighty_columns() {
         let help = command().term_width(80).render_help().to_string();
         for name in GROUPS.iter().flat_map(|(_, names)| *names) {

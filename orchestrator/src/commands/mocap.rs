@@ -23,7 +23,7 @@ pub fn mocap(arguments: &Mocap) -> Result<Exit, Failure> {
 }
 
 fn probe(arguments: &MocapProbe) -> Result<Exit, Failure> {
-    let system = CaptureSystem::from(arguments.source);
+    let system = arguments.source;
     let stated = stated(system, arguments);
     mocap_probe::probe(
         system,
@@ -48,7 +48,7 @@ fn stated(system: CaptureSystem, arguments: &MocapProbe) -> MotionCapture {
 
 fn send(arguments: &MocapSend) -> Result<Exit, Failure> {
     let log = arguments.log.as_ref().map(|log| log_path(log));
-    let system = CaptureSystem::from(arguments.system);
+    let system = arguments.system;
     let plan = Plan {
         system,
         at: SocketAddrV4::new(arguments.at, arguments.port.unwrap_or(system.properties().port)),

@@ -266,7 +266,9 @@ impl ShardReader {
             .as_ref()
             .filter(|row| row.len() != self.header().columns.len())
         {
-            Some(row) => Err(self.0.damaged(&format!("a row has {} cells", row.len()))),
+            Some(row) => Err(self
+                .0
+                .damaged(&format!("row {} has {} cells", self.0.results(), row.len()))),
             None => Ok(row),
         }
     }

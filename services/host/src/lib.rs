@@ -8,7 +8,6 @@
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: storage of samples.
 
 #![warn(missing_docs)]
-#![warn(missing_docs)]
 
 pub mod edge_store;
 pub mod in_process;

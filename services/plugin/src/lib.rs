@@ -13,7 +13,6 @@
 //! * [`library_file`]: path and hash of a scenario's library.
 
 #![warn(missing_docs)]
-#![warn(missing_docs)]
 
 pub mod abi;
 #[cfg(feature = "load")]

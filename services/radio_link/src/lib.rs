@@ -3,7 +3,7 @@
 //! * [`sticks`]: the part of an [`RcFrame`](shared_types::samples::RcFrame) that a link needs, and a cell in which the
 //!   newest sticks wait for the sender;
 //! * [`channel_map`]: the meaning of each channel, and its travel;
-//! * [`format`]: all that depends on the link, one trait; [`crsf`], [`sbus`], [`multi`], [`msp`], [`mavlink`]: frames of one
+//! * [`mod@format`]: all that depends on the link, one trait; [`crsf`], [`sbus`], [`multi`], [`msp`], [`mavlink`]: frames of one
 //!   link each, from numbers to bytes and back;
 //! * [`encoder`]: sticks to a frame of the scenario's link;
 //! * [`port`]: a serial device or socket that never blocks;

@@ -5,6 +5,7 @@
 #[cfg(feature = "laboratory")]
 use std::sync::Arc;
 
+use control_law::law::registry::flight_law;
 #[cfg(feature = "laboratory")]
 use runtime::shared_page::SharedPage;
 use scenario::{Kind, Scenario};
@@ -146,18 +147,22 @@ pub fn connect(service: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<
     }
 }
 
-/// Returns the identifier of the layout of a role's state: the beginning of the layout hash, or of the hash of the plug-in's
-/// file. A state of another build may only be restored if the identifiers are equal.
+/// Returns the identifier of the layout of a role's state: the beginning of the layout hash, of the controller with that of
+/// the law's record, or of the hash of the plug-in's file. A state of another build may only be restored if the identifiers are equal.
 #[must_use]
 pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
     let plugins = scenario.plugins.as_ref().filter(|_| scenario.has_plugin(role));
-    let hash = match plugins {
-        Some(plugins) => plugins.sha256.get(role.name()).cloned().unwrap_or_default(),
-        None => (step_logic(role).state_layout)(),
+    let identifier = |hash: &str| {
+        let digits = hash.get(..16);
+        digits.map_or(0, |digits| u64::from_str_radix(digits, 16).unwrap_or_default())
     };
-    hash.get(..16)
-        .and_then(|digits| u64::from_str_radix(digits, 16).ok())
-        .unwrap_or_default()
+    match plugins {
+        Some(plugins) => plugins.sha256.get(role.name()).map_or(0, |hash| identifier(hash)),
+        None => {
+            let record = (role == ServiceId::Controller).then(|| flight_law(scenario).record_layout());
+            identifier(&(step_logic(role).state_layout)()) ^ record.map_or(0, |record| identifier(&record))
+        }
+    }
 }
 
 /// Returns the size of a role's state, bytes; `None` for a plug-in, whose size is known only after loading.
@@ -170,6 +175,8 @@ pub fn state_size(role: ServiceId, scenario: &Scenario) -> Option<usize> {
 mod tests {
     use std::collections::BTreeSet;
 
+    use scenario::LawKind;
+
     use super::*;
 
     #[test]
@@ -178,6 +185,20 @@ mod tests {
             .map(|role| (step_logic(role).state_layout)())
             .into();
         assert_eq!(layouts.len(), ServiceId::ALL.len());
+    }
+
+    #[test]
+    fn laws_with_records_of_their_own_have_layouts_of_their_own() {
+        let text = include_str!("../../../scenarios/fig3_6.toml");
+        let mut scenario: Scenario = toml::from_str(text).unwrap();
+        let laws = [LawKind::Adaptive, LawKind::L1, LawKind::Indi, LawKind::Nmpc];
+        let layouts: BTreeSet<_> = laws
+            .map(|law| {
+                scenario.controller.law = law;
+                state_layout(ServiceId::Controller, &scenario)
+            })
+            .into();
+        assert_eq!(layouts.len(), laws.len());
     }
 
     #[test]

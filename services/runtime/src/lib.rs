@@ -42,7 +42,6 @@
 //! when its parent dies. A service stops at a number that is not finite and never publishes it.
 
 #![warn(missing_docs)]
-#![warn(missing_docs)]
 
 pub mod activity;
 mod atomics;

@@ -190,7 +190,7 @@ impl<const WORDS: usize, const DEPTH: usize> Ring<WORDS, DEPTH> {
         self.written.load(Ordering::Acquire)
     }
 
-    /// Looks up a record by its number.
+    /// Returns a record by its number.
     pub fn look_up(&self, number: u64) -> LookUp<WORDS> {
         let written = self.written.load(Ordering::Acquire);
         if number >= written {

@@ -61,7 +61,8 @@ impl Scenario {
     /// Resolves the schedule of the scenario's times.
     ///
     /// # Errors
-    /// Every time that is not a whole number of ticks, every unknown name, and rates that do not fit together.
+    /// Every period, phase or latency that is not a whole number of ticks, every unknown name, and rates that do not fit
+    /// together. Times of events are checked by [`problems`](Self::problems).
     pub fn schedule(&self) -> Result<Schedule, Vec<Problem>> {
         let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
         let root = Key::root();

@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let threads = arguments.jobs.map_or_else(many::cores, usize::from);
     let shard = arguments.shard.unwrap_or(Shard::WHOLE);
-    if is_complete(&folder, &prepared.header(shard)).map_err(|error| failure(error.into()))? {
+    if is_complete(&folder, &prepared.header(shard)).map_err(failure)? {
         note(format_args!(
             "{} is complete already, nothing was flown",
             folder.display()

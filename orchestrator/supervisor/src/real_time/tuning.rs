@@ -48,7 +48,7 @@ impl Flight<'_> {
     fn try_to_tune(&mut self, settings: &[String]) -> Result<String, String> {
         if settings.is_empty() || settings.len() > MAX_KEYS {
             return Err(format!(
-                "send_sample 1 to {MAX_KEYS} settings, such as `controller.k1=3`"
+                "give 1 to {MAX_KEYS} settings, such as `controller.k1=3`"
             ));
         }
         self.check_tunable()?;

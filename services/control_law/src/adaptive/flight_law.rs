@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use scenario::Scenario;
 use shared_types::Gains;
+use shared_types::sample::layout_hash;
 use shared_types::samples::ControlAdaptation;
 use zerocopy::FromZeros;
 
@@ -150,5 +151,9 @@ impl FlightLaw for AdaptiveFlightLaw {
         if let Some(rate_controller) = &mut self.rate_controller {
             rate_controller.state = state.rate_controller;
         }
+    }
+
+    fn record_layout(&self) -> String {
+        layout_hash::<AdaptiveState>()
     }
 }

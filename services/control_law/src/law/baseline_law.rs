@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, Scenario};
-use shared_types::sample::Field;
+use shared_types::sample::{Field, layout_hash};
 
 use super::baseline::{DisturbanceEstimator, Motion};
 use super::flight_law::{FlightLaw, LawState};
@@ -101,6 +101,10 @@ impl<E: DisturbanceEstimator> FlightLaw for BaselineLaw<E> {
     fn restore(&mut self, state: &LawState) {
         self.rate_controller.state = state.rate_controller;
         self.loops.state = state.read();
+    }
+
+    fn record_layout(&self) -> String {
+        layout_hash::<E::State>()
     }
 }
 

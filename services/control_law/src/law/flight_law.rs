@@ -51,6 +51,9 @@ pub trait FlightLaw: Debug + Send {
 
     /// Restores a saved state.
     fn restore(&mut self, state: &LawState);
+
+    /// Returns the layout hash of the law's record, of which a [`LawState`] shows bytes only.
+    fn record_layout(&self) -> String;
 }
 
 /// Largest size of a law's record, bytes.

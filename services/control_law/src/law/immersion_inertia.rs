@@ -14,7 +14,7 @@
 
 use nalgebra::Vector3;
 use scenario::Scenario;
-use shared_types::sample::Flag;
+use shared_types::sample::{Flag, layout_hash};
 
 use super::flight_law::{FlightLaw, LawState};
 use super::nominal::Nominal;
@@ -156,6 +156,10 @@ impl FlightLaw for ImmersionInertia {
 
     fn restore(&mut self, state: &LawState) {
         self.state = state.read();
+    }
+
+    fn record_layout(&self) -> String {
+        layout_hash::<ImmersionInertiaState>()
     }
 }
 

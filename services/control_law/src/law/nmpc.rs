@@ -11,6 +11,7 @@
 use nalgebra::{Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 use scenario::{GRAVITY, Scenario};
 use shared_types::rotation;
+use shared_types::sample::layout_hash;
 use vehicle_model::lag::Lag;
 
 use super::flight_law::{FlightLaw, LawState};
@@ -398,6 +399,10 @@ impl FlightLaw for Nmpc {
         self.plan = plan.map(|input| input.components.into());
         self.residual = residual_world.into();
         self.rate_controller.state = state.rate_controller;
+    }
+
+    fn record_layout(&self) -> String {
+        layout_hash::<NmpcState>()
     }
 }
 
