@@ -418,7 +418,7 @@ fn what_a_world_cannot_be_is_refused_with_the_fix() {
         (
             "motion_capture.source=simulated",
             2,
-            "state `vrpn`, `natnet` or `vicon_udp`",
+            "state `vicon_udp`, `vrpn` or `natnet`",
         ),
         ("motion_capture.object='quad#7'", 1, "without a number"),
         (&occupied, 1, "as `port` one that is free"),

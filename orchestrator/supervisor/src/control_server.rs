@@ -354,7 +354,7 @@ mod tests {
             .send(&Question::Set(vec!["controller.k1=5".to_owned()]))
             .unwrap();
         server.server.serve(|_| panic!("this question is a defect"));
-        assert!(matches!(answer(&client), Some(Answer::Refused(reason)) if reason.contains("goes on")));
+        assert!(matches!(answer(&client), Some(Answer::Refused(reason)) if reason.contains("continues")));
         client.send(&KILL).unwrap();
         assert_eq!(server.serve(), 1);
     }
