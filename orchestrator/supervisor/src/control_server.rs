@@ -62,6 +62,7 @@ enum ClientRequest {
 }
 
 impl ControlServer {
+    /// Opens the control server of a run.
     ///
     /// # Errors
     /// If the socket cannot be created.

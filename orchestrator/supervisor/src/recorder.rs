@@ -135,6 +135,7 @@ impl Recorder {
     /// Connects to all publishers, once all services are ready.
     ///
     /// # Errors
+    /// The first [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()

@@ -57,6 +57,7 @@ pub struct Reserve {
 /// Checks that there is room for a run, before anything is created.
 ///
 /// # Errors
+/// [`Shortage`] if there is not.
 pub fn check() -> Result<(), Shortage> {
     let needed = needed();
     // If the free size is unknown, the run is allowed to try.
@@ -114,6 +115,7 @@ impl Reserve {
     /// Allocates all pages of all segments, and reserves the same size again.
     ///
     /// # Errors
+    /// [`Shortage`] if there is no room for them.
     pub fn settle(&mut self) -> Result<(), Shortage> {
         let mut size = 0;
         for segment in shared_memory::segments(&self.prefix) {

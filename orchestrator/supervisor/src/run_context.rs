@@ -31,6 +31,7 @@ impl RunContext {
     /// Creates the run's folder and joins its iceoryx2 domain; moves this process off the services' cores.
     ///
     /// # Errors
+    /// If there is no room for the run, or it cannot be set up.
     pub(super) fn prepare(scenario: &Scenario, deployment: &Deployment) -> Result<Self, RunFailure> {
         let schedule = flight::schedule_of(scenario)?;
         let root = RunRoot::create().map_err(RunFailure::setup)?;
@@ -54,6 +55,7 @@ impl RunContext {
     /// folder, comes from one of them.
     ///
     /// # Errors
+    /// If the run cannot be joined.
     pub(super) fn take_over(start: &Start, lock: OwnedFd) -> Result<Self, RunFailure> {
         let schedule = flight::schedule_of(&start.scenario)?;
         let root = RunRoot::adopt(start.place(), lock);
@@ -74,6 +76,7 @@ impl RunContext {
     /// Creates every topic of the run and subscribes to it.
     ///
     /// # Errors
+    /// If a port or topic cannot be created.
     pub(super) fn subscribe(&self, delivery: Delivery) -> Result<Vec<Subscription>, RunFailure> {
         let make = |topic| self.node.create_topic(topic, &self.schedule, delivery);
         let external_services = self.scenario.external_services();
@@ -96,6 +99,7 @@ impl RunContext {
     /// process to hold them.
     ///
     /// # Errors
+    /// If a port or topic cannot be created or opened.
     pub(super) fn subscribe_in_flight(&self) -> Result<Vec<Subscription>, RunFailure> {
         let enter = |topic| {
             let open = self.node.open_topic(topic, &self.schedule);
@@ -107,8 +111,10 @@ impl RunContext {
         Subscription::to_all(&self.schedule, enter, |_| RECORDER_BUFFER).map_err(RunFailure::setup)
     }
 
+    /// Starts the services' processes.
     ///
     /// # Errors
+    /// If one cannot be started.
     pub(super) fn start_supervisor(
         &self,
         deployment: &Deployment,
@@ -129,6 +135,7 @@ impl RunContext {
     /// Takes over the services of a flight in real time.
     ///
     /// # Errors
+    /// If one that has died cannot be restarted.
     pub(super) fn adopt_supervisor(
         &self,
         shared: Shared,

@@ -22,6 +22,7 @@ impl Subscription {
     /// Subscribes to every published topic, which `enter` creates or opens, with buffers of `places` samples.
     ///
     /// # Errors
+    /// The first [`PortError`].
     pub fn to_all(
         schedule: &Schedule,
         enter: impl Fn(Topic) -> Result<Box<dyn TopicPorts>, PortError>,

@@ -134,6 +134,7 @@ impl<'a> Supervisor<'a> {
     /// Starts a process for each service and sends it the start message. Each holds `lock`, that of the run's folder.
     ///
     /// # Errors
+    /// [`RunFailure`] if one cannot be started.
     pub fn start(
         node: &'a RunNode,
         lock: BorrowedFd<'a>,

@@ -31,7 +31,7 @@ pub fn peer_credentials(socket: &impl AsFd) -> io::Result<PeerCredentials> {
     };
     let mut length = libc::socklen_t::try_from(size_of::<libc::ucred>()).map_err(io::Error::other)?;
     let socket = socket.as_fd().as_raw_fd();
-    // SAFETY: the kernel writes at most `length` bytes to `look_up`, three integers for which every value is valid.
+    // SAFETY: the kernel writes at most `length` bytes to `found`, three integers for which every value is valid.
     let answer = unsafe {
         libc::getsockopt(
             socket,

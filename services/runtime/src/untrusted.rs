@@ -44,7 +44,7 @@ impl Refusals {
 struct Admission {
     publication: Publication,
     last_tick: u64,
-    /// Returns the current tick of the flight's clock.
+    /// Current tick of the flight's clock.
     clock_tick: Box<dyn Fn() -> u64>,
     refusals: Rc<Refusals>,
 }

@@ -152,6 +152,7 @@ impl Recorder {
     /// Connects to all publishers that exist now.
     ///
     /// # Errors
+    /// The first [`PortError`].
     pub fn connect(&mut self) -> Result<(), PortError> {
         self.feeds
             .iter_mut()
@@ -236,6 +237,7 @@ impl Recorder {
     /// Writes all ticks before `tick`, and with them samples of earlier ticks that arrived too late.
     ///
     /// # Errors
+    /// That of the sink.
     pub fn write_before<S: TickSink>(&mut self, tick: u64, sink: &mut S) -> Result<(), S::Error> {
         for ending in self.written_until..tick {
             while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= ending) {

@@ -110,6 +110,8 @@ impl Supervisor<'_> {
         self.start.host == Host::RealTime && is_in_flight
     }
 
+    /// Limits the time in which external services connect to a restarted service.
+    ///
     /// # Errors
     /// [`RunFailure::ExternalService`] if an external service in flight has not connected to restart number `birth` in
     /// time.

@@ -36,6 +36,7 @@ impl<'a> Supervisor<'a> {
     /// Takes over the flying services, and starts those that have died meanwhile.
     ///
     /// # Errors
+    /// [`RunFailure`] if one cannot be started.
     pub(crate) fn adopt(
         node: &'a RunNode,
         lock: BorrowedFd<'a>,
