@@ -50,7 +50,7 @@ enum Then {
     GoesOn,
     /// It ends by itself, and the error has this piece.
     Ends(&'static str),
-    /// It goes on, or ends by itself with an error that names the external_service or its topic: what comes first.
+    /// It goes on, or ends by itself with an error that names the external service or its topic: what comes first.
     Either,
 }
 use Then::{Either, Ends, GoesOn};
@@ -250,7 +250,7 @@ fn act(conduct: &str) {
             std::hint::spin_loop();
         },
         "closes_its_line" => {
-            // Others of it are duplicates of the external_service's own library; all of them go.
+            // Others of it are duplicates of the external service's own library; all of them go.
             (0..4096).filter(|&number| is_control(number)).for_each(close);
             sleep_for_ever();
         }

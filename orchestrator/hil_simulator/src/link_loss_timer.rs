@@ -1,23 +1,23 @@
-//! Whether a vehicle still hears who flies it.
+//! Detection of link loss by the vehicle.
 
-/// LinkLossTimer after which a vehicle takes who flies it for lost and lets its motors rest, ns.
+/// Time without a frame after which the vehicle declares link loss and stops its motors, ns.
 pub const LOST_AFTER_NS: u64 = 500_000_000;
 
-/// Since when nothing has been heard.
+/// Timer since the last frame.
 #[derive(Debug, Default)]
 pub(super) struct LinkLossTimer {
-    /// Time at which something was heard last, ns of `CLOCK_MONOTONIC`; `None` before the first, and once it has been missed.
+    /// Time of the last frame, ns of `CLOCK_MONOTONIC`; `None` before the first, and after a loss.
     heard_at_ns: Option<u64>,
     losses: u64,
 }
 
 impl LinkLossTimer {
-    /// Something was heard.
+    /// Restarts at a frame.
     pub(super) fn ends_at(&mut self, now_ns: u64) {
         self.heard_at_ns = Some(now_ns);
     }
 
-    /// Returns whether it has become too long by a time; says so once.
+    /// Returns whether the link is lost by a time, once for each loss.
     pub(super) fn becomes_too_long(&mut self, at_ns: u64) -> bool {
         let is_lost = |heard_at: &mut u64| at_ns.saturating_sub(*heard_at) > LOST_AFTER_NS;
         let becomes = self.heard_at_ns.take_if(is_lost).is_some();
@@ -25,7 +25,7 @@ impl LinkLossTimer {
         becomes
     }
 
-    /// Returns how often it has.
+    /// Returns the number of losses.
     pub(super) fn losses(&self) -> u64 {
         self.losses
     }

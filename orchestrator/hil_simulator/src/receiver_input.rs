@@ -13,7 +13,7 @@ use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::ioctl_tiocnxcl;
 
-/// LinkLossTimer after which a serial line is taken for free, ns.
+/// Idle time after which the serial line counts as free, ns.
 const FREE_AFTER_NS: u64 = 50_000_000;
 
 /// Most that is read at once, bytes.

@@ -199,7 +199,7 @@ mod tests {
         }
     }
 
-    /// ControlBlock with these cameras and a link in this state.
+    /// Returns a control block with these cameras and a link in this state.
     fn told(figures: &CaptureFigures, state: u32) -> ControlBlock {
         let block = ControlBlock::default();
         block.hardware_status[ServiceId::Plant.index()].write(figures);
