@@ -92,7 +92,7 @@ fn host_record(
     ))
 }
 
-/// Says where the results of an interrupted campaign are kept.
+/// Prints where the results of an interrupted campaign are kept.
 fn resumes(folder: &Path) {
     note(format_args!(
         "what was flown is kept in {0}; the same command with `--out {0}` resumes there",

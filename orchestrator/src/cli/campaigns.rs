@@ -22,7 +22,8 @@ pub struct Reproduce {
     /// Which figures: 1, 2, 3-6, 7, 8, 9, 10, 11, tracking [default: all].
     #[arg(long, value_delimiter = ',', value_name = "FIGURES", value_parser = str::parse::<Figure>)]
     pub figures: Vec<Figure>,
-    /// Folder for the results; must be empty if it exists [default: the next free runs/reproduce-N].
+    /// Folder for the results: a new or empty one, or that of an interrupted command, which resumes [default: the next free
+    /// runs/reproduce-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Fly fewer seeds and a shorter list of figures, judged all the same.

@@ -41,7 +41,8 @@ pub struct Grid {
     /// Write the tables as LaTeX as well, into grid.tex.
     #[arg(long)]
     pub latex: bool,
-    /// Folder for the results; must be empty if it exists [default: the next free runs/grid-N].
+    /// Folder for the results: a new or empty one, or that of an interrupted command, which resumes [default: the next free
+    /// runs/grid-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
