@@ -1,5 +1,5 @@
-//! Hardware-in-the-loop simulator: vehicle, cameras and receiver in one process, which a flight meets over the network and
-//! a radio link. A hardware-in-the-loop simulator of the scenario that is flown.
+//! Hardware-in-the-loop simulator of a scenario: vehicle, cameras and receiver in one process, connected to the flight by
+//! the network and a radio link.
 //!
 //! ```text
 //! flight: rc_output ── frames: pseudo-terminal, TCP, UDP ──▶ receiver ─▶ actuators, body, air
@@ -15,8 +15,8 @@
 //! * [`cameras`]: poses, sent when a real system would have them ready;
 //! * [`record`]: what truly happened, on the disk.
 //!
-//! Failure policy: what cannot be had at the start is an error that names the fix. Later nothing is: who is not there is not
-//! heard, and a vehicle that has not heard who flies it for [`link_loss_timer::LOST_AFTER_NS`] lets its motors rest.
+//! Failure policy: a port or address that cannot be opened at the start is an error with the fix. Later a missing flight is
+//! no error: without frames for [`link_loss_timer::LOST_AFTER_NS`] the vehicle stops its motors.
 
 pub mod autopilot;
 pub mod betaflight;

@@ -1,7 +1,7 @@
 //! From bytes that arrive to the frame that acts on the motors.
 //!
-//! A frame acts a stated time after its last byte has arrived, as the air and the flight controller need it. Who hears
-//! nothing for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) lets the motors rest, as receivers do.
+//! A frame acts a stated time after its last byte has arrived, as the air and the flight controller need it. Without a
+//! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) receivers stop the motors.
 
 use std::collections::VecDeque;
 
@@ -77,7 +77,7 @@ impl Radio {
         self.receiver.heard()
     }
 
-    /// Returns how often nothing was heard for too long.
+    /// Returns the number of losses of the link.
     #[must_use]
     pub fn losses(&self) -> u64 {
         self.silence.losses()

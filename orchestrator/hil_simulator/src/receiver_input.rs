@@ -54,7 +54,7 @@ pub enum ReceiverInputError {
 pub enum ReceiverInput {
     /// A pseudo-terminal under the name of a serial device.
     Serial(Serial),
-    /// A TCP server, and who has connected last.
+    /// A TCP server, and its last client.
     Tcp(TcpListener, Option<TcpStream>),
     /// A socket that takes datagrams.
     Udp(UdpSocket),
@@ -182,7 +182,7 @@ impl Serial {
         })
     }
 
-    /// Lets another process open the line that one had for itself. A device does so by itself once nobody has it
+    /// Lets another process open the line that one had for itself. A device does so by itself once no process has it
     /// open, but a pseudo-terminal only when this end is closed as well.
     fn release(&self) {
         let _is_free = ioctl_tiocnxcl(&self.transmitter);
