@@ -260,7 +260,7 @@ mod tests {
             (CaptureFigures::HEALTH_UNKNOWN, "nothing has come"),
             (CaptureFigures::HEALTH_SILENT, "nothing has come"),
             (CaptureFigures::HEALTH_ABSENT, "none has seen a body `quad`"),
-            (CaptureFigures::HEALTH_SETTLING, "not believed yet"),
+            (CaptureFigures::HEALTH_SETTLING, "not accepted yet"),
             (CaptureFigures::HEALTH_DOUBTFUL, "the last frame has no pose"),
         ] {
             let reason = with(&|figures| figures.health = health);
@@ -284,7 +284,7 @@ mod tests {
             (figures.frozen, figures.jumped) = (1671, 2);
         });
         assert!(
-            still.ends_with("not believed yet; so far frozen 1671, jumped 2"),
+            still.ends_with("not accepted yet; so far frozen 1671, jumped 2"),
             "{still}"
         );
         let slow = with(&|figures| figures.rate = 20.0);
