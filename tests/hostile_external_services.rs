@@ -639,7 +639,7 @@ fn trouble_with(conduct: &str, then: Then, real_time: bool, ended_by: Signal) ->
         Ends(piece) => ends_by_itself && code == Some(3) && is_named && says(piece),
         Either => (!ends_by_itself && code == by_signal) || (matches!(code, Some(1 | 3)) && is_named),
     };
-    // Processes whose memory was overwritten may say that they met what cannot be.
+    // Processes whose memory was overwritten may report a panic.
     let is_calm = !said.contains("thread 'main'") || says("shared memory was damaged");
     let is_clean = left == (Vec::new(), Vec::new()) && !said.contains('\u{1b}') && is_calm;
     (!is_right || !is_clean).then(|| format!("{conduct}: {then:?}, code {code:?}, left {left:?}: {said}"))

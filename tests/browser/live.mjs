@@ -207,7 +207,7 @@ async function watchAFlight() {
   await check("the end of a flight is told", async () => {
     flight.kill("SIGINT");
     await page.waitForFunction(() => byId("contact").textContent === "ended");
-    assert.match(await text("banners"), /has ended; the next flight is waited for/);
+    assert.match(await text("banners"), /has ended; waiting for the next flight/);
     await flight.ended;
   });
   await check("what the published client of that protocol has received is what the log has", async () => {
