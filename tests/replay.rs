@@ -62,6 +62,22 @@ fn every_scenario_is_replayed_identically() {
     }
 }
 
+/// Logs of commit 3077b11a, in `tests/old_logs`: in lock step, in several files, and in real time with a service that died.
+#[test]
+fn logs_of_an_earlier_version_are_replayed_identically() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/old_logs");
+    for (name, in_real_time) in [("lock_step", false), ("split", false), ("real_time", true)] {
+        let replayed = replayed(&folder.join(name).join("run.mcap"));
+        assert_eq!(replayed.in_real_time, in_real_time, "{name}");
+        assert!(replayed.compared() > 1000, "{name}");
+        assert!(
+            replayed.is_identical(),
+            "{name}: {:?}",
+            replayed.first_difference()
+        );
+    }
+}
+
 #[test]
 fn a_flight_of_processes_in_which_all_fails_is_replayed_identically() {
     let place = Place::new();
