@@ -86,10 +86,7 @@ impl Campaign {
     /// Reads the results of a complete journal.
     fn read<R: DeserializeOwned>(&self, path: &Path, results: &mut Vec<R>) -> Result<(), JournalError> {
         let mut reader = JournalReader::<Self, R>::open(path)?;
-        if let Some(reason) = self.difference(&reader.header) {
-            let path = path.to_owned();
-            return Err(JournalError::Foreign { path, reason });
-        }
+        self.check(path, &reader.header)?;
         while let Some(result) = reader.next_result()? {
             results.push(result);
         }

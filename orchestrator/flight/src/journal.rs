@@ -24,6 +24,19 @@ use crate::many;
 pub trait Header: Serialize + DeserializeOwned {
     /// Returns why results under another header cannot stand beside those under this one.
     fn difference(&self, other: &Self) -> Option<String>;
+
+    /// Checks that the results of the file at `path`, whose header is `found`, can stand beside those under this one.
+    ///
+    /// # Errors
+    /// [`JournalError::Foreign`] with the difference.
+    fn check(&self, path: &Path, found: &Self) -> Result<(), JournalError> {
+        self.difference(found).map_or(Ok(()), |reason| {
+            Err(JournalError::Foreign {
+                path: path.to_owned(),
+                reason,
+            })
+        })
+    }
 }
 
 /// Last line of a complete journal.
@@ -119,7 +132,7 @@ impl Journal {
         let mut line = Vec::new();
         while reader.read_until(b'\n', &mut line).map_err(failed)? > 0 && line.ends_with(b"\n") {
             if whole == 0 {
-                check_header(&partial, &line, header)?;
+                header.check(&partial, &read_header(&partial, &line)?)?;
             } else if serde_json::from_slice(&line).is_ok_and(&mut keep) {
                 results += 1;
             } else {
@@ -253,18 +266,11 @@ fn is_at(file: &File, path: &Path) -> io::Result<bool> {
     Ok(std::fs::metadata(path).is_ok_and(|found| found.ino() == number))
 }
 
-fn check_header<H: Header>(path: &Path, line: &[u8], expected: &H) -> Result<(), JournalError> {
-    let header: H = serde_json::from_slice(line).map_err(|error| JournalError::Damaged {
+fn read_header<H: Header>(path: &Path, line: &[u8]) -> Result<H, JournalError> {
+    serde_json::from_slice(line).map_err(|error| JournalError::Damaged {
         path: path.to_owned(),
         reason: format!("its header cannot be read: {error}"),
-    })?;
-    match expected.difference(&header) {
-        None => Ok(()),
-        Some(reason) => Err(JournalError::Foreign {
-            path: path.to_owned(),
-            reason,
-        }),
-    }
+    })
 }
 
 /// Reads the results of a journal.
@@ -297,10 +303,7 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
         let mut reader = BufReader::new(file);
         let mut line = Vec::new();
         reader.read_until(b'\n', &mut line).map_err(failed)?;
-        let header = serde_json::from_slice(&line).map_err(|error| JournalError::Damaged {
-            path: path.to_owned(),
-            reason: format!("its header cannot be read: {error}"),
-        })?;
+        let header = read_header(path, &line)?;
         let mut hash = Sha256::new();
         hash.update(&line);
         Ok(Self {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use ::flight::journal::Header as _;
 use parquet::errors::ParquetError;
 use serde::Serialize;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use ::flight::journal::{self, Journal, JournalError, JournalReader};
+use ::flight::journal::{self, Header as _, Journal, JournalError, JournalReader};
 use serde::{Deserialize, Serialize};
 
 use crate::error::SweepError;
@@ -120,10 +120,10 @@ impl Header {
             columns: columns.iter().map(|column| column.name.clone()).collect(),
         }
     }
+}
 
-    /// Returns why rows under another header cannot stand beside those under this one.
-    #[must_use]
-    pub fn difference(&self, other: &Self) -> Option<String> {
+impl journal::Header for Header {
+    fn difference(&self, other: &Self) -> Option<String> {
         let fixed = if self.form != other.form {
             Some("it has the form of another version of gerono")
         } else if self.scenario_text != other.scenario_text {
@@ -146,12 +146,6 @@ impl Header {
                 .next()
                 .map(|name| format!("{name} is another file than it was flown with"))
         })
-    }
-}
-
-impl journal::Header for Header {
-    fn difference(&self, other: &Self) -> Option<String> {
-        Self::difference(self, other)
     }
 }
 
@@ -216,9 +210,7 @@ fn check_folder(folder: &Path, expected: &Header) -> Result<(), SweepError> {
             program: reader.header().program.clone(),
             ..expected.clone()
         };
-        if let Some(reason) = expected.difference(reader.header()) {
-            return Err(JournalError::Foreign { path, reason }.into());
-        }
+        expected.check(&path, reader.header())?;
     }
     Ok(())
 }
@@ -230,9 +222,7 @@ fn check_folder(folder: &Path, expected: &Header) -> Result<(), SweepError> {
 fn check_complete(folder: &Path, expected: &Header) -> Result<(), JournalError> {
     let path = expected.shard.path(folder);
     let mut reader = ShardReader::open(&path)?;
-    if let Some(reason) = expected.difference(reader.header()) {
-        return Err(JournalError::Foreign { path, reason });
-    }
+    expected.check(&path, reader.header())?;
     while reader.next_row()?.is_some() {}
     Ok(())
 }
