@@ -313,7 +313,7 @@ impl Here {
                 break;
             }
             if armed_ns.is_none() && now_ns - began_ns > PATIENCE_NS {
-                return Err(RunFailure::setup("nobody could arm the flight"));
+                return Err(RunFailure::setup("the flight could not be armed"));
             }
             if armed_ns.is_none() && number % BETWEEN_REQUESTS == 0 {
                 flight.arm()?;
