@@ -74,6 +74,7 @@ impl From<JournalError> for Failure {
     fn from(error: JournalError) -> Self {
         match error {
             JournalError::File { .. } => Self::not_written(error),
+            JournalError::Program(_) => Self::trouble(error),
             _ => Self::bad_input(error),
         }
     }

@@ -1,7 +1,6 @@
 //! A campaign: many flights, each with a result. The results are in the order of the flights; a campaign that was killed
 //! resumes behind those that it has written.
 
-use std::io;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -29,16 +28,19 @@ impl Campaign {
     /// Makes the campaign of a kind that flies these flights, each of which is said by a scenario, or by more than one value.
     ///
     /// # Errors
-    /// If the program cannot be read.
-    pub fn new<F: Serialize>(kind: &str, flights: impl IntoIterator<Item = F>) -> io::Result<Self> {
+    /// [`JournalError::Program`] if the program cannot be read.
+    ///
+    /// # Panics
+    /// If a flight cannot be written as JSON.
+    pub fn new<F: Serialize>(kind: &str, flights: impl IntoIterator<Item = F>) -> Result<Self, JournalError> {
         let (mut hash, mut count) = (Sha256::new(), 0);
         for flight in flights {
-            hash.update(serde_json::to_vec(&flight)?);
+            hash.update(serde_json::to_vec(&flight).expect("flights can be written"));
             count += 1;
         }
         Ok(Self {
             kind: kind.to_owned(),
-            program: program_hash()?,
+            program: program_hash().map_err(JournalError::Program)?,
             flights: count,
             flown: hex(&hash.finalize()),
         })

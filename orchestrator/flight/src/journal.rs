@@ -72,6 +72,9 @@ pub enum JournalError {
         /// The reason.
         reason: String,
     },
+    /// The program that flies cannot be read, whose hash results depend on.
+    #[error("cannot read this program: {0}")]
+    Program(#[source] io::Error),
     /// Its content is not what was written.
     #[error("{}: {reason}; remove it and fly again", path.display())]
     Damaged {

@@ -195,7 +195,7 @@ pub fn fly(
     for job in jobs.iter().step_by(seeds) {
         in_process::host(job)?;
     }
-    let campaign = Campaign::new("grid", jobs).map_err(GridError::Unreadable)?;
+    let campaign = Campaign::new("grid", jobs)?;
     let fly = |index: usize| FlightResult::fly(&jobs[index], interrupt);
     let results = campaign.fly(&folder.join(FLIGHTS), many::cores(), fly, flown)?;
     let pairs = laws

@@ -70,7 +70,7 @@ pub fn search(
             searches.push((&law.name, scenario.clone(), quantity.name, seeds));
         }
     }
-    let campaign = Campaign::new("margins", searches).map_err(GridError::Unreadable)?;
+    let campaign = Campaign::new("margins", searches)?;
     let search = |index: usize| {
         let (law, quantity) = pairs[index];
         let margin = margin(base, law, quantity, seeds, interrupt);

@@ -169,17 +169,13 @@ impl FlightResults {
         interrupt: &Interrupt,
         flown: impl FnMut(usize),
     ) -> Result<Option<Self>, JournalError> {
-        let path = folder.join(FLIGHTS);
         let scenarios = jobs.iter().map(|job| &job.scenario);
-        let campaign = Campaign::new("reproduce", scenarios).map_err(|error| JournalError::File {
-            path: path.clone(),
-            error,
-        })?;
+        let campaign = Campaign::new("reproduce", scenarios)?;
         let fly = |index: usize| match measure(&jobs[index].scenario, interrupt) {
             Err(NotMeasured::Interrupted(_)) => None,
             result => Some(Ok(result.map_err(|reason| reason.to_string()))),
         };
-        let results = campaign.fly::<_, JournalError>(&path, threads, fly, flown)?;
+        let results = campaign.fly::<_, JournalError>(&folder.join(FLIGHTS), threads, fly, flown)?;
         let is_whole = results.len() == jobs.len();
         let entries = jobs
             .iter()
