@@ -25,7 +25,7 @@ impl Log {
         let path = log_meant_by(&path);
         let reader = open(&path)?;
         Ok(Self {
-            scenario: serde_json::to_string(&reader.manifest().scenario).map_err(crate::errors::other)?,
+            scenario: reader.manifest().scenario.to_json(),
             recovery: {
                 let recoveries: Vec<_> = reader.recoveries().iter().map(ToString::to_string).collect();
                 (!recoveries.is_empty()).then(|| recoveries.join("\n"))

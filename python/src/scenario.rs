@@ -78,7 +78,7 @@ impl Scenario {
     /// The scenario with settings, as JSON.
     fn _json(&self, sets: Vec<String>, seed: Option<u64>) -> PyResult<String> {
         let scenario = self.load(&sets, seed)?;
-        serde_json::to_string(&scenario).map_err(errors::other)
+        Ok(scenario.to_json())
     }
 
     fn _fly(

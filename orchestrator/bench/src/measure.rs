@@ -304,7 +304,7 @@ impl FlightCommand {
             folder: folder.path(),
             scenario: folder.path().join("fig1.toml"),
         };
-        let text = toml::to_string(flight).map_err(RunFailure::setup)?;
+        let text = scenario_file::to_toml(flight).map_err(RunFailure::setup)?;
         result_file::write(&command.scenario, text, &[]).map_err(RunFailure::setup)?;
         Ok(command)
     }

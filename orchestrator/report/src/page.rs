@@ -147,7 +147,7 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         steady: flight.summary.steady.as_ref(),
         metrics: flight.summary.metrics.as_ref(),
         broken: flight.broken.as_deref(),
-        scenario: toml::to_string(scenario).unwrap_or_else(|error| format!("# {error}")),
+        scenario: scenario_file::to_toml(scenario).unwrap_or_else(|error| format!("# {error}")),
         facts: flight.facts.as_ref(),
         phases: &flight.summary.phases,
         faults: &flight.summary.faults,

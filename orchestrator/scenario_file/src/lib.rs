@@ -99,6 +99,17 @@ pub fn load_text(
     Ok(scenario)
 }
 
+/// Returns the text of a scenario, which [`load_text`] reads.
+///
+/// # Errors
+/// If it has a value that TOML does not have.
+pub fn to_toml(scenario: &Scenario) -> Result<String, toml::ser::Error> {
+    let mut text = toml::ser::Buffer::new();
+    // The derived function, not that of serde's trait, which does not keep the order of the keys.
+    Scenario::serialize(scenario, toml::Serializer::new(&mut text))?;
+    Ok(text.to_string())
+}
+
 /// Refuses settings of gains that the law of a scenario does not use.
 fn refuse_another_law(
     scenario: &Scenario,

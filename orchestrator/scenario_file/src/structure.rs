@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use scenario::schema::{resolved, schema, type_name};
 use scenario::{Key, MOVED_KEYS, Scenario, suggest};
-use serde::Deserialize;
 use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeArray, DeFloat, DeInteger, DeString, DeTable, DeValue, Deserializer};

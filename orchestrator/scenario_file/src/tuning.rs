@@ -62,7 +62,7 @@ pub fn tune(scenario: &Scenario, setting: &str) -> Result<Tuned, TuningError> {
             reason: "services read it once, at their start",
         });
     }
-    let text = toml::to_string(scenario)?;
+    let text = super::to_toml(scenario)?;
     let flown = Path::new("the scenario in flight");
     let scenario = load_text(flown, &text, &[setting.to_owned()], None).map_err(TuningError::Scenario)?;
     Ok(Tuned { scenario, key })

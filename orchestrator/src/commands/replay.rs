@@ -25,7 +25,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     let changed = if arguments.sets.is_empty() {
         None
     } else {
-        let text = toml::to_string(recorded).map_err(Failure::trouble)?;
+        let text = scenario_file::to_toml(recorded).map_err(Failure::trouble)?;
         let scenario = scenario_file::load_text(&log, &text, &arguments.sets, None);
         Some(scenario.map_err(Failure::from)?)
     };

@@ -32,6 +32,7 @@ mod rc_link;
 mod record;
 mod safety;
 pub mod schema;
+mod serialized;
 pub mod suggest;
 #[cfg(test)]
 mod tests_support;
@@ -93,7 +94,8 @@ pub type Vector = [f64; 3];
 
 /// A flight: vehicle, path, controller, schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, remote = "Self")]
+#[schemars(!remote)]
 pub struct Scenario {
     /// Purpose of the scenario, one line.
     #[serde(default)]

@@ -106,7 +106,7 @@ fn the_scenario_has_name_and_hash_of_the_file_and_refuses_another() {
         &["`path.curve.waypoints.sha256`", sum, "has changed since"],
     );
     // What a log has needs no file.
-    let text = toml::to_string(&scenario).unwrap();
+    let text = crate::to_toml(&scenario).unwrap();
     let again = super::load_text(&text, &[]).unwrap();
     assert_eq!(again, scenario);
 }

@@ -3,7 +3,6 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Bound;
 
-use serde::Deserialize;
 use serde_json::{Value as Schema, json};
 use toml::Value;
 
