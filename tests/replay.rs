@@ -4,8 +4,9 @@
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
 use crate::common;
+use crate::plugins::compile;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use common::logs::{
     assert_only_the_controller_differs, published, replayed, replayed_with_another_controller,
@@ -62,20 +63,55 @@ fn every_scenario_is_replayed_identically() {
     }
 }
 
-/// Logs of commit 3077b11a, in `tests/old_logs`: in lock step, in several files, and in real time with a service that died.
-#[test]
-fn logs_of_an_earlier_version_are_replayed_identically() {
+/// Logs of earlier versions, in folders named by their commits.
+fn old_log(commit: &str, kind: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/old_logs");
-    for (name, in_real_time) in [("lock_step", false), ("split", false), ("real_time", true)] {
-        let replayed = replayed(&folder.join(name).join("run.mcap"));
-        assert_eq!(replayed.in_real_time, in_real_time, "{name}");
-        assert!(replayed.compared() > 1000, "{name}");
-        assert!(
-            replayed.is_identical(),
-            "{name}: {:?}",
-            replayed.first_difference()
-        );
+    folder.join(commit).join(kind).join("run.mcap")
+}
+
+/// In lock step, in several files, and in real time with services that died.
+#[test]
+fn logs_of_earlier_versions_are_replayed_identically() {
+    for commit in ["f7d5687", "3077b11a"] {
+        for (kind, in_real_time) in [("lock_step", false), ("split", false), ("real_time", true)] {
+            let replayed = replayed(&old_log(commit, kind));
+            assert_eq!(replayed.in_real_time, in_real_time, "{commit} {kind}");
+            assert!(replayed.compared() > 1000, "{commit} {kind}");
+            assert!(
+                replayed.is_identical(),
+                "{commit} {kind}: {:?}",
+                replayed.first_difference()
+            );
+        }
     }
+}
+
+/// Its plug-in was compiled for the layouts of that version, and is compiled for those of now.
+#[test]
+fn a_log_of_an_earlier_version_is_replayed_identically_with_its_plug_in() {
+    let place = Place::new();
+    compile("examples/plugin_c/pid.c", &place.path("libpid.so"), &[]);
+    let log = old_log("f7d5687", "plugin");
+    let folder = format!("plugins.folder={:?}", place.path(""));
+    let library = ["--set", &folder, "--set", "plugins.sha256={}"];
+    succeed(
+        place
+            .gerono(&["replay", log.to_str().unwrap(), "--quiet"])
+            .args(library),
+    );
+}
+
+/// A copy states the layouts of its source, so that what they lack is not compared.
+#[test]
+fn a_recovered_log_of_an_earlier_version_is_replayed_identically() {
+    let place = Place::new();
+    let copy = place.path("run.mcap");
+    let log = std::fs::read(old_log("f7d5687", "lock_step")).unwrap();
+    std::fs::write(&copy, &log[..log.len() * 9 / 10]).unwrap();
+    succeed(&mut place.gerono(&["recover", copy.to_str().unwrap()]));
+    let recovered = replayed(&run_log::recovered_path(&copy));
+    assert!(recovered.compared() > 500);
+    assert!(recovered.is_identical(), "{:?}", recovered.first_difference());
 }
 
 #[test]

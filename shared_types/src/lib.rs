@@ -22,6 +22,7 @@
 pub mod capture_figures;
 pub mod checkpoint;
 pub mod digest;
+mod earlier_layouts;
 pub mod finiteness;
 pub mod flight_phase;
 pub mod input_validator;

@@ -4,6 +4,8 @@
 //! two samples of one tick the first counts. So the recorded sample is that of the first finished step, or of an
 //! unfinished one before it.
 
+use std::ops::Range;
+
 use host::owned_sample::OwnedSample;
 use scenario::Recorded;
 use shared_types::Topic;
@@ -24,11 +26,11 @@ pub(super) struct Comparator {
 
 impl Comparator {
     /// Creates the comparator for the topics that the service publishes, in the order of the wiring table, with their
-    /// recorded parts.
-    pub(super) fn new(topics: impl IntoIterator<Item = (Topic, Recorded)>) -> Self {
+    /// recorded parts and the bytes of a sample that are not compared.
+    pub(super) fn new(topics: impl IntoIterator<Item = (Topic, Recorded, Range<usize>)>) -> Self {
         let topics = topics
             .into_iter()
-            .map(|(topic, recorded)| TopicComparator::new(topic, recorded));
+            .map(|(topic, recorded, padding)| TopicComparator::new(topic, recorded, padding));
         Self {
             topics: topics.collect(),
             checkpoints: 0,
@@ -74,9 +76,9 @@ struct TopicComparator {
 }
 
 impl TopicComparator {
-    fn new(topic: Topic, recorded: Recorded) -> Self {
+    fn new(topic: Topic, recorded: Recorded, padding: Range<usize>) -> Self {
         Self {
-            comparison: Comparison::new(topic),
+            comparison: Comparison::new(topic, padding),
             recorded,
             is_settled: false,
             unconfirmed: None,
@@ -142,7 +144,7 @@ mod tests {
         if let Some(gamma) = recorded {
             history.keep(PathReference::TOPIC, sample(gamma).as_bytes());
         }
-        let mut topic = TopicComparator::new(PathReference::TOPIC, Recorded::All);
+        let mut topic = TopicComparator::new(PathReference::TOPIC, Recorded::All, 0..0);
         for (gamma, is_finished) in steps {
             topic.compare(sample(*gamma).as_bytes(), *is_finished, &history);
         }

@@ -1,5 +1,7 @@
 //! Comparison of replayed with recorded samples.
 
+use std::ops::Range;
+
 use serde_json::Value;
 use shared_types::Topic;
 use shared_types::service::{header_of, seconds};
@@ -20,6 +22,8 @@ pub struct Comparison {
     pub first: Option<Difference>,
     /// Largest difference of any number, and the time of its sample, s.
     pub largest: Option<(f64, f64)>,
+    /// Bytes that are not compared: a recorded sample of an earlier layout has padding there.
+    padding: Range<usize>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +38,9 @@ pub struct Difference {
 }
 
 impl Comparison {
-    /// Creates a comparison without samples.
+    /// Creates a comparison without samples, of all bytes but those of `padding`.
     #[must_use]
-    pub fn new(topic: Topic) -> Self {
+    pub fn new(topic: Topic, padding: Range<usize>) -> Self {
         Self {
             topic,
             compared: 0,
@@ -45,6 +49,7 @@ impl Comparison {
             different: 0,
             first: None,
             largest: None,
+            padding,
         }
     }
 
@@ -63,19 +68,29 @@ impl Comparison {
 
     /// Returns whether this sample was recorded with equal bytes.
     pub(super) fn is_recorded(&self, replayed: &[u8], history: &History) -> bool {
-        history.sample(self.topic, header_of(replayed).seq) == Some(replayed)
+        let recorded = history.sample(self.topic, header_of(replayed).seq);
+        recorded.is_some_and(|recorded| self.first_different_byte(recorded, replayed).is_none())
     }
 
     /// Compares two samples of the topic; the recorded one, or that of the first log, comes first.
     pub fn compare_with(&mut self, recorded: &[u8], replayed: &[u8]) {
         self.compared += 1;
-        if recorded != replayed {
-            self.note(recorded, replayed);
+        if let Some(place) = self.first_different_byte(recorded, replayed) {
+            self.note(place, recorded, replayed);
         }
     }
 
+    fn first_different_byte(&self, recorded: &[u8], replayed: &[u8]) -> Option<usize> {
+        if recorded == replayed {
+            return None;
+        }
+        let mut pairs = recorded.iter().zip(replayed).enumerate();
+        let differs = |place, one: &u8, other: &u8| one != other && !self.padding.contains(&place);
+        pairs.find_map(|(place, (one, other))| differs(place, one, other).then_some(place))
+    }
+
     #[cold]
-    fn note(&mut self, recorded: &[u8], replayed: &[u8]) {
+    fn note(&mut self, place: usize, recorded: &[u8], replayed: &[u8]) {
         self.different += 1;
         let header = header_of(recorded);
         let time = seconds(header.stamp_ns);
@@ -84,7 +99,7 @@ impl Comparison {
             self.largest = Some((distance, time));
         }
         if self.first.is_none() {
-            let (field, recorded, replayed) = first_difference(self.topic, recorded, replayed);
+            let (field, recorded, replayed) = values_at(self.topic, place, recorded, replayed);
             self.first = Some(Difference {
                 topic: self.topic,
                 tick: header.tick,
@@ -112,14 +127,10 @@ impl Comparison {
     }
 }
 
-/// Returns the first node with a differing byte, and both values, which may compare as equal, like 0 and −0.
-fn first_difference(topic: Topic, recorded: &[u8], replayed: &[u8]) -> (String, Value, Value) {
-    let place = recorded
-        .iter()
-        .zip(replayed)
-        .position(|(one, other)| one != other);
+/// Returns the member at a differing byte, and both values, which may compare as equal, like 0 and −0.
+fn values_at(topic: Topic, place: usize, recorded: &[u8], replayed: &[u8]) -> (String, Value, Value) {
     let members = topic.members().into_iter();
-    let before = members.take_while(|node| place.is_some_and(|place| node.offset <= place));
+    let before = members.take_while(|node| node.offset <= place);
     let field = before.last().map_or("", |node| node.name);
     let [recorded, replayed] = [recorded, replayed].map(|bytes| decode_sample(topic, bytes));
     let value = |sample: &Value| sample.get(field).cloned().unwrap_or_default();

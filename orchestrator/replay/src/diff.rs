@@ -35,9 +35,13 @@ impl TopicDiff {
 /// Error of either log.
 pub fn diff(first: &Path, second: &Path) -> Result<Vec<TopicDiff>, LogReadError> {
     let mut logs = [Log::open(first)?, Log::open(second)?];
-    let mut topics = Topic::ALL.map(|topic| TopicDiff {
-        comparison: Comparison::new(topic),
-        unmatched: [0, 0],
+    let mut topics = Topic::ALL.map(|topic| {
+        let mut paddings = logs.iter().map(|log| log.reader.manifest().padding(topic));
+        let padding = paddings.find(|padding| !padding.is_empty());
+        TopicDiff {
+            comparison: Comparison::new(topic, padding.unwrap_or_default()),
+            unmatched: [0, 0],
+        }
     });
     // The log with the lower tick is read next.
     while let Some(at) = (0..2)

@@ -235,7 +235,10 @@ pub fn replay(
                 Box::new(InThisProcess::new(service, &schedule))
             }
         };
-        Ok(ServiceReplay::new(service, &schedule, stepper, scope, &topics))
+        let manifest = reader.manifest();
+        Ok(ServiceReplay::new(
+            service, &schedule, stepper, scope, &topics, manifest,
+        ))
     };
     let mut replayed: Vec<_> = schedule.order().iter().copied().filter(wanted).collect();
     let seen = |service: &ServiceId| service.is_the_world() && !schedule.simulates_the_world();

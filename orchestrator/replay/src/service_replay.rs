@@ -2,6 +2,7 @@
 
 use host::edge_store::EdgeStore;
 use host::step::{Timetable, Views};
+use run_log::Manifest;
 use scenario::Recorded;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{InputView, header_of};
@@ -48,10 +49,14 @@ impl ServiceReplay {
         stepper: Box<dyn Stepper>,
         scope: Scope,
         recorded: &[Recorded; Topic::ALL.len()],
+        manifest: &Manifest,
     ) -> Self {
         let timetable = Timetable::new(schedule, service);
         let outputs = schedule.outputs(service);
-        let outputs = outputs.map(|output| (output.topic, recorded[output.topic.index()]));
+        let outputs = outputs.map(|output| {
+            let topic = output.topic;
+            (topic, recorded[topic.index()], manifest.padding(topic))
+        });
         let mut stores: [Option<EdgeStore>; MAX_PORTS] = Default::default();
         for (store, edge) in stores.iter_mut().zip(&timetable.inputs) {
             *store = edge.has_faults().then(|| EdgeStore::new(edge.clone()));

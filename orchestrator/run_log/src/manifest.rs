@@ -1,6 +1,7 @@
 //! Manifest of a log: the facts that determined its results.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use scenario::{MOVED_KEYS, Scenario};
 use serde_json::Value;
@@ -25,6 +26,8 @@ pub(super) const COPY_RECORD_NAME: &str = "gerono_view";
 pub struct Manifest {
     /// The flown scenario with its seed, without the sections on the use of the machine.
     pub scenario: Scenario,
+    /// Layout hashes of the topics whose samples were recorded in an earlier layout.
+    earlier_layouts: BTreeMap<Topic, String>,
 }
 
 /// Reason why a log has no valid manifest of this program.
@@ -59,14 +62,27 @@ impl Manifest {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             scenario: scenario.experiment(),
+            earlier_layouts: BTreeMap::new(),
         }
+    }
+
+    /// Returns the bytes of a topic's samples that were padding when the flight was recorded and belong to a member now.
+    #[must_use]
+    pub fn padding(&self, topic: Topic) -> Range<usize> {
+        let layout = self.earlier_layouts.get(&topic);
+        layout
+            .and_then(|layout| topic.padding_in(layout))
+            .unwrap_or_default()
     }
 
     /// Converts to MCAP metadata: the scenario as JSON with its checksum, because MCAP has none for metadata in an unclosed
     /// log; the seed, for users; version and layout hashes.
     pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
-        let scenario = serde_json::to_string(&self.scenario).expect("a scenario has only string keys");
-        let layouts = topics_of(&self.scenario).map(|topic| (layout_key(topic), topic.layout_hash()));
+        let scenario = self.scenario.to_json();
+        let layouts = topics_of(&self.scenario).map(|topic| {
+            let earlier = self.earlier_layouts.get(&topic).cloned();
+            (layout_key(topic), earlier.unwrap_or_else(|| topic.layout_hash()))
+        });
         let mut metadata: BTreeMap<_, _> = layouts.collect();
         metadata.insert(FORMAT_KEY.to_owned(), FORMAT_VERSION.to_string());
         metadata.insert(CHECKSUM_KEY.to_owned(), checksum(&scenario));
@@ -82,15 +98,17 @@ impl Manifest {
         if *version != FORMAT_VERSION.to_string() {
             return Err(ManifestProblem::Version(version.clone()));
         }
-        let differs = |topic: &Topic| match metadata.get(&layout_key(*topic)) {
-            Some(layout) => *layout != topic.layout_hash(),
-            None => *topic != Topic::ControlTelemetry,
-        };
-        let differing: Vec<_> = Topic::ALL
-            .into_iter()
-            .filter(differs)
-            .map(Topic::msg_name)
-            .collect();
+        let (mut differing, mut earlier_layouts) = (Vec::new(), BTreeMap::new());
+        for topic in Topic::ALL {
+            match metadata.get(&layout_key(topic)) {
+                None if topic == Topic::ControlTelemetry => {}
+                Some(layout) if *layout == topic.layout_hash() => {}
+                Some(layout) if topic.padding_in(layout).is_some() => {
+                    earlier_layouts.insert(topic, layout.clone());
+                }
+                _ => differing.push(topic.msg_name()),
+            }
+        }
         if !differing.is_empty() {
             return Err(ManifestProblem::Layouts(differing));
         }
@@ -103,7 +121,10 @@ impl Manifest {
         if !is_as_written || *get(SEED_KEY)? != scenario.seed.to_string() {
             return Err(ManifestProblem::Altered);
         }
-        Ok(Self { scenario })
+        Ok(Self {
+            scenario,
+            earlier_layouts,
+        })
     }
 }
 

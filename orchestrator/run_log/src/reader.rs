@@ -494,10 +494,11 @@ impl LogReader {
             }
             Ok(Record::Channel(channel)) => {
                 let schema = self.schemas.get(&channel.schema_id);
+                let layout = channel.metadata.get(LAYOUT_KEY);
                 let topic = Topic::from_name(&channel.topic).filter(|topic| {
                     schema.is_some_and(|name| name == topic.msg_name())
                         && channel.message_encoding == "cdr"
-                        && channel.metadata.get(LAYOUT_KEY) == Some(&topic.layout_hash())
+                        && layout.is_some_and(|layout| topic.padding_in(layout).is_some())
                 });
                 let Some(topic) = topic else {
                     return Err(self.damaged(format!("the channel `{}` is none of ours", channel.topic)));

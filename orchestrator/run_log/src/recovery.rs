@@ -243,7 +243,7 @@ impl<'a> Survey<'a> {
     }
 
     fn take_manifest(&mut self, manifest: Result<Manifest, ManifestProblem>) {
-        if let Ok(Manifest { scenario }) = &manifest {
+        if let Ok(Manifest { scenario, .. }) = &manifest {
             let topics = Recorded::of_topics(scenario);
             self.recorded[..topics.len()].copy_from_slice(&topics);
             let schedule = scenario.schedule().ok();

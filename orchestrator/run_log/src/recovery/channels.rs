@@ -48,6 +48,12 @@ impl Kind {
         Self::new::<T>(T::CHANNEL, None)
     }
 
+    /// Returns whether samples of this layout can be read, which is the current or a known earlier one.
+    fn has_layout(&self, layout: &str) -> bool {
+        let is_earlier = |topic: Topic| topic.padding_in(layout).is_some();
+        layout == self.layout || self.topic.is_some_and(is_earlier)
+    }
+
     /// Returns whether a channel of a log has samples of this kind, in any layout.
     pub(super) fn is_of(&self, channel: &str, schema: &str) -> bool {
         self.channel == channel && self.schema == schema
@@ -179,7 +185,11 @@ impl<'a> Channels<'a> {
             return;
         };
         let kind = &self.kinds[position];
-        if channel.metadata.get(LAYOUT_KEY) == Some(&kind.layout) {
+        if channel
+            .metadata
+            .get(LAYOUT_KEY)
+            .is_some_and(|layout| kind.has_layout(layout))
+        {
             self.declared.insert(channel.id, position);
         } else if !self.other_layouts.contains(&kind.schema) {
             self.other_layouts.push(kind.schema);
