@@ -62,7 +62,7 @@ pub struct Supervisor<'a> {
     lock: BorrowedFd<'a>,
     schedule: &'a Schedule,
     start: Start,
-    /// Planned crashes: the first one of a service applies to its first process, and so on.
+    /// Planned crashes: the first one of a service applies until its process dies by itself, and so on.
     crashes: Vec<(ServiceId, Crash)>,
     restart_policies: RestartPolicies,
     members: Vec<ManagedService>,
@@ -211,10 +211,10 @@ impl<'a> Supervisor<'a> {
         self.members.push(member);
     }
 
-    /// Returns the planned crash of a service's process after `lives` earlier ones.
-    fn crash_of(&self, service: ServiceId, lives: u32) -> Option<Crash> {
+    /// Returns the planned crash of a service after `deaths`.
+    fn crash_of(&self, service: ServiceId, deaths: u32) -> Option<Crash> {
         let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
-        own.nth(lives as usize).map(|(_, crash)| *crash)
+        own.nth(deaths as usize).map(|(_, crash)| *crash)
     }
 
     fn spawn(&self, name: &str) -> Result<Process, RunFailure> {

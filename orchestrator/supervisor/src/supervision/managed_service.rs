@@ -25,6 +25,8 @@ pub(super) struct ManagedService {
     pub(super) phase: Phase,
     /// Number of processes started so far.
     pub(super) lives: u32,
+    /// Number of processes that died without being killed by the supervisor.
+    pub(super) deaths: u32,
     /// Number of consecutive deaths without progress.
     pub(super) fruitless: u32,
     /// 1 + the last stepped tick before the last death.
@@ -95,6 +97,7 @@ impl ManagedService {
             process,
             phase: Phase::Starting,
             lives: 1,
+            deaths: 0,
             fruitless: 0,
             flown_until: 0,
             died_at: None,

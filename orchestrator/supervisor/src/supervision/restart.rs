@@ -42,8 +42,9 @@ impl Supervisor<'_> {
         if let Some(words) = member.fatal_report.take(flown_until) {
             exit.description = words;
         }
-        if let Some(what) = member.blamed.take() {
-            exit.description = format!("killed, because it {what}");
+        match member.blamed.take() {
+            Some(what) => exit.description = format!("killed, because it {what}"),
+            None => member.deaths += 1,
         }
         self.exits.push((Some(service), pid, exit.clone()));
 
@@ -227,7 +228,7 @@ impl Supervisor<'_> {
         let service = self.members[at].service;
         let role = Role {
             service,
-            crash: self.crash_of(service, self.members[at].lives),
+            crash: self.crash_of(service, self.members[at].deaths),
         };
         // The standby process has built the internal services, not the external one.
         let standby = if self.is_external_service(at) {
