@@ -11,9 +11,8 @@
 //! * `GERONO_CAMERA_RATE`: rate of the cameras, Hz, 100 unless stated;
 //! * `GERONO_CAMERA_FIFO`: flies with real-time priorities if it is 1.
 
-#[path = "common/adversary/mod.rs"]
-mod adversary;
-mod common;
+use crate::adversary;
+use crate::common;
 
 use std::fmt::{Display, Formatter};
 

@@ -3,7 +3,7 @@
 //!
 //! Namespaces are not permitted everywhere; where they are not, these tests are skipped with a message.
 
-mod common;
+use crate::common;
 
 use std::io::{PipeWriter, pipe};
 use std::os::fd::AsFd;

@@ -3,7 +3,7 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-mod common;
+use crate::common;
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;

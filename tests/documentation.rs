@@ -271,11 +271,14 @@ fn code_spans(text: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Returns whether a name is that of a file of tests.
+/// Returns whether a name is that of a program of tests.
 fn is_test(name: &str, members: &BTreeMap<String, Member>) -> bool {
     let folders = members.values().map(|member| repository(&member.folder));
     let mut folders = folders.chain([repository("")]);
-    folders.any(|folder| folder.join("tests").join(name).with_extension("rs").exists())
+    folders.any(|folder| {
+        let file = folder.join("tests").join(name);
+        file.with_extension("rs").exists() || file.join("main.rs").exists()
+    })
 }
 
 /// Returns whether a text between backticks is a command, or why none like it exists.

@@ -3,7 +3,7 @@
 //!
 //! `GERONO_HANGS` says how often each is done (1 unless stated; `.ci/full` asks for 20). Prints the table of gaps.
 
-mod common;
+use crate::common;
 
 use std::time::Duration;
 

@@ -4,9 +4,8 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-mod common;
-#[path = "common/external_service.rs"]
-mod external_service;
+use crate::common;
+use crate::external_service;
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;

@@ -2,7 +2,7 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-mod common;
+use crate::common;
 
 use std::process::Command;
 

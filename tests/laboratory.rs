@@ -1,7 +1,7 @@
 //! Flights in real time with a laboratory around them: a motion-capture server on a socket, a receiver on a
 //! pseudo-terminal. The vehicle rests on the ground whatever it is told.
 
-mod common;
+use crate::common;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::os::fd::OwnedFd;

@@ -1,6 +1,6 @@
 //! Failures outside of the control path land the vehicle: none of them ends a flight in the air.
 
-mod common;
+use crate::common;
 
 use std::process::Stdio;
 use std::time::{Duration, Instant};

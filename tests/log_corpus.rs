@@ -1,7 +1,6 @@
 //! Every file of the log reader's fuzzing corpus is read and recovered as it should be, as the fuzzer demands it.
 
-#[path = "../orchestrator/fuzz/src/lib.rs"]
-mod fuzz;
+use crate::fuzz;
 
 use std::path::Path;
 

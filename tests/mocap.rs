@@ -1,6 +1,6 @@
 //! `gerono mocap`: one process seems to be a motion-capture system, another listens to it.
 
-mod common;
+use crate::common;
 
 use std::net::UdpSocket;
 use std::process::{Child, Output};

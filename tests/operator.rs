@@ -1,7 +1,6 @@
 //! An operator's requests reach the flight, from whatever environment and whatever else is in the way.
 
-mod common;
-mod kill_switch;
+use crate::common;
 
 use std::fs::File;
 use std::process::Command;

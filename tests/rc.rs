@@ -1,6 +1,6 @@
 //! `gerono rc` with a receiver on a pseudo-terminal, and with the log of a flight.
 
-mod common;
+use crate::common;
 
 use std::os::fd::OwnedFd;
 use std::process::Command;

@@ -4,7 +4,7 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-mod common;
+use crate::common;
 
 use std::fs::{self, File};
 use std::io;

@@ -1,6 +1,6 @@
 //! `gerono top` as its user has it: in a terminal, beside a flight that goes on.
 
-mod common;
+use crate::common;
 
 use std::process::{Child, Command};
 

@@ -1,12 +1,6 @@
 //! Controller as a service: estimators between the steps, no command without inputs, restarts, and no allocation.
 
-#[path = "../../../tests/common/allocations.rs"]
-mod allocations;
-mod support;
-
-#[path = "../../../tests/common/restart.rs"]
-mod restart;
-
+use crate::{allocations, restart, support};
 use control_law::adaptive::parameter_vector::ParameterVector;
 use control_law::{Estimates, Evaluation, Measured, Parameters, Reference, evaluate};
 use controller::ControllerService;

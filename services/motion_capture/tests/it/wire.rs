@@ -2,9 +2,7 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-#[path = "common/systems.rs"]
-mod systems;
-
+use crate::systems;
 use std::path::Path;
 
 use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};

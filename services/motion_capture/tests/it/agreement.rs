@@ -1,9 +1,7 @@
 //! What holds for every motion-capture system: these tests go through [`CaptureSystem::ALL`], so that a new one is among
 //! them.
 
-#[path = "common/systems.rs"]
-mod systems;
-
+use crate::systems;
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::time::{Duration, Instant};

@@ -1,8 +1,6 @@
 //! A step of the transmitter allocates nothing.
 
-#[path = "../../../tests/common/allocations.rs"]
-mod allocations;
-
+use crate::allocations;
 use rc_output::RcOutputService;
 use shared_types::Now;
 use shared_types::samples::{ControlCommand, RcFrame};

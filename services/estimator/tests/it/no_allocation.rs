@@ -1,8 +1,6 @@
 //! A step of the estimator allocates nothing.
 
-#[path = "../../../tests/common/allocations.rs"]
-mod allocations;
-
+use crate::allocations;
 use estimator::EstimatorService;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};

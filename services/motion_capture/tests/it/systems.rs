@@ -58,7 +58,6 @@ pub fn frame(system: CaptureSystem, number: u32, bodies: &[(&str, Option<Capture
 }
 
 /// Returns the packets of a system's introduction and a frame of two bodies, with the names of their files.
-#[allow(dead_code, reason = "one of two programs that share this file")]
 pub fn packets() -> impl Iterator<Item = (String, Vec<u8>)> {
     CaptureSystem::ALL.into_iter().flat_map(|system| {
         let bodies = ["quad", "wand"];

@@ -1,10 +1,6 @@
 //! From the packet to the pose nothing is allocated, whatever the system.
 
-#[path = "../../../tests/common/allocations.rs"]
-mod allocations;
-#[path = "common/systems.rs"]
-mod systems;
-
+use crate::{allocations, systems};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
 use motion_capture::feed::Feed;

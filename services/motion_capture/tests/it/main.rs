@@ -1,0 +1,10 @@
+//! Tests of motion capture from outside, in one program: linking takes longer than running.
+
+mod agreement;
+#[path = "../../../../tests/common/allocations.rs"]
+mod allocations;
+mod campaign;
+mod no_allocation;
+mod strangers;
+mod systems;
+mod wire;

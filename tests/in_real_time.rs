@@ -1,0 +1,29 @@
+//! Flights of processes, most of them in real time, two at a time: a machine of two cores has room for as many.
+//!
+//! One program, because each is linked with the whole product.
+
+#[path = "common/adversary/mod.rs"]
+mod adversary;
+mod common;
+#[path = "common/external_service.rs"]
+mod external_service;
+#[path = "../orchestrator/fuzz/src/lib.rs"]
+mod fuzz;
+
+mod camera_storm;
+mod containers;
+mod damage;
+mod hangs;
+mod hostile_external_services;
+mod isolation;
+mod kill_switch;
+mod laboratory;
+mod landing;
+mod log_corpus;
+mod mocap;
+mod operator;
+mod rc;
+mod recovery;
+mod security;
+mod top;
+mod world;
