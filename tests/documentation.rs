@@ -276,8 +276,12 @@ fn is_test(name: &str, members: &BTreeMap<String, Member>) -> bool {
     let folders = members.values().map(|member| repository(&member.folder));
     let mut folders = folders.chain([repository("")]);
     folders.any(|folder| {
-        let file = folder.join("tests").join(name);
-        file.with_extension("rs").exists() || file.join("main.rs").exists()
+        let tests = folder.join("tests");
+        let [program, module] = [tests.join(name), tests.join("it").join(name)];
+        program.join("main.rs").exists()
+            || [program, module]
+                .iter()
+                .any(|file| file.with_extension("rs").exists())
     })
 }
 

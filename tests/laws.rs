@@ -276,7 +276,7 @@ fn a_law_uses_those_gains_alone_that_an_argument_may_state_for_it() {
         let known = flown(&stated).unwrap();
         let kind = known.controller.law;
         let as_stated = samples(&known);
-        let text = toml::to_string(&known).unwrap();
+        let text = scenario_file::to_toml(&known).unwrap();
         let has_rates = known.controller.rates.is_some();
         for (key, value) in OTHERS
             .into_iter()

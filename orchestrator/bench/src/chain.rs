@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use hdrhistogram::Histogram;
 use iceoryx2::prelude::*;
+use iceoryx2::service::builder::event::Builder;
 use iceoryx2::service::port_factory::event::PortFactory;
 use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::descriptors::{hand_on, inherited};
@@ -52,15 +53,16 @@ const THE_END: u64 = u64::MAX;
 pub(super) fn four_hops(core: usize, fifo: bool, rounds: u64) -> std::io::Result<Quantiles> {
     let root = RunRoot::create()?;
     let page = SharedPage::create()?;
+    let block = page.control_block();
     let mut members = Members(Vec::new());
     for place in 0..MEMBERS {
         let member = spawn(place, core, fifo, rounds, &root.configuration(), &page)?;
         members.0.push(member);
-    }
-    let block = page.control_block();
-    while block.misses.load(Ordering::Acquire) < u32::try_from(MEMBERS).expect("few members") {
-        members.check()?;
-        std::thread::sleep(Duration::from_millis(1));
+        // Each creates the event that the next one opens.
+        while block.misses.load(Ordering::Acquire) < u32::try_from(members.0.len()).expect("few members") {
+            members.check()?;
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
     let clock = FlightClock::starting_in(COUNTDOWN, PERIOD_NS);
     block.start_ns.store(clock.start_ns, Ordering::Release);
@@ -118,23 +120,28 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>
     let block = page.control_block();
     let me = arguments.place;
     match (me, me + 1) {
-        (0, _) => send(&hop(&member, 0)?, block, arguments.rounds)?,
+        (0, _) => send(&hop(&member, 0)?.create()?, block, arguments.rounds)?,
         (_, MEMBERS) => {
-            let times = measure(&hop(&member, me - 1)?, block)?;
+            let times = measure(&hop(&member, me - 1)?.open()?, block)?;
             let quantiles = Quantiles::of(&times).ok_or("no event has come to the end of the chain")?;
             print(serde_json::to_string(&quantiles)?);
         }
-        _ => pass_on(&hop(&member, me - 1)?, &hop(&member, me)?, block, me)?,
+        _ => pass_on(
+            &hop(&member, me - 1)?.open()?,
+            &hop(&member, me)?.create()?,
+            block,
+            me,
+        )?,
     }
     Ok(())
 }
 
 type Event = PortFactory<ipc::Service>;
 
-/// The events from the member at a place to the next.
-fn hop(member: &RunNode, place: usize) -> Result<Event, Box<dyn Error + Send + Sync>> {
+/// Returns the builder of the event from the member at a place to the next.
+fn hop(member: &RunNode, place: usize) -> Result<Builder<ipc::Service>, Box<dyn Error + Send + Sync>> {
     let name = ServiceName::new(&format!("hop/{place}"))?;
-    Ok(member.node().service_builder(&name).event().open_or_create()?)
+    Ok(member.node().service_builder(&name).event())
 }
 
 /// Returns when the round began that has come as far as a member, or that there is none any more.

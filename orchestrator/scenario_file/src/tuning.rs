@@ -77,40 +77,55 @@ pub fn settings_between(before: &Scenario, after: &Scenario, stated: &[Key]) -> 
             .iter()
             .any(|stated| stated.segments().starts_with(key.segments()))
     };
+    let [before, after] = [before, after].map(Values::new);
     let changed = keys::tunable().filter_map(|key| {
-        let now = value_of(after, &key)?;
-        let is_new = is_stated(&key) || value_of(before, &key).as_ref() != Some(&now);
+        let now = after.of(&key)?;
+        let is_new = is_stated(&key) || before.of(&key).as_ref() != Some(&now);
         is_new.then(|| format!("{key}={now}"))
     });
     changed.collect()
 }
 
-/// Returns the value of a key as TOML: the stated one, or the one that follows.
-#[must_use]
-pub fn value_of(scenario: &Scenario, key: &Key) -> Option<String> {
-    let stated = toml::Value::try_from(scenario).ok()?;
-    let inside = |value: &toml::Value, segment: &String| match value {
-        toml::Value::Array(elements) => elements.get(segment.parse::<usize>().ok()?).cloned(),
-        value => value.get(segment).cloned(),
-    };
-    let mut segments = key.segments().iter();
-    let stated = segments.try_fold(stated, |value, segment| inside(&value, segment));
-    let follows = || match key.segments() {
-        [section, gain] if section == "controller" => {
-            toml::Value::try_from(scenario.gains()).ok()?.get(gain).cloned()
-        }
-        _ => None,
-    };
-    stated.or_else(follows).map(|value| value.to_string())
+/// Values of a scenario's keys.
+struct Values {
+    stated: toml::Value,
+    /// The gains, which follow from others where they are not stated.
+    gains: toml::Value,
 }
 
-/// As [`value_of`], of a key as people write it, and with it: `controller.k1=3.0`.
+impl Values {
+    fn new(scenario: &Scenario) -> Self {
+        let text = super::to_toml(scenario).expect("a scenario was read from TOML");
+        let gains = toml::Value::try_from(scenario.gains()).expect("gains are numbers");
+        Self {
+            stated: toml::from_str(&text).expect("just written"),
+            gains,
+        }
+    }
+
+    /// Returns the value of a key as TOML: the stated one, or the one that follows.
+    fn of(&self, key: &Key) -> Option<String> {
+        let inside = |value: &toml::Value, segment: &String| match value {
+            toml::Value::Array(elements) => elements.get(segment.parse::<usize>().ok()?).cloned(),
+            value => value.get(segment).cloned(),
+        };
+        let mut segments = key.segments().iter();
+        let stated = segments.try_fold(self.stated.clone(), |value, segment| inside(&value, segment));
+        let follows = || match key.segments() {
+            [section, gain] if section == "controller" => self.gains.get(gain).cloned(),
+            _ => None,
+        };
+        stated.or_else(follows).map(|value| value.to_string())
+    }
+}
+
+/// Returns the value of a key, with the key: `controller.k1=3.0`.
 ///
 /// # Errors
 /// In words, if the scenario has nothing there.
 pub fn setting_of(scenario: &Scenario, name: &str) -> Result<String, String> {
     let key = path_of(name);
-    let value = key.as_ref().and_then(|key| value_of(scenario, key));
+    let value = key.as_ref().and_then(|key| Values::new(scenario).of(key));
     let setting = key.zip(value).map(|(key, value)| format!("{key}={value}"));
     setting.ok_or_else(|| {
         format!(

@@ -23,10 +23,16 @@ impl Scenario {
     /// Converts to JSON, in the order of the declarations.
     #[must_use]
     pub fn to_json(&self) -> String {
-        let mut text = Vec::new();
-        let written = Self::serialize(self, &mut serde_json::Serializer::new(&mut text));
-        written.expect("a scenario has only string keys");
-        String::from_utf8(text).expect("JSON is UTF-8")
+        serde_json::to_string(&AsDeclared(self)).expect("a scenario has only string keys")
+    }
+}
+
+/// Scenario as it is declared, for serializers that tell structures from maps.
+pub(crate) struct AsDeclared<'a>(pub(crate) &'a Scenario);
+
+impl Serialize for AsDeclared<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Scenario::serialize(self.0, serializer)
     }
 }
 

@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use super::Findings;
 use crate::schema::{resolved, schema, type_name};
+use crate::serialized::AsDeclared;
 use crate::timing::ticks::TickReader;
 use crate::{Problem, Range, Scenario};
 
@@ -19,7 +20,7 @@ impl Findings {
     /// Finds the numbers of a scenario that are out of their ranges.
     pub(super) fn of_ranges(scenario: &Scenario) -> Self {
         let ticks = TickReader::new(scenario.schedule.tick).ok();
-        Self::of(scenario, Some(rules()), Vec::new(), ticks)
+        Self::of(&AsDeclared(scenario), Some(rules()), Vec::new(), ticks)
     }
 
     /// Finds the numbers of one section that are out of their ranges.
