@@ -1,4 +1,4 @@
-//! The figure's view of each topic over time: names, and the values of a sample in the same order.
+//! Plotted channels of each topic: their names, and the values of a sample in the same order.
 //!
 //! A value that a sample does not have is NaN.
 
@@ -24,7 +24,7 @@ pub const TRUTH: [&str; 13] = [
     "yaw_error",
 ];
 
-/// The truth, with the true distance from the path's point (m) and the yaw that is asked for (rad), where they are known.
+/// Values of [`TRUTH`], with the true distance from the reference point (m) and the desired yaw (rad), where known.
 pub fn truth(truth: &VehicleTruth, error: Option<f64>, yaw_desired: Option<f64>) -> [f64; TRUTH.len()] {
     let [roll, pitch, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
     let [rate_x, rate_y, rate_z] = truth.angular_velocity_body;
@@ -47,10 +47,10 @@ pub fn truth(truth: &VehicleTruth, error: Option<f64>, yaw_desired: Option<f64>)
     ]
 }
 
-/// Channels of `vehicle/state`, of a flight that does not know the truth.
+/// Channels of `vehicle/state`, for a flight without recorded truth.
 pub const STATE: [&str; 1] = ["error"];
 
-/// The estimated distance from the path's point (m), where it is known.
+/// Values of [`STATE`]: the estimated distance from the reference point (m), where known.
 pub fn state(error: Option<f64>) -> [f64; STATE.len()] {
     [error.unwrap_or(f64::NAN)]
 }
@@ -58,9 +58,9 @@ pub fn state(error: Option<f64>) -> [f64; STATE.len()] {
 /// Channels of `control/errors`.
 pub const ERRORS: [&str; 4] = ["z1", "z2", "z3", "z4"];
 
-/// ‖z1‖, ‖z2‖, ‖z3‖ and z4, as the controller tells them; none while it does not go by its law.
-pub fn errors(errors: &ControlErrors, goes_by_law: bool) -> [f64; ERRORS.len()] {
-    if goes_by_law {
+/// ‖z1‖, ‖z2‖, ‖z3‖ and z4 as published by the controller; NaN while the control law is inactive.
+pub fn errors(errors: &ControlErrors, is_law_active: bool) -> [f64; ERRORS.len()] {
+    if is_law_active {
         [norm(errors.z1), norm(errors.z2), norm(errors.z3), errors.z4]
     } else {
         [f64::NAN; ERRORS.len()]
@@ -72,7 +72,7 @@ pub const COMMAND: [&str; 7] = [
     "thrust", "torque_x", "torque_y", "torque_z", "rate_x", "rate_y", "rate_z",
 ];
 
-/// The commanded torques or rates; nothing in failsafe.
+/// The commanded thrust and torques or rates; NaN in failsafe.
 pub fn command(command: &ControlCommand) -> [f64; COMMAND.len()] {
     let only_with = |mode: u32, values: [f64; 3]| {
         if command.mode == mode {
@@ -100,7 +100,7 @@ pub const ADAPTATION: [&str; 5] = [
     "disturbance_z",
 ];
 
-/// m̂, that of the observer if one runs in parallel, and π(b̂).
+/// m̂, the observer's m̂ if one runs in parallel, and π(b̂).
 pub fn adaptation(adaptation: &ControlAdaptation, has_observer: bool) -> [f64; ADAPTATION.len()] {
     let [x, y, z] = adaptation.disturbance_projected_world;
     [

@@ -1,20 +1,20 @@
-//! Numbers as the page carries them: f32 in base 64, four characters for three bytes.
+//! Encoding of the page's numbers: f32 in base 64.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-/// Numbers, little-endian one after the other, in base 64.
+/// Encodes numbers as consecutive little-endian f32 in base 64.
 pub(super) fn base64(numbers: &[f32]) -> String {
     let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
     STANDARD.encode(bytes)
 }
 
-/// Text in base 64.
+/// Encodes text in base 64.
 pub(super) fn base64_text(text: &str) -> String {
     STANDARD.encode(text)
 }
 
-/// Back to numbers, as the page does it.
+/// Decodes numbers as the page does.
 #[cfg(test)]
 pub(super) fn decoded(text: &str) -> Vec<f32> {
     let bytes = STANDARD.decode(text).unwrap();

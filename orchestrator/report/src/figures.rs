@@ -1,4 +1,4 @@
-//! Figures beside the page, which the caller draws of the samples that the page is made of.
+//! Figures beside the page, drawn by the caller from the same samples.
 
 use scenario::Scenario;
 use serde::Serialize;
@@ -7,21 +7,20 @@ use shared_types::{Schedule, Topic};
 /// A figure of the flights of a page.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figure {
-    /// Its file beside the page.
+    /// Name of its file beside the page.
     pub file: &'static str,
-    /// Its title.
     pub title: &'static str,
     /// The drawing.
     #[serde(skip)]
     pub svg: String,
 }
 
-/// What draws figures of the logs of a page while they are read.
+/// Draws figures of the logs of a page while the logs are read.
 pub trait Figures {
     /// Begins the next log.
     fn begin(&mut self, scenario: &Scenario, schedule: &Schedule);
 
-    /// Takes the next sample of the log.
+    /// Records the next sample of the log.
     fn sample(&mut self, topic: Topic, bytes: &[u8]);
 
     /// Returns the figures of all logs.

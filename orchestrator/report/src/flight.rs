@@ -21,7 +21,7 @@ use run_log::{LogReadError, LogReader};
 
 /// The page's data of a flight.
 pub(super) struct Flight {
-    /// Its name in legends.
+    /// Name in legends.
     pub(super) label: String,
     pub(super) scenario: Scenario,
     /// Reason why only a part of the log could be read, if so.
@@ -35,7 +35,7 @@ pub(super) struct Flight {
 }
 
 impl Flight {
-    /// Reads a log; of each topic at most `buckets` buckets are kept. Hands its samples to `figures` too.
+    /// Reads a log, keeping at most `buckets` buckets of each topic. Passes the samples to `figures` as well.
     pub(super) fn read(log: &Path, buckets: u64, figures: &mut dyn Figures) -> Result<Self, ReportError> {
         let mut reader = LogReader::open(log)?;
         let scenario = reader.manifest().scenario.clone();
@@ -72,7 +72,7 @@ impl Flight {
     }
 }
 
-/// Reads to the end, or to where the log breaks off: then, why.
+/// Reads to the end of the log. Returns the error if the log breaks off after its first sample.
 fn gather(reader: &mut LogReader, gatherer: &mut Gatherer<'_>) -> Result<Option<String>, LogReadError> {
     loop {
         match reader.next_sample() {
@@ -84,18 +84,18 @@ fn gather(reader: &mut LogReader, gatherer: &mut Gatherer<'_>) -> Result<Option<
     }
 }
 
-/// Gathers while the log is read.
+/// Collects the page's data while the log is read.
 struct Gatherer<'a> {
     last_tick: u64,
-    /// The tick that is being read.
+    /// Tick of the last sample read.
     tick: Option<u64>,
     tracker: Tracker,
-    /// The truth of the moment that is not whole yet; none of a flight in a laboratory, whose way is the estimator's.
+    /// Truth of the incomplete current moment; `None` for a laboratory flight, whose track is the estimator's.
     truth: Option<VehicleTruth>,
-    /// `true` if something is to be followed, as far as it is known.
-    is_led: bool,
-    /// `true` if the controller goes by its law.
-    goes_by_law: bool,
+    /// `true` if there is a reference to follow, as far as known.
+    has_reference: bool,
+    /// `true` if the command comes from the control law, not from a failsafe stage.
+    is_law_active: bool,
     has_observer: bool,
     truths: Table,
     states: Table,
@@ -120,8 +120,8 @@ impl<'a> Gatherer<'a> {
             tick: None,
             tracker: Tracker::new(schedule, scenario.flight.is_some()),
             truth: None,
-            is_led: true,
-            goes_by_law: true,
+            has_reference: true,
+            is_law_active: true,
             has_observer: scenario.controller.observer_gain.is_some(),
             truths: table(Topic::VehicleTruth, &channels::TRUTH),
             states: table(Topic::VehicleState, &channels::STATE),
@@ -142,27 +142,27 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Takes a sample into account; one of a tick that the flight cannot have is none of it.
+    /// Records a sample; ignores ticks beyond the schedule.
     fn observe(&mut self, tick: u64, topic: Topic, bytes: &[u8]) {
         if tick > self.last_tick {
             return;
         }
         self.tick = Some(tick);
         if let Some(moment) = self.tracker.observe(topic, bytes) {
-            self.keep(&moment);
+            self.record(&moment);
         }
         match topic {
             Topic::VehicleTruth => self.truth = Some(read(bytes)),
             Topic::PathReference => self.references.add(tick, &channels::reference(&read(bytes))),
             Topic::ControlErrors => {
-                let goes_by_law = self.is_led && self.goes_by_law;
+                let is_law_active = self.has_reference && self.is_law_active;
                 self.errors
-                    .add(tick, &channels::errors(&read(bytes), goes_by_law));
+                    .add(tick, &channels::errors(&read(bytes), is_law_active));
             }
             Topic::ControlCommand => self.commands.add(tick, &channels::command(&read(bytes))),
             Topic::ControlAdaptation => {
                 let adaptation: ControlAdaptation = read(bytes);
-                self.goes_by_law = adaptation.stage == ControlAdaptation::STAGE_LAW;
+                self.is_law_active = adaptation.stage == ControlAdaptation::STAGE_LAW;
                 let values = channels::adaptation(&adaptation, self.has_observer);
                 self.adaptations.add(tick, &values);
             }
@@ -177,9 +177,9 @@ impl<'a> Gatherer<'a> {
         self.figures.sample(topic, bytes);
     }
 
-    fn keep(&mut self, moment: &Moment) {
+    fn record(&mut self, moment: &Moment) {
         let tick = moment.vehicle.tick;
-        self.is_led = moment.path.is_none() || moment.distance.is_some();
+        self.has_reference = moment.path.is_none() || moment.distance.is_some();
         if let Some(truth) = &self.truth {
             let yaw_desired = moment.path.map(|path| path.yaw);
             let values = channels::truth(truth, moment.distance, yaw_desired);
@@ -192,7 +192,7 @@ impl<'a> Gatherer<'a> {
 
     fn finish(mut self) -> Gathered {
         if let Some(moment) = self.tracker.last() {
-            self.keep(&moment);
+            self.record(&moment);
         }
         let tables = [
             (Topic::VehicleTruth, self.truths),
@@ -203,12 +203,12 @@ impl<'a> Gatherer<'a> {
             (Topic::PathReference, self.references),
             (Topic::ControlTelemetry, self.telemetry),
         ];
-        // Of a laboratory the truth is not known, of all others the estimate is not shown beside it.
-        let untold = match self.tracker.source() {
+        // A laboratory flight has no truth; for all others the truth replaces the estimate.
+        let omitted = match self.tracker.source() {
             StateSource::Truth => Topic::VehicleState,
             StateSource::Estimate => Topic::VehicleTruth,
         };
-        let tables = tables.into_iter().filter(|(topic, _)| *topic != untold);
+        let tables = tables.into_iter().filter(|(topic, _)| *topic != omitted);
         (
             tables.map(|(topic, table)| (topic, table.finish())).collect(),
             self.track.finish(),

@@ -1,4 +1,4 @@
-//! The content of a log, and the facts beside it about its run.
+//! Content of a log, with the summary and host log beside it.
 
 mod words;
 
@@ -19,22 +19,22 @@ use run_log::{
     FORMAT_VERSION, LogReadError, LogReader, Recovery, files_of_log, host_log_beside, inspect, is_whole,
 };
 
-/// The content of a log.
+/// Content of a log.
 #[derive(Debug, Serialize)]
 pub struct Info {
-    /// The file.
+    /// Path of the log.
     pub log: String,
-    /// Its files: one, unless it was split.
+    /// Number of files; one, unless the log was split.
     pub files: usize,
-    /// The size of all of them.
+    /// Total size of the files.
     pub bytes: u64,
-    /// Whether all of it is there.
+    /// Completeness of the log.
     pub state: State,
-    /// If not, what ended the reading.
+    /// Reading error, if the log is incomplete.
     pub reason: Option<String>,
-    /// The gaps of the log, if it was recovered; of a log that is not whole, the result that a recovery would have.
+    /// Gaps of a recovered log; for an incomplete log, the result that a recovery would have.
     pub recovery: Option<Recovery>,
-    /// Version of its arrangement.
+    /// Version of the log format.
     pub format_version: u32,
     /// The compression of its chunks: `none`, `lz4` or `zstd`.
     pub compression: String,
@@ -50,33 +50,33 @@ pub struct Info {
     pub last_tick: Option<u64>,
     /// Time from the first to the last sample, s.
     pub seconds: f64,
-    /// The topics that have samples, in the order of the log.
+    /// Topics with samples, in the order of the log.
     pub topics: Vec<TopicInfo>,
-    /// The planned faults, in words.
+    /// Descriptions of the planned faults.
     pub faults: Vec<String>,
-    /// The vehicle's flight by the samples; none of a log whose scenario makes no schedule.
+    /// Flight metrics computed from the samples; `None` if the scenario makes no schedule.
     pub judged: Option<Judged>,
-    /// `summary.json` beside the log, if it is there.
+    /// Content of `summary.json` beside the log, if present.
     pub summary: Option<Value>,
-    /// `host.mcap` beside the log, if it is there.
+    /// Content of `host.mcap` beside the log, if present.
     pub host: Option<HostInfo>,
 }
 
-/// The vehicle's flight by a log's samples.
+/// Flight metrics computed from a log's samples.
 #[derive(Debug, Serialize)]
 pub struct Judged {
     /// The loss of the vehicle, if it was lost.
     pub lost: Option<Loss>,
-    /// The source of its position.
+    /// Source of the vehicle's position.
     pub source: StateSource,
-    /// Its distance from the path in steady state, by which the flight is judged; none if that was not flown.
+    /// Distance from the path in steady state, by which the flight is judged; `None` if steady state was not reached.
     pub steady: Option<Metrics>,
-    /// Its distance from the path in all of the flight; none if it never flew along it.
+    /// Distance from the path over the whole flight; `None` if the vehicle never followed the path.
     pub metrics: Option<Metrics>,
 }
 
 impl Judged {
-    fn of(summary: Summary) -> Self {
+    fn from_summary(summary: Summary) -> Self {
         Self {
             lost: summary.lost,
             source: summary.source,
@@ -86,61 +86,62 @@ impl Judged {
     }
 }
 
-/// Whether all of a log is there.
+/// Completeness of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// It was closed, and all checksums hold.
+    /// Closed, all checksums valid.
     Complete,
-    /// It is a proper file, made of what was left of another one.
+    /// Closed, all checksums valid, recovered from a damaged or truncated log.
     Recovered,
-    /// It was never closed, its end is cut off, or a file in which it goes on is missing.
+    /// Never closed, truncated, or missing one of its files.
     Unclosed,
-    /// It is not what was written.
+    /// A checksum or the structure is invalid.
     Damaged,
 }
 
 /// A topic in a log.
 #[derive(Debug, Serialize)]
 pub struct TopicInfo {
-    /// Its name.
+    /// Name of the topic.
     pub topic: &'static str,
-    /// Its samples.
+    /// Number of samples.
     pub samples: u64,
-    /// Samples a second of the flight, between the first and the last one; none if there are not two.
+    /// Mean rate between the first and the last sample, Hz; `None` for fewer than two samples.
     pub rate: Option<f64>,
-    /// Tick of the first one.
+    /// Tick of the first sample.
     pub first_tick: u64,
-    /// Tick of the last one.
+    /// Tick of the last sample.
     pub last_tick: u64,
-    /// Places where sequence numbers are left out.
+    /// Gaps in the sequence numbers.
     pub gaps: u64,
-    /// Numbers that are left out.
+    /// Missing sequence numbers.
     pub missing: u64,
 }
 
-/// The log of the machine.
+/// Content of the host log.
 #[derive(Debug, Serialize)]
 pub struct HostInfo {
-    /// The file.
+    /// Path of the host log.
     pub log: String,
-    /// `true` if it is whole.
+    /// `true` if it is complete.
     pub is_whole: bool,
-    /// Samples of each channel that are whole.
+    /// Number of intact samples of each channel.
     pub samples: BTreeMap<String, u64>,
 }
 
 impl Info {
-    /// Returns whether all of the log could be read, or is what was left of another one.
+    /// Returns whether the whole log, possibly a recovered one, could be read.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         matches!(self.state, State::Complete | State::Recovered)
     }
 
-    /// Reads a log from begin to end, and what lies beside it.
+    /// Reads a log from start to end, and the files beside it.
     ///
     /// # Errors
-    /// [`LogReadError`] if it is no log of a flight or cannot be read at all; what is only damaged or never closed is told.
+    /// [`LogReadError`] if the file is no flight log or cannot be read at all. A damaged or unclosed log is no error: `state`
+    /// and `reason` report it.
     pub fn read(log: &Path) -> Result<Self, LogReadError> {
         let mut reader = LogReader::open(log)?;
         let mut tallies = Topic::ALL.map(|_| None::<Tally>);
@@ -198,7 +199,7 @@ impl Info {
                 .filter_map(|(topic, tally)| Some(tally?.finish(topic)))
                 .collect(),
             faults: planned_faults(&scenario),
-            judged: judge.map(|judge| Judged::of(judge.finish(RunFacts::default()))),
+            judged: judge.map(|judge| Judged::from_summary(judge.finish(RunFacts::default()))),
             scenario,
             summary: summary_beside(log),
             host: host_beside(log),
@@ -207,7 +208,7 @@ impl Info {
     }
 }
 
-/// The samples of a topic so far.
+/// Running counts of a topic's samples.
 struct Tally {
     first: Header,
     last: Header,

@@ -1,4 +1,4 @@
-//! Timing of the services in a flight in real time: histograms of what `host.mcap` tells of every step.
+//! Timing of the services in real time: histograms of the steps recorded in `host.mcap`.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use run_log::{HostReadError, HostReader, host_log_beside};
 /// Edges of the bins in a decade.
 const EDGES: [u64; 10] = [100, 126, 158, 200, 251, 316, 398, 501, 631, 794];
 
-/// Decades from 100 ns on.
+/// Number of decades, from 100 ns up.
 const DECADES: u32 = 7;
 
 /// A histogram of times.
@@ -21,7 +21,7 @@ pub(super) struct Histogram {
     service: &'static str,
     /// The measured quantity.
     what: &'static str,
-    /// Lower edges of the bins, s; the last one has no upper edge, and the first no lower one.
+    /// Lower edges of the bins, s. The first bin also counts shorter times, and the last one all longer times.
     edges: Vec<f64>,
     /// Times in each bin.
     counts: Vec<u64>,
@@ -53,8 +53,8 @@ fn edges() -> impl Iterator<Item = u64> {
     (0..DECADES).flat_map(|decade| EDGES.map(|edge| edge * 10_u64.pow(decade)))
 }
 
-/// Returns the lateness and the duration of each service's steps, none of a flight in simulated time; and why the record of
-/// them ends early, if it does.
+/// Returns histograms of the start delay and the duration of each service's steps, and the error if the host log breaks off.
+/// There are none for a flight in simulated time.
 pub(super) fn histograms(
     log: &Path,
     scenario: &Scenario,

@@ -1,17 +1,16 @@
-//! Flights as one page that needs nothing but a browser.
+//! Reports of flights: one self-contained HTML page.
 //!
-//! * `flight`: what is shown of a log, gathered in one pass: `channels` over time in `table`s, the way
-//!   through space, `marks`;
-//! * `latency`: how the services kept time, of a flight in real time;
-//! * `panels`: what is drawn beside what;
+//! * `flight`: the page's data of a log, collected in one pass: `channels` over time in `table`s, the `track`, `marks`;
+//! * `latency`: timing of the services, for a flight in real time;
+//! * `panels`: the arrangement of the plots;
 //! * [`figures`]: figures beside the page, drawn by the caller;
-//! * `page`, `encoding`: all of it in one HTML file, which draws it ([`assets`]).
+//! * `page`, `encoding`: the HTML file, whose scripts ([`assets`]) draw the data.
 //!
-//! Beside the page: [`plot`], the distance from the path as a figure; [`info`], the content of a log in words; and
+//! Beside the page: [`plot`], the distance from the path as a figure; [`info`], the content of a log as text; and
 //! [`text_table`], tables for a terminal, for pages and for papers.
 //!
-//! Failure policy: of a log that breaks off, what is whole is shown, and the page says so. A log of which nothing can be
-//! read is an error.
+//! Failure policy: of a log that breaks off, the intact part is shown, and the page says so. A log without a readable sample
+//! is an error.
 
 pub mod assets;
 pub mod channels;
@@ -39,7 +38,7 @@ use scenario::Unflyable;
 use crate::figures::Figures;
 use crate::flight::Flight;
 
-/// Name of the page.
+/// File name of the page.
 pub const PAGE: &str = "report.html";
 
 /// Reason why there is no report.
@@ -48,7 +47,7 @@ pub enum ReportError {
     /// A log cannot be read.
     #[error("{0}")]
     Read(#[from] LogReadError),
-    /// A log cannot be understood.
+    /// The scenario of a log makes no schedule.
     #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
     Scenario {
         /// The file.
@@ -56,7 +55,7 @@ pub enum ReportError {
         /// Reason why not.
         source: Unflyable,
     },
-    /// A log has nothing to show.
+    /// A log has no sample.
     #[error("the log {} holds no sample: nothing to show", .0.display())]
     Empty(PathBuf),
     /// A file cannot be written.
@@ -69,18 +68,18 @@ pub enum ReportError {
     },
 }
 
-/// The file that was written.
+/// The files that were written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
     /// The page.
     pub page: PathBuf,
     /// The figures beside it.
     pub figures: Vec<PathBuf>,
-    /// Logs of which only a part is whole, with why.
+    /// Reading errors of the logs that break off.
     pub broken: Vec<String>,
 }
 
-/// Reads the logs and writes the page and the figures of them into the folder `out`, which is made if there is none.
+/// Reads the logs and writes their page and figures into the folder `out`, which is created if missing.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -103,7 +102,7 @@ pub fn write(logs: &[PathBuf], out: &Path, figures: &mut dyn Figures) -> Result<
     })
 }
 
-/// Reads a log and writes its page alone into the folder `out`, for callers that have drawn the figures already.
+/// Reads a log and writes only its page into the folder `out`, for callers that drew the figures already.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -112,7 +111,7 @@ pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
     write_file(out, PAGE, &page::html(&[flight], &[]), &inputs_of(log))
 }
 
-/// Reads a log and returns its page, with the figures of it, and why only a part of the log is whole, if so.
+/// Reads a log and returns its page with figures, and the reading error if the log breaks off.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -122,7 +121,7 @@ pub fn page(log: &Path, figures: &mut dyn Figures) -> Result<(String, Option<Str
     Ok((html, flight.broken))
 }
 
-/// Returns the files that are read for the report of a log.
+/// Returns the files that the report of a log is made from.
 fn inputs_of(log: &Path) -> Vec<PathBuf> {
     let mut files = files_of_log(log);
     files.extend(host_log_beside(log));

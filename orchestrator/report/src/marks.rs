@@ -1,4 +1,4 @@
-//! Events over time: those that the scenario plans, and those that the samples tell of the services.
+//! Events over time: those planned by the scenario, and changes of the services found in the samples.
 
 use scenario::Scenario;
 use serde::Serialize;
@@ -9,17 +9,17 @@ use shared_types::{FlightPhase, Topic};
 use metrics::read;
 use metrics::summary::cause_in_words;
 
-/// Most marks of a flight: more cannot be told apart.
-const MOST_MARKS: usize = 300;
+/// Maximum number of marks of a flight: more cannot be distinguished in a plot.
+const MAX_MARKS: usize = 300;
 
-/// Something that happened at a moment.
+/// An event at a point in time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mark {
-    /// When, s.
+    /// Time of the event, s.
     pub time: f64,
-    /// Where it is from.
+    /// Origin of the event.
     pub kind: MarkKind,
-    /// What, in words.
+    /// Description of the event.
     pub text: String,
 }
 
@@ -27,28 +27,28 @@ pub struct Mark {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MarkKind {
-    /// The scenario planned it.
+    /// Planned by the scenario.
     Event,
     /// A planned fault begins or ends.
     Fault,
     /// A phase of the flight begins.
     Phase,
-    /// A service turned to something safer, or back.
+    /// A service entered or left a failsafe state.
     Safety,
 }
 
-/// Something planned that lasts: a fault, or a while in which the cameras do not see what is there.
+/// A planned event with a duration: a fault, an occlusion or a marker swap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Span {
-    /// From when, s.
+    /// Start, s.
     from: f64,
-    /// Until when, s; to the end of the flight unless stated.
+    /// End, s; the end of the flight if `None`.
     to: Option<f64>,
-    /// What, in words.
+    /// Description of the event.
     text: String,
 }
 
-/// Returns the planned events of a scenario that last.
+/// Returns the planned events of a scenario that have a duration.
 pub fn spans(scenario: &Scenario) -> Vec<Span> {
     let span = |from: f64, lasts: Option<f64>, text: String| Span {
         from,
@@ -58,7 +58,7 @@ pub fn spans(scenario: &Scenario) -> Vec<Span> {
     let faults = scenario.fault.iter();
     let faults = faults.map(|fault| span(fault.at, fault.lasts, fault.to_string()));
     let cameras = scenario.cameras.iter();
-    let unseen = cameras.flat_map(|cameras| {
+    let vision_faults = cameras.flat_map(|cameras| {
         let hidden = cameras
             .occlusion
             .iter()
@@ -66,16 +66,16 @@ pub fn spans(scenario: &Scenario) -> Vec<Span> {
         let swapped = cameras
             .marker_swap
             .iter()
-            .map(|swap| (swap.at, swap.lasts, "the cameras take markers for others"));
+            .map(|swap| (swap.at, swap.lasts, "the cameras confuse markers"));
         hidden.chain(swapped)
     });
     faults
-        .chain(unseen.map(|(from, lasts, text)| span(from, Some(lasts), text.to_owned())))
+        .chain(vision_faults.map(|(from, lasts, text)| span(from, Some(lasts), text.to_owned())))
         .collect()
 }
 
-/// Returns the planned events of a moment without an event that tells of them.
-fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
+/// Returns the planned instantaneous events that no `run/event` reports.
+fn unpublished_events(scenario: &Scenario) -> impl Iterator<Item = Mark> {
     let fan = scenario.vehicle.fan.iter().flat_map(|fan| {
         let on = std::iter::once((fan.on_at, "the fan is switched on".to_owned()));
         let off = fan.off_at.map(|at| (at, "the fan is switched off".to_owned()));
@@ -94,7 +94,7 @@ fn untold(scenario: &Scenario) -> impl Iterator<Item = Mark> {
     })
 }
 
-/// Gathers the marks of a flight.
+/// Collects the marks of a flight.
 #[derive(Clone, Default)]
 pub struct Marks {
     marks: Vec<Mark>,
@@ -103,7 +103,7 @@ pub struct Marks {
     link: Option<Link>,
 }
 
-/// The state of the transmitter.
+/// State of the radio link.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Link {
     failsafe: bool,
@@ -111,7 +111,7 @@ struct Link {
 }
 
 impl Marks {
-    /// Takes a sample into account.
+    /// Records the change that a sample reports, if any.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let found = match topic {
             Topic::RunEvent => planned(&read(bytes)),
@@ -121,22 +121,22 @@ impl Marks {
             _ => None,
         };
         if let Some((kind, text)) = found
-            && self.marks.len() < MOST_MARKS
+            && self.marks.len() < MAX_MARKS
         {
             let time = seconds(header_of(bytes).stamp_ns);
             self.marks.push(Mark { time, kind, text });
         }
     }
 
-    /// All of them up to a time, with those that only the scenario tells of, in the order of time.
+    /// Returns all marks in the order of time, with the events up to the time `flown` that only the scenario states.
     pub fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
         let mut marks = self.marks;
-        marks.extend(untold(scenario).filter(|mark| mark.time <= flown));
+        marks.extend(unpublished_events(scenario).filter(|mark| mark.time <= flown));
         marks.sort_by(|left, right| left.time.total_cmp(&right.time));
         marks
     }
 
-    /// A flight without phases is in one all the time.
+    /// Returns the mark of a change of phase. A flight without phases has none.
     fn phase_begins(&mut self, reference: &PathReference) -> Option<(MarkKind, String)> {
         let phase = FlightPhase::from_code(reference.phase);
         let now = (phase, reference.cause);
@@ -155,7 +155,7 @@ impl Marks {
             ControlAdaptation::STAGE_HOLD => "holds its last command",
             ControlAdaptation::STAGE_LEVEL => "levels the vehicle",
             ControlAdaptation::STAGE_DESCEND => "lets the vehicle descend",
-            _ => "asks for the failsafe",
+            _ => "requests the failsafe",
         };
         (before != adaptation.stage).then(|| (MarkKind::Safety, format!("the controller {what}")))
     }
@@ -168,16 +168,16 @@ impl Marks {
         let before = self.link.replace(link)?;
         let what = if link.failsafe != before.failsafe {
             if link.failsafe {
-                "lets the motors rest"
+                "stops the motors"
             } else {
                 "sends commands again"
             }
         } else if link.action != before.action {
             match link.action {
-                RcFrame::ACTION_NONE => "finds the vehicle inside its envelope again",
+                RcFrame::ACTION_NONE => "reports the vehicle inside its envelope again",
                 RcFrame::ACTION_WARN => "warns of a limit of the envelope",
-                RcFrame::ACTION_LAND => "demands that the vehicle lands",
-                _ => "lets the motors rest for ever",
+                RcFrame::ACTION_LAND => "commands a landing",
+                _ => "stops the motors until the end of the run",
             }
         } else {
             return None;
@@ -186,7 +186,7 @@ impl Marks {
     }
 }
 
-/// Describes a planned event; begin and end of a flight are seen anyway.
+/// Describes a planned event. The start and end of a flight are not marked: the time axis shows them.
 fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
     let kind = match event.kind {
         RunEvent::KIND_FLIGHT_STARTS | RunEvent::KIND_FLIGHT_ENDS => return None,

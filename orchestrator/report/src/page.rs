@@ -1,4 +1,4 @@
-//! The page: one file with everything in it. It refers to nothing outside, and forbids the browser to fetch anything.
+//! The page: one self-contained file. Its content security policy forbids the browser to fetch anything.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -20,10 +20,10 @@ use metrics::summary::faults::FaultReport;
 use metrics::summary::{Phase, TopicCount};
 use metrics::tracker::StateSource;
 
-/// The page with marks `{{name}}` where the parts belong.
+/// The page with placeholders `{{name}}`.
 const PAGE: &str = include_str!("assets/page.html");
 
-/// The parts that replace the marks, but for the flights themselves.
+/// Fixed replacements of the placeholders.
 const PARTS: [(&str, &str); 6] = [
     ("uplot.css", assets::UPLOT_STYLE),
     ("report.css", assets::STYLE),
@@ -33,7 +33,7 @@ const PARTS: [(&str, &str); 6] = [
     ("report.js", include_str!("assets/report.js")),
 ];
 
-/// All that the page shows.
+/// Data of the page's script.
 #[derive(Serialize)]
 struct Data<'a> {
     version: &'static str,
@@ -47,7 +47,7 @@ struct PageFlight<'a> {
     label: &'a str,
     description: &'a str,
     seed: u64,
-    /// Length of the flight as planned, s.
+    /// Planned duration of the flight, s.
     duration: f64,
     /// Time of the last recorded tick, s.
     flown: f64,
@@ -69,7 +69,7 @@ struct PageFlight<'a> {
     histograms: &'a [Histogram],
 }
 
-/// The loss of a vehicle, with the words for it.
+/// The loss of a vehicle, with its description.
 #[derive(Serialize)]
 struct LostInWords<'a> {
     words: String,
@@ -78,7 +78,7 @@ struct LostInWords<'a> {
 }
 
 impl<'a> LostInWords<'a> {
-    fn of(loss: &'a Loss) -> Self {
+    fn new(loss: &'a Loss) -> Self {
         Self {
             words: loss.to_string(),
             loss,
@@ -101,7 +101,7 @@ struct PageFigure<'a> {
     svg: String,
 }
 
-/// The page of these flights and figures.
+/// Returns the page of these flights and figures.
 pub(super) fn html(flights: &[Flight], figures: &[Figure]) -> String {
     let names = flights
         .iter()
@@ -128,7 +128,7 @@ pub(super) fn html(flights: &[Flight], figures: &[Figure]) -> String {
             ("title", _) => &title,
             ("data", _) => &data,
             (_, Some((_, text))) => text,
-            (_, None) => unreachable!("the page has no mark `{name}`"),
+            (_, None) => unreachable!("the page has no placeholder `{name}`"),
         }
     })
 }
@@ -142,7 +142,7 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         duration: scenario.duration,
         flown: flight.summary.simulated_seconds,
         bound: flight.summary.ultimate_bound,
-        lost: flight.summary.lost.as_ref().map(LostInWords::of),
+        lost: flight.summary.lost.as_ref().map(LostInWords::new),
         source: flight.summary.source,
         steady: flight.summary.steady.as_ref(),
         metrics: flight.summary.metrics.as_ref(),

@@ -1,4 +1,4 @@
-//! The arrangement of the drawings. The page draws what this says, and knows no channel by name.
+//! Arrangement of the plots. The page's script draws these panels and names no channel itself.
 
 use std::collections::BTreeSet;
 
@@ -6,21 +6,21 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use shared_types::Topic;
 
-/// Axes over time, and what is drawn in them.
+/// Time axes with their curves.
 #[derive(Serialize)]
 struct Panel {
     title: &'static str,
     unit: &'static str,
     is_logarithmic: bool,
-    /// `true` if the theorem's bound of each flight is drawn too.
+    /// `true` if the theorem's bound of each flight is drawn as well.
     has_bound: bool,
     groups: &'static [Group],
 }
 
-/// Curves of one quantity. With several logs each group gets a panel of its own.
+/// Curves of one quantity. With several logs each group gets a separate panel.
 #[derive(Serialize)]
 struct Group {
-    /// The name that tells the group from others in the panel.
+    /// Name of the group within the panel.
     name: &'static str,
     curves: &'static [Curve],
 }
@@ -65,7 +65,7 @@ const fn panel(title: &'static str, unit: &'static str, groups: &'static [Group]
     }
 }
 
-/// A group for each axis, with a curve for each `topic, channel, symbol, words after the symbol, dash`.
+/// Makes a group for each axis, with a curve for each `topic, channel, symbol, text after the symbol, dash`.
 macro_rules! for_each_axis {
     (@group $axis:literal $($topic:ident $channel:literal $symbol:literal $words:literal $dash:literal;)+) => {
         group(
@@ -82,7 +82,7 @@ macro_rules! for_each_axis {
     };
 }
 
-/// All panels, in the order of the page. One whose channels a log does not have is left out there.
+/// All panels, in the order of the page. The page omits a panel without data.
 const PANELS: [Panel; 13] = [
     Panel {
         is_logarithmic: true,
@@ -102,7 +102,7 @@ const PANELS: [Panel; 13] = [
     Panel {
         is_logarithmic: true,
         ..panel(
-            "Position error as the controller tells it ‖z1‖",
+            "Position error of the controller ‖z1‖",
             "m",
             &[group("", &[curve(ERRORS, "z1", "‖z1‖", 0)])],
         )
@@ -196,9 +196,9 @@ const PANELS: [Panel; 13] = [
     ),
 ];
 
-/// Returns the panels of flights whose controllers publish numbers of these names, each in a panel of its own.
+/// Returns all panels, with one for each of these names of telemetry.
 pub fn panels(telemetry: &BTreeSet<&str>) -> Vec<Value> {
-    let of_number = |name: &&str| {
+    let telemetry_panel = |name: &&str| {
         let curve =
             json!({"topic": Topic::ControlTelemetry.name(), "channel": name, "label": name, "dash": 0});
         json!({
@@ -206,8 +206,8 @@ pub fn panels(telemetry: &BTreeSet<&str>) -> Vec<Value> {
             "groups": [{"name": "", "curves": [curve]}],
         })
     };
-    let ours = PANELS.iter().map(|panel| json!(panel));
-    ours.chain(telemetry.iter().map(of_number)).collect()
+    let fixed = PANELS.iter().map(|panel| json!(panel));
+    fixed.chain(telemetry.iter().map(telemetry_panel)).collect()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Figures of logs, as SVG with real text.
+//! Figures of logs as SVG, with text as text elements.
 
 mod curve;
 pub mod downsample;
@@ -17,24 +17,24 @@ use metrics::tracker::StateSource;
 use run_log::{LogReadError, files_of_log};
 use scenario::Unflyable;
 
-/// Size of a figure, pixels: as wide as a README is shown.
+/// Width of a figure, pixels: that of a rendered README.
 pub const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 400.0;
 
-/// Columns that a curve is drawn in: about one a pixel.
+/// Columns that a curve is downsampled to: about one a pixel.
 pub const COLUMNS: usize = 800;
 
-/// Least distance that is drawn, m: the axis is logarithmic and knows no zero.
+/// Smallest distance drawn, m: a logarithmic axis has no zero.
 pub const FLOOR: f64 = 1e-4;
 
-/// Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+/// Palette for colour-blind readers (Okabe and Ito).
 pub const COLORS: [&str; 8] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442",
 ];
 
-/// Those of them for curves, told apart also from that of the bound.
+/// Colours of curves, distinct from that of the bound.
 pub const CURVE_COLORS: [&str; 5] = ["#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#000000"];
-/// Colour of what marks a change of the flight.
+/// Colour of the lines at changes of the vehicle.
 pub const CHANGE_COLOR: &str = "#666666";
 
 /// Reason why a figure cannot be drawn.
@@ -45,11 +45,11 @@ pub enum PlotError {
     Read(#[from] LogReadError),
     /// A log holds nothing to draw.
     #[error(
-        "the log {} does not tell how far the vehicle was from its path in that time: nothing to draw; choose another part with \
+        "the log {} has no distance from the path in this time span: nothing to draw; choose another span with \
          --from and --to", .0.display()
     )]
     Empty(PathBuf),
-    /// A log cannot be understood.
+    /// The scenario of a log makes no schedule.
     #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
     Scenario {
         /// The file.
@@ -58,7 +58,7 @@ pub enum PlotError {
         source: Unflyable,
     },
     /// The figure cannot be written.
-    #[error("cannot write the figure {}: {source}; choose a place that you may write to", .path.display())]
+    #[error("cannot write the figure {}: {source}; choose a path that you may write to", .path.display())]
     Write {
         /// The file.
         path: PathBuf,
@@ -67,10 +67,10 @@ pub enum PlotError {
     },
 }
 
-/// Draws the distance from the path over time of the logs into the SVG file `out`, with the theorem's bound where it applies,
-/// the changes of the vehicle and the planned faults.
+/// Draws the logs' distances from the path over time into the SVG file `out`, with the theorem's bound where it applies, the
+/// changes of the vehicle and the planned faults.
 ///
-/// Of many samples in one column of pixels, the smallest and the largest are drawn: no peak is lost.
+/// Each column of pixels shows the smallest and the largest of its samples: no peak is lost.
 ///
 /// # Errors
 /// [`PlotError`].
@@ -131,16 +131,16 @@ fn draw(curves: &[Curve], span: Span) -> String {
     kuva::render_to_svg(plots, layout)
 }
 
-/// The lines of a curve, one a stretch, of which the first may be in the legend.
+/// Returns the lines of a curve, one for each stretch; only the first has a legend entry.
 fn lines(curve: &Curve, color: &str, is_one_of_many: bool) -> Vec<Plot> {
     let stretches = curve.stretches.iter().enumerate();
     stretches
-        .map(|(place, stretch)| {
+        .map(|(index, stretch)| {
             let line = LinePlot::new()
                 .with_data(stretch.iter().copied())
                 .with_color(color)
                 .with_stroke_width(1.3);
-            Plot::Line(if is_one_of_many && place == 0 {
+            Plot::Line(if is_one_of_many && index == 0 {
                 line.with_legend(&curve.label)
             } else {
                 line
@@ -149,7 +149,7 @@ fn lines(curve: &Curve, color: &str, is_one_of_many: bool) -> Vec<Plot> {
         .collect()
 }
 
-/// The description that all scenarios share, if they do.
+/// Returns the description of the scenarios if it is the same for all.
 fn title(curves: &[Curve]) -> Option<&str> {
     let mut descriptions = curves.iter().map(|curve| curve.scenario.description.as_str());
     let first = descriptions.next().filter(|text| !text.is_empty())?;

@@ -1,4 +1,4 @@
-//! Facts that only the run itself knew: `summary.json` beside the log, as far as it is there.
+//! Facts of the run that the log does not hold, from `summary.json` beside it.
 
 use std::path::Path;
 
@@ -7,25 +7,24 @@ use serde_json::Value;
 
 use run_log::run_folder::summary_text_beside;
 
-/// The page's facts about the run.
+/// Facts of the run; a field that the summary lacks has its default.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct RunFacts {
     /// Name of the scenario.
     scenario: String,
-    /// Which host flew it.
+    /// Name of the host.
     host: String,
-    /// The outcome of the run.
     outcome: String,
-    /// Why, in words.
+    /// Reason of the outcome.
     reason: String,
     /// Wall time of the flight, s.
     wall_seconds: Option<f64>,
-    /// The timing of the flight, if it was flown in real time.
+    /// Timing of a flight in real time.
     pub(super) timing: Option<Value>,
 }
 
-/// Reads them; none if the log lies alone, or beside something else.
+/// Reads the facts beside a log. `None` if there is no valid summary.
 pub(super) fn beside(log: &Path) -> Option<RunFacts> {
     serde_json::from_str(&summary_text_beside(log)?).ok()
 }

@@ -1,4 +1,4 @@
-//! Series over time, down-sampled: of every so many samples of a topic the smallest and the largest value.
+//! Downsampled time series: the smallest and the largest value of each bucket of samples.
 
 use serde::Serialize;
 use shared_types::schedule::Rate;
@@ -8,23 +8,24 @@ use shared_types::{Schedule, Topic};
 use super::encoding::base64;
 use crate::plot::downsample::Extreme;
 
-/// Most buckets that a topic of a single log is divided into. With all channels of a flight they are some 2 MB.
-const MOST_BUCKETS: u64 = 6_000;
+/// Maximum number of buckets for a topic of a single log. With all channels of a flight they take some 2 MB.
+const MAX_BUCKETS: u64 = 6_000;
 
-/// Buckets of a topic of each of so many logs: their page shall not grow with their number.
+/// Returns the maximum number of buckets for each topic of each log, so that the page's size does not grow with the number of
+/// logs.
 pub(super) fn buckets(logs: usize) -> u64 {
-    MOST_BUCKETS * 2 / (logs as u64).max(2)
+    MAX_BUCKETS * 2 / (logs as u64).max(2)
 }
 
 /// Channels of one topic over time.
 ///
-/// A bucket is so many ticks at which the topic is due. A series has two values of each, the extremes in the order in which they
-/// came, or one if a bucket is a single sample; where a bucket has no sample they are NaN.
+/// A bucket spans `samples_per_bucket` due samples of the topic. A series has two values of each bucket, the extremes in the order
+/// of time, or one if a bucket is a single sample; a bucket without samples has NaN.
 pub(super) struct Table {
     rate: Rate,
     tick_ns: u64,
     samples_per_bucket: u64,
-    /// The bucket that is being filled.
+    /// Index of the current bucket.
     bucket: u64,
     series: Vec<Series>,
 }
@@ -33,7 +34,7 @@ pub(super) struct Table {
 struct Series {
     name: String,
     values: Vec<f32>,
-    /// Of the bucket that is being filled.
+    /// Extremes of the current bucket.
     extreme: Option<Extreme>,
 }
 
@@ -42,10 +43,10 @@ struct Series {
 pub(super) struct PageTable {
     /// Time of the first sample of the first bucket, s.
     first: f64,
-    /// From the first sample of a bucket to that of the next, s.
+    /// Time between the first samples of consecutive buckets, s.
     step: f64,
     samples_per_bucket: u64,
-    /// Values of a bucket: 2, or 1 if it is a single sample.
+    /// Values of a bucket: 2, or 1 if the bucket is a single sample.
     values_per_bucket: u64,
     series: Vec<PageSeries>,
 }
@@ -59,7 +60,7 @@ struct PageSeries {
 }
 
 impl Table {
-    /// For these channels of a topic, in at most so many buckets.
+    /// Makes an empty table of these channels with at most `buckets` buckets.
     pub(super) fn new(topic: Topic, names: &[impl ToString], schedule: &Schedule, buckets: u64) -> Self {
         let rate = schedule.topic_rate(topic);
         let samples = rate.count_before(schedule.last_tick() + 1);
@@ -79,7 +80,7 @@ impl Table {
         }
     }
 
-    /// Takes the values of a tick into account, in the order of the names; one that is not finite is none.
+    /// Adds the values of a tick, in the order of the names. Values that are not finite are ignored.
     pub(super) fn add(&mut self, tick: u64, values: &[f64]) {
         let bucket = self.rate.count_before(tick) / self.samples_per_bucket;
         while self.bucket < bucket {
@@ -90,7 +91,7 @@ impl Table {
                 let point = (tick as f64, value);
                 match &mut series.extreme {
                     Some(extreme) => extreme.add(point),
-                    none => *none = Some(Extreme::of(point)),
+                    none => *none = Some(Extreme::new(point)),
                 }
             }
         }
@@ -114,7 +115,7 @@ impl Table {
         self.samples_per_bucket.min(2)
     }
 
-    /// For the page; channels that never had a value are left out.
+    /// Returns the table for the page, without channels that never had a value.
     pub(super) fn finish(mut self) -> PageTable {
         self.close_bucket();
         let step = self.samples_per_bucket * self.rate.period * self.tick_ns;
@@ -137,10 +138,10 @@ impl Table {
     }
 }
 
-/// The largest number that is shown: the page's axes have no ticks for much larger ones.
+/// Largest magnitude shown: the page's axes have no ticks for much larger numbers.
 const LARGEST: f64 = 1e30;
 
-/// A value as the page has it; one that is beyond what it can show, as in a flight gone wrong, is the largest of that.
+/// Clamps a value to the range that the page can show; a diverged flight exceeds it.
 fn as_shown(value: f64) -> f32 {
     value.clamp(-LARGEST, LARGEST) as f32
 }

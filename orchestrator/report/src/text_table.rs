@@ -1,17 +1,17 @@
-//! A table of results, before anyone has decided what it looks like: on a terminal, in Markdown, on a page, in a paper.
+//! A table of results, rendered for a terminal, as Markdown, as HTML or as LaTeX.
 
 use std::fmt::{self, Display, Formatter};
 
 use comfy_table::{Table, presets};
 
-/// A table.
+/// A table of results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextTable {
-    /// What it is of, with units; may be empty.
+    /// Quantity, with units; may be empty.
     pub title: String,
-    /// Names of the columns; a part after a line feed explains.
+    /// Names of the columns; an explanation may follow after a line feed.
     pub header: Vec<String>,
-    /// Cells, line by line.
+    /// Cells of each row.
     pub lines: Vec<Vec<String>>,
 }
 
@@ -26,7 +26,7 @@ impl TextTable {
         }
     }
 
-    /// As Markdown, for documents.
+    /// Renders the table as Markdown.
     #[must_use]
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| {
@@ -42,7 +42,7 @@ impl TextTable {
         title + &line(&self.header) + &rule + &lines
     }
 
-    /// As a part of a page.
+    /// Renders the table as HTML with a heading.
     #[must_use]
     pub fn html(&self) -> String {
         let line = |tag: &str, cells: &[String]| {
@@ -59,7 +59,7 @@ impl TextTable {
         )
     }
 
-    /// As LaTeX, for a paper: a `table` with the rules of the package `booktabs`, numbers to the right.
+    /// Renders the table as a LaTeX `table` with the rules of the package `booktabs`, numbers right-aligned.
     #[must_use]
     pub fn latex(&self) -> String {
         let line = |cells: &[String]| {
@@ -88,7 +88,7 @@ impl TextTable {
     }
 }
 
-/// As people read it on a terminal.
+/// Renders the table for a terminal.
 impl Display for TextTable {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let mut table = Table::new();
@@ -102,7 +102,7 @@ impl Display for TextTable {
     }
 }
 
-/// Returns tables as a LaTeX file to be included, with what it needs in its head.
+/// Returns tables as a LaTeX file to include; a comment at its head states the required package.
 #[must_use]
 pub fn latex_file(tables: &[TextTable]) -> String {
     let head = "% Written by gerono. In the preamble: \\usepackage{booktabs}\n";
@@ -110,7 +110,7 @@ pub fn latex_file(tables: &[TextTable]) -> String {
     format!("{head}{}", tables.join("\n"))
 }
 
-/// Marks code between backticks of a text on a page.
+/// Replaces backticks by `<code>` tags.
 fn code_marked(text: &str) -> String {
     let mut parts = text.split('`');
     let first = parts.next().unwrap_or_default().to_owned();
@@ -120,7 +120,7 @@ fn code_marked(text: &str) -> String {
         .fold(first, |marked, (part, tag)| marked + tag + part)
 }
 
-/// A text as LaTeX sets it, whatever the engine: what is not ASCII and used in tables here is written as a command.
+/// Escapes text for any LaTeX engine: non-ASCII characters that occur in tables become commands.
 fn latex(text: &str) -> String {
     let mut written = String::new();
     let mut is_code = false;
@@ -152,7 +152,7 @@ fn latex(text: &str) -> String {
             '–' => "--",
             '…' => r"\dots{}",
             '−' => "$-$",
-            // Before a number it is no hyphen.
+            // A minus sign before a number, not a hyphen.
             '-' if is_minus => "$-$",
             '≤' => r"$\le$",
             '≥' => r"$\ge$",
@@ -170,7 +170,7 @@ fn latex(text: &str) -> String {
             'β' => r"$\beta$",
             'δ' => r"$\delta$",
             _ => {
-                // A name of a law or a value in any other script, which the engine or its fonts may know.
+                // Other scripts, as in the name of a law: left to the engine and its fonts.
                 written.push(character);
                 continue;
             }
@@ -183,7 +183,7 @@ fn latex(text: &str) -> String {
     written
 }
 
-/// Returns text as HTML shows it.
+/// Escapes text for HTML.
 #[must_use]
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")

@@ -1,4 +1,4 @@
-//! The way of the vehicle through space, and of the point of the path that it follows.
+//! Track of the vehicle and of its reference point in space.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -9,13 +9,13 @@ use shared_types::service::seconds;
 use super::encoding::base64;
 use metrics::tracker::{Moment, StateSource};
 
-/// Number of points of the way that are kept.
-const MOST_PLACES: u64 = 2_000;
+/// Maximum number of points of the track.
+const MAX_POINTS: u64 = 2_000;
 
-/// Numbers of a place: time (s), p (m), pd (m; NaN where it is not known), roll, pitch and yaw (rad).
+/// Numbers of a point: time (s), p (m), pd (m; NaN if unknown), roll, pitch and yaw (rad).
 const NUMBERS: usize = 10;
 
-/// Gathers every so manieth place.
+/// Collects every `stride`-th moment of the flight.
 pub(super) struct Track {
     is_estimated: bool,
     stride: u64,
@@ -23,10 +23,10 @@ pub(super) struct Track {
     numbers: Vec<f32>,
 }
 
-/// The way as the page reads it.
+/// The track as the page reads it.
 #[derive(Serialize)]
 pub(super) struct PageTrack {
-    /// `true` if it is where the estimator believed the vehicle to be: in a laboratory nobody knows more.
+    /// `true` if the track is the estimator's: a laboratory flight has no truth.
     is_estimated: bool,
     numbers_per_place: usize,
     /// Little-endian f32 in base 64.
@@ -34,19 +34,18 @@ pub(super) struct PageTrack {
 }
 
 impl Track {
-    /// For a flight of this schedule.
     pub(super) fn new(schedule: &Schedule) -> Self {
         let source = StateSource::of(schedule);
         let samples = schedule.sample_count(source.topic());
         Self {
             is_estimated: source == StateSource::Estimate,
-            stride: samples.div_ceil(MOST_PLACES).max(1),
+            stride: samples.div_ceil(MAX_POINTS).max(1),
             seen: 0,
             numbers: Vec::new(),
         }
     }
 
-    /// Takes a moment into account.
+    /// Adds a moment.
     pub(super) fn add(&mut self, Moment { vehicle, path, .. }: &Moment) {
         if self.seen.is_multiple_of(self.stride) {
             let position = Vector3::from(vehicle.position_world);
@@ -55,16 +54,15 @@ impl Track {
             });
             let attitude = roll_pitch_yaw(&from_row_major(&vehicle.world_from_body));
             let time = seconds(vehicle.time_ns);
-            let place = std::iter::once(time)
+            let point = std::iter::once(time)
                 .chain(position.iter().copied())
                 .chain(desired.iter().copied())
                 .chain(attitude);
-            self.numbers.extend(place.map(|number| number as f32));
+            self.numbers.extend(point.map(|number| number as f32));
         }
         self.seen += 1;
     }
 
-    /// For the page.
     pub(super) fn finish(&self) -> PageTrack {
         PageTrack {
             is_estimated: self.is_estimated,
@@ -112,7 +110,7 @@ mod tests {
         let page = track.finish();
         let numbers = decoded(&page.places);
         let places: Vec<_> = numbers.chunks_exact(page.numbers_per_place).collect();
-        assert!(numbers.len() == NUMBERS * places.len() && places.len() as u64 <= MOST_PLACES);
+        assert!(numbers.len() == NUMBERS * places.len() && places.len() as u64 <= MAX_POINTS);
         assert!(places[0][4].is_nan());
         let second = places[1];
         assert!((1000.0 * second[0] - second[1]).abs() < 1e-3);

@@ -2,7 +2,7 @@
 
 performance.mark("report-begins");
 
-/** What `gerono report` gathered; see orchestrator/src/report/page.rs. */
+/** What `gerono report` gathered; see orchestrator/report/src/page.rs. */
 const data = JSON.parse(document.getElementById("data").textContent);
 
 /** Two panels of this width stand beside each other on A4 and letter, px. */
@@ -194,7 +194,7 @@ function shadeFaults(plot) {
   ctx.restore();
 }
 
-/** The theorem's bounds, the largest first; flights of which it says nothing have none. */
+/** The theorem's bounds, the largest first; flights without a bound have none. */
 const theoremBounds = (panel, some) => (panel.has_bound ? [...new Set(some.map(({ bound }) => bound))].filter((bound) => bound !== null).sort((left, right) => right - left) : []);
 const boundsOfAll = (panel) => theoremBounds(panel, flights);
 const shownBounds = (panel) => theoremBounds(panel, shownFlights());
@@ -245,7 +245,7 @@ function steer(event) {
   }
 }
 
-/** How many samples a point on the screen stands for: nothing is left out in silence. */
+/** How many samples a point on the screen stands for: downsampling is always stated. */
 function sayBuckets() {
   const columns = Math.max(1, ...plots.map((plot) => plot.bbox.width));
   const finest = flights.flatMap((flight) => flight.tables).filter(({ series }) => series.length > 0);
@@ -258,7 +258,7 @@ function sayBuckets() {
   byId("bucket").textContent = `${kept} Now a column of pixels stands for ${perColumn < 1 ? "less than one sample" : `up to ${Math.ceil(perColumn)} samples`}.`;
 }
 
-/* ---- The moment that is looked at ---- */
+/* ---- The selected moment ---- */
 
 let moment = 0;
 
@@ -272,7 +272,7 @@ function lookAt(time) {
 
 let frame = null;
 
-/** The pointer moves more often than anything can be drawn. The other panels hear of it too. */
+/** The pointer moves more often than anything can be drawn. The other panels follow it. */
 function pointed(plot) {
   const { left, top } = plot.cursor;
   if (left === null || left < 0 || player !== null || !plot.over.matches(":hover")) return;
@@ -373,7 +373,7 @@ function drawHead() {
   byId("description").textContent = [...new Set(flights.map((flight) => flight.description).filter(Boolean))].join(" — ");
   for (const flight of flights.filter(({ track }) => track.is_estimated)) {
     byId("banners").append(element("p", { class: "banner" },
-      `${named(flight)}the trajectory in the 3D view is the estimator's: this flight was in a laboratory, where nobody knows the truth.`));
+      `${named(flight)}the trajectory in the 3D view is the estimator's: a laboratory flight has no recorded truth.`));
   }
   for (const flight of flights.filter(({ lost }) => lost !== null)) {
     byId("banners").append(element("p", { class: "banner", role: "alert" },
@@ -414,7 +414,7 @@ const number = (value, digits = 4) => (value === null || value === undefined ? "
 const centimetres = (value) => (value === null || value === undefined ? "–" : inDigits(100 * value));
 const ofMetrics = (show) => ({ metrics }) => (metrics ? show(metrics) : "–");
 
-/** The numbers of a flight's phases, and of all of it. */
+/** The metrics of a flight's phases and of the whole flight. */
 function drawPhases(flight) {
   const ofPhase = (show) => (stretch) => (stretch.parameters ? show(stretch) : "");
   const ofSteady = (show) => ofPhase(({ steady }) => (steady ? show(steady) : "–"));
@@ -453,7 +453,7 @@ function drawResults() {
   flights.forEach(drawPhases);
   const bounds = [...new Set(flights.map(({ bound }) => bound))].filter((bound) => bound !== null).map(inDigits).join(", ");
   const theorem = bounds === "" ? "" : ` The theorem bounds its limit for t → ∞ by ${bounds} m.`;
-  const estimated = flights.some(({ source }) => source === "estimate") ? " In a laboratory it is estimated: nobody knows the truth." : "";
+  const estimated = flights.some(({ source }) => source === "estimate") ? " In a laboratory it is estimated: the truth is not recorded." : "";
   byId("phases").append(element("p", { class: "hint" },
     `Distance from the path: from the true position to the path's point of the same time, while the vehicle flies along its path.${estimated}${theorem}`));
 }
@@ -461,7 +461,7 @@ function drawResults() {
 function drawFaults() {
   const rows = flights.flatMap((flight) => flight.faults.map((fault) => [
     `${named(flight)}${fault.fault}`, label(fault.begins), fault.ends === null ? "for good" : label(fault.ends),
-    fault.detection ? `after ${number(fault.detection.after, 3)} s, ${fault.detection.by}: ${fault.detection.sign}` : "nobody",
+    fault.detection ? `after ${number(fault.detection.after, 3)} s, ${fault.detection.by}: ${fault.detection.sign}` : "not detected",
     number(fault.peak_error), number(fault.back_after, 3), fault.others,
   ]));
   if (rows.length === 0) return;

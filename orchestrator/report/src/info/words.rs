@@ -1,4 +1,4 @@
-//! The content of a log, as people read it.
+//! Text form of a log's content.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -54,7 +54,7 @@ impl Display for Info {
             write_summary(formatter, summary)?;
         }
         if let Some(host) = &self.host {
-            let state = if host.is_whole { "complete" } else { "not whole" };
+            let state = if host.is_whole { "complete" } else { "incomplete" };
             let counts: Vec<_> = host
                 .samples
                 .iter()
@@ -118,7 +118,7 @@ fn topic_table(topics: &[TopicInfo]) -> Table {
     table
 }
 
-/// Writes the vehicle's loss, as the log itself tells it, and its distance from the path.
+/// Writes the loss of the vehicle and its distance from the path, computed from the log.
 fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
     if let Some(loss) = &judged.lost {
         writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
@@ -139,7 +139,7 @@ fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
         }
         writeln!(
             formatter,
-            "distance from the path{estimated}, in all of the flight: RMS {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
+            "distance from the path{estimated}, over the whole flight: RMS {:.3} cm, 95 % {:.3} cm, largest {:.3} cm at {:.3} s",
             100.0 * metrics.rmse,
             100.0 * metrics.p95,
             100.0 * metrics.max,
@@ -149,7 +149,7 @@ fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
     Ok(())
 }
 
-/// The ends of the phases, compared with the theorem's bound where it applies.
+/// Writes the ultimate distance of each phase, compared with the theorem's bound where it applies.
 fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
     for phase in summary["phases"].as_array().into_iter().flatten() {
         let Some(ultimate) = phase["ultimate"].as_f64() else {
@@ -164,14 +164,14 @@ fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
         let [begins, ends] = ["begins", "ends"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
         writeln!(
             formatter,
-            "{begins} to {ends} s: at most {:.3} cm from the path in the end{bound}",
+            "{begins} to {ends} s: ultimate distance from the path at most {:.3} cm{bound}",
             100.0 * ultimate
         )?;
     }
     Ok(())
 }
 
-/// Writes the course of the run. An older program may have left a member out, which is then not shown.
+/// Writes the course of the run. Fields that an older program did not write are skipped.
 fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
     let text = |value: &Value| printable(value.as_str().unwrap_or_default()).into_owned();
     let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
@@ -191,25 +191,25 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
         match (fault["peak_error"].as_f64(), fault["back_after"].as_f64()) {
             (Some(peak), Some(back)) => writeln!(
                 formatter,
-                "{peak:.4} m from the path at most, back after {back} s"
+                "at most {peak:.4} m from the path, recovered after {back} s"
             )?,
             (Some(peak), None) => writeln!(
                 formatter,
-                "{peak:.4} m from the path at most, not seen to come back"
+                "at most {peak:.4} m from the path, no recovery recorded"
             )?,
-            (None, _) => writeln!(formatter, "nothing is known of the distance from the path")?,
+            (None, _) => writeln!(formatter, "distance from the path unknown")?,
         }
     }
     // Summaries of earlier versions have `rebirths`.
     for restart in list("restarts").into_iter().chain(list("rebirths")) {
-        let place = restart["tick"].as_u64().map_or_else(
+        let position = restart["tick"].as_u64().map_or_else(
             || "before its first step".to_owned(),
             |tick| format!("after tick {tick}"),
         );
         let lost = restart["lost_seconds"].as_f64().unwrap_or(f64::NAN);
         writeln!(
             formatter,
-            "{} was restarted {place}, within {lost:.3} s",
+            "{} was restarted {position}, within {lost:.3} s",
             text(&restart["service"])
         )?;
     }

@@ -1,4 +1,4 @@
-//! The distance from the path over time of one flight, as its log has it.
+//! The distance from the path over time of one flight, read from its log.
 
 use std::path::{Path, PathBuf};
 
@@ -10,17 +10,17 @@ use super::{COLUMNS, FLOOR, PlotError};
 use metrics::tracker::{Moment, StateSource, Tracker};
 use run_log::LogReader;
 
-/// Which part of a flight is drawn, s.
+/// The part of a flight that is drawn, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
-    /// From when; from the start unless stated.
+    /// Start; that of the flight if `None`.
     pub from: Option<f64>,
-    /// Until when; to the end unless stated.
+    /// End; that of the flight if `None`.
     pub to: Option<f64>,
 }
 
 impl Span {
-    /// Begin and end of what is drawn of a flight of this length, s.
+    /// Returns the start and end of the span within a flight of this duration, s.
     pub(super) fn within(self, duration: f64) -> [f64; 2] {
         let to = self.to.unwrap_or(duration).min(duration);
         [self.from.unwrap_or(0.0).min(to), to]
@@ -32,7 +32,7 @@ pub(super) struct Curve {
     pub(super) label: String,
     pub(super) scenario: Scenario,
     pub(super) source: StateSource,
-    /// Parts that are drawn in one go: between them nothing was to be followed.
+    /// Connected parts; between them there was no path to follow.
     pub(super) stretches: Vec<Vec<(f64, f64)>>,
 }
 
@@ -64,7 +64,7 @@ impl Curve {
     }
 }
 
-/// Draws stretch after stretch.
+/// Collects the stretches of a curve.
 struct Pen {
     span: [f64; 2],
     current: Option<Extremes>,
@@ -102,7 +102,7 @@ impl Pen {
     }
 }
 
-/// Returns a log's name in a legend: its folder, which tells runs apart, or its own name.
+/// Returns a log's name in a legend: its folder, which differs between runs, or its file stem.
 pub(crate) fn label(log: &Path) -> String {
     let folder = log.parent().and_then(Path::file_name);
     let name = if log.file_name().is_some_and(|name| name == "run.mcap") {

@@ -1,6 +1,6 @@
-//! Fewer points that look the same: of every column of pixels the smallest and the largest value.
+//! Downsampling that keeps peaks: the smallest and the largest value of every column of pixels.
 
-/// The points that are kept of some: those of the smallest and of the largest value.
+/// The points with the smallest and the largest value of a set.
 #[derive(Clone, Copy, Debug)]
 pub struct Extreme {
     least: (f64, f64),
@@ -8,15 +8,15 @@ pub struct Extreme {
 }
 
 impl Extreme {
-    /// Of a single point.
-    pub fn of(point: (f64, f64)) -> Self {
+    /// Starts with a single point.
+    pub fn new(point: (f64, f64)) -> Self {
         Self {
             least: point,
             greatest: point,
         }
     }
 
-    /// Takes a point into account.
+    /// Adds a point.
     pub fn add(&mut self, point: (f64, f64)) {
         if point.1 < self.least.1 {
             self.least = point;
@@ -26,7 +26,7 @@ impl Extreme {
         }
     }
 
-    /// Both points, in the order of time.
+    /// Returns both points in the order of time.
     pub fn in_order(self) -> [(f64, f64); 2] {
         if self.least.0 <= self.greatest.0 {
             [self.least, self.greatest]
@@ -36,16 +36,16 @@ impl Extreme {
     }
 }
 
-/// Gathers points column by column; they come in the order of time.
+/// Downsamples points, added in the order of time, column by column.
 pub struct Extremes {
     column_width: f64,
-    /// The column that is being filled, by its index.
+    /// Index and extremes of the current column.
     column: Option<(usize, Extreme)>,
     points: Vec<(f64, f64)>,
 }
 
 impl Extremes {
-    /// For points of the times 0 to `duration`, drawn in `columns` columns.
+    /// Divides the time `duration` into `columns` columns.
     pub fn new(duration: f64, columns: usize) -> Self {
         Self {
             column_width: duration / columns as f64,
@@ -54,7 +54,7 @@ impl Extremes {
         }
     }
 
-    /// Takes a point into account.
+    /// Adds a point.
     pub fn add(&mut self, time: f64, value: f64) {
         let index = (time / self.column_width) as usize;
         let point = (time, value);
@@ -62,12 +62,12 @@ impl Extremes {
             Some((column, extreme)) if *column == index => extreme.add(point),
             _ => {
                 self.close_column();
-                self.column = Some((index, Extreme::of(point)));
+                self.column = Some((index, Extreme::new(point)));
             }
         }
     }
 
-    /// The points to draw, in the order of time.
+    /// Returns the points to draw, in the order of time.
     pub fn finish(mut self) -> Vec<(f64, f64)> {
         self.close_column();
         self.points

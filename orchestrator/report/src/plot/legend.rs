@@ -1,13 +1,13 @@
-//! Where a figure's legend hides no data: in a corner that no curve comes to, or beside the axes.
+//! Position of a figure's legend: a corner without data, or beside the axes.
 
 use kuva::prelude::LegendPosition;
 
 use super::FLOOR;
 
-/// Share of the axes' width and height that a legend may take.
+/// Maximum share of the axes' width and height for a legend.
 const SHARE: [f64; 2] = [0.35, 0.35];
 
-/// The corners in the order in which they are preferred, with whether each is right and top.
+/// The corners in order of preference; the flags are `[is right, is top]`.
 const CORNERS: [(LegendPosition, [bool; 2]); 4] = [
     (LegendPosition::InsideTopRight, [true, true]),
     (LegendPosition::InsideTopLeft, [false, true]),
@@ -15,7 +15,7 @@ const CORNERS: [(LegendPosition, [bool; 2]); 4] = [
     (LegendPosition::InsideBottomLeft, [false, false]),
 ];
 
-/// The position of a legend beside curves, whose axis upwards is logarithmic or not.
+/// Returns a legend position that hides no point of the curves. `is_logarithmic` applies to the vertical axis.
 pub fn free_position<'a>(
     curves: impl Iterator<Item = &'a [(f64, f64)]> + Clone,
     is_logarithmic: bool,

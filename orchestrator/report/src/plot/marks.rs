@@ -1,4 +1,4 @@
-//! Marks of a figure beside the curves: the theorem's bound, changes of the vehicle, planned faults.
+//! Annotations of a figure: the theorem's bound, changes of the vehicle, planned faults.
 
 use kuva::prelude::{ReferenceLine, ShadedRegion};
 use scenario::{Fault, FaultState, VehicleChange};
@@ -9,7 +9,7 @@ use super::curve::Curve;
 const BOUND_COLOR: &str = "#d55e00";
 const FAULT_COLOR: &str = "#e69f00";
 
-/// The theorem's bound of every controller that it speaks of.
+/// Returns a line for each theorem's bound of the curves' controllers.
 pub(super) fn bound_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
     let mut bounds: Vec<f64> = curves
         .iter()
@@ -27,7 +27,7 @@ pub(super) fn bound_lines(curves: &[Curve]) -> Vec<ReferenceLine> {
         .collect()
 }
 
-/// The moments at which the vehicle of any flight changed, with what changed if it is the same in all.
+/// Returns a line at each time at which a vehicle changed, labelled with the change if all flights share it.
 pub(super) fn change_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine> {
     let mut changes: Vec<&VehicleChange> = curves
         .iter()
@@ -51,7 +51,7 @@ pub(super) fn change_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLin
         .collect()
 }
 
-/// Names the property of the vehicle that changes.
+/// Describes the properties of the vehicle that change.
 fn describe(change: &VehicleChange) -> String {
     let mut parts = Vec::new();
     if let Some(mass) = change.mass {
@@ -66,7 +66,7 @@ fn describe(change: &VehicleChange) -> String {
     parts.join(", ")
 }
 
-/// The begins of the planned faults of any flight, with what happens if it is the same in all.
+/// Returns a line at the start of each planned fault, labelled with the fault if all flights share it.
 pub(super) fn fault_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine> {
     let mut faults = faults(curves);
     faults.retain(|fault| is_within(fault.at, span));
@@ -93,7 +93,7 @@ pub(super) fn fault_lines(curves: &[Curve], span: [f64; 2]) -> Vec<ReferenceLine
         .collect()
 }
 
-/// Describes target and kind of the fault: there is little room.
+/// Describes target and kind of a fault, short enough for a label.
 fn in_short(fault: &Fault) -> String {
     let target = fault
         .target()
@@ -105,7 +105,7 @@ fn in_short(fault: &Fault) -> String {
     format!("{target} {}{state}", fault.kind)
 }
 
-/// Returns how long the planned faults of any flight last.
+/// Returns the spans of the planned faults of all flights.
 pub(super) fn fault_regions(curves: &[Curve], span: [f64; 2]) -> Vec<ShadedRegion> {
     let [from, to] = span;
     let mut spans: Vec<(f64, f64)> = faults(curves)
