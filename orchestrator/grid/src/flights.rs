@@ -234,7 +234,7 @@ impl FlightResult {
             Err(NotMeasured::Interrupted(_)) => None,
             Err(reason) => Some(
                 reason
-                    .of_setup()
+                    .into_setup_failure()
                     .map_or_else(|reason| Ok(lost(reason)), |failure| Err(failure.into())),
             ),
         }

@@ -139,7 +139,7 @@ fn first_failure(
         let reason = match measure(&scenario, interrupt) {
             Ok(measured) if measured.error.rmse() <= SURVIVED => continue,
             Ok(measured) => format!("{:.1} cm from the path", 100.0 * measured.error.rmse()),
-            Err(reason) => match reason.of_setup() {
+            Err(reason) => match reason.into_setup_failure() {
                 Ok(failure) => return Err(failure.into()),
                 Err(reason) => reason.to_string(),
             },

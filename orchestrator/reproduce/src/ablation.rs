@@ -1,5 +1,5 @@
-//! The worth of each part of the laboratory's design: the eight of Figs. 3 to 6 without it, and with a laboratory that is not
-//! as it is believed to be.
+//! Ablation of the laboratory design: the eight of Figs. 3 to 6 without each of its parts, and in laboratories that differ from
+//! the model.
 
 use serde::Serialize;
 use statistics::quantile::median_of;
@@ -8,7 +8,7 @@ use super::column::Column;
 use super::flight::{FlightResults, FlightSpecification, ScenarioSource};
 use super::measure::Measured;
 
-/// A design with something left out.
+/// A design with a part left out, or a laboratory that differs from the model.
 #[derive(Clone, Copy, Debug)]
 struct Variant {
     name: &'static str,
@@ -32,7 +32,7 @@ const VARIANTS: [Variant; 17] = [
         settings: &[],
     },
     Variant {
-        name: "roll-out without the pushes that are not learned yet",
+        name: "roll-out without disturbances not yet estimated",
         settings: &[NO_PUSHES],
     },
     Variant {
@@ -68,7 +68,7 @@ const VARIANTS: [Variant; 17] = [
         settings: &[PAPER_DELTA, WITH_OFFSET, NO_PREDICTION],
     },
     Variant {
-        name: "markers 30 mm below the centre of mass, not told",
+        name: "markers 30 mm below the centre of mass, undeclared",
         settings: &[MARKERS_BELOW],
     },
     Variant {
@@ -80,7 +80,7 @@ const VARIANTS: [Variant; 17] = [
         settings: &[MARKERS_BELOW, ESTIMATED],
     },
     Variant {
-        name: "markers 30 mm above, not told",
+        name: "markers 30 mm above, undeclared",
         settings: &[MARKERS_ABOVE],
     },
     Variant {
@@ -88,11 +88,11 @@ const VARIANTS: [Variant; 17] = [
         settings: &[MARKERS_ABOVE, ESTIMATED],
     },
     Variant {
-        name: "frames 10 ms later than believed",
+        name: "frames 10 ms later than modelled",
         settings: &["schedule.latency.\"rc/frame -> plant\"=0.015"],
     },
     Variant {
-        name: "cameras five times as noisy as believed",
+        name: "cameras five times as noisy as modelled",
         settings: &[
             "cameras.position_deviation=1.5e-3",
             "cameras.attitude_deviation=1e-2",
@@ -100,16 +100,16 @@ const VARIANTS: [Variant; 17] = [
     },
 ];
 
-/// The results of a design: medians over the seeds, in the baseline laboratory.
+/// Results of a variant: medians over the seeds, in the baseline laboratory.
 #[derive(Clone, Debug, Serialize)]
 pub struct AblationRow {
-    /// The part that is left out.
+    /// Name of the variant.
     pub variant: &'static str,
-    /// The settings that leave it out.
+    /// Settings that make the variant.
     pub settings: &'static [&'static str],
     /// RMSE of the error over the last 20 s, cm.
     pub rmse: Option<f64>,
-    /// The worst seed's, cm.
+    /// RMSE of the worst seed, cm.
     pub worst_rmse: Option<f64>,
     /// Largest error over the last 20 s, cm.
     pub largest: Option<f64>,
@@ -117,18 +117,18 @@ pub struct AblationRow {
     pub peak: Option<f64>,
     /// Root mean square of the body rates over the last 20 s, rad/s.
     pub rates: Option<f64>,
-    /// Reason why a flight came to nothing.
+    /// Reason why a flight has no result.
     pub note: String,
 }
 
-/// The flights that the table is made of.
+/// Returns the flights of the table.
 pub fn specifications() -> impl Iterator<Item = FlightSpecification> {
     VARIANTS
         .into_iter()
         .map(|variant| FlightSpecification::changed(variant.name, ScenarioSource::FIG3_6, variant.settings))
 }
 
-/// The table of the flights flown.
+/// Returns the table of the flights flown.
 #[must_use]
 pub fn table(results: &FlightResults, seeds: &[u64]) -> Vec<AblationRow> {
     VARIANTS.map(|variant| line(variant, results, seeds)).into()
@@ -137,7 +137,12 @@ pub fn table(results: &FlightResults, seeds: &[u64]) -> Vec<AblationRow> {
 fn line(variant: Variant, results: &FlightResults, seeds: &[u64]) -> AblationRow {
     let flown: Result<Vec<Measured>, String> = seeds
         .iter()
-        .map(|&seed| results.flown(Column::Baseline, seed).of(variant.name).cloned())
+        .map(|&seed| {
+            results
+                .flown(Column::Baseline, seed)
+                .result(variant.name)
+                .cloned()
+        })
         .collect();
     let all = |value: fn(&Measured) -> f64| Some(flown.as_ref().ok()?.iter().map(value));
     let middle = |value| all(value).and_then(median_of);

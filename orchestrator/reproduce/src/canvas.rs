@@ -1,4 +1,4 @@
-//! Panels of curves below each other, as SVG with real text.
+//! Stacked panels of curves as SVG, with text as text elements.
 
 use std::sync::Arc;
 
@@ -13,13 +13,13 @@ const PANEL_HEIGHT: f64 = 250.0;
 /// A curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its name where there are several.
+    /// Name in the legend, shown if there are several curves.
     pub label: &'static str,
-    /// Its points.
+    /// Points of the curve.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Axes and what is drawn in them.
+/// Axes with their curves and marks.
 #[derive(Clone, Debug)]
 pub struct Panel {
     /// The label of the horizontal axis.
@@ -30,7 +30,7 @@ pub struct Panel {
     pub scale: Scale,
     /// The curves.
     pub curves: Vec<Curve>,
-    /// Moments at which something happens, with what.
+    /// Times of events, with labels.
     pub marks: Vec<(f64, &'static str)>,
 }
 
@@ -39,9 +39,9 @@ pub struct Panel {
 pub enum Scale {
     /// Linear.
     Linear,
-    /// Logarithmic upwards.
+    /// Logarithmic vertical axis.
     Logarithmic,
-    /// Linear, the same in both directions: a map.
+    /// Linear, with equal scales in both directions: a map.
     Map,
 }
 
@@ -108,7 +108,7 @@ impl Panel {
         layout
     }
 
-    /// The points as far as the axes can show them: a logarithmic one knows no zero.
+    /// Clamps the points to what the axes can show: a logarithmic axis has no zero.
     fn visible(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let floor = if self.scale == Scale::Logarithmic {
             FLOOR

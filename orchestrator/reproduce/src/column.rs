@@ -1,6 +1,6 @@
-//! The laboratories in which every figure is flown: as it is, worse than it is, and other than believed.
+//! The laboratories in which every figure is flown: as stated, with doubled latencies and noise, and with a wrong model.
 //!
-//! A column is a set of settings made from the scenario that it is applied to, such as one gives with `--set`.
+//! A column is a set of settings as for `--set`, derived from the scenario that it is applied to.
 
 use scenario::Scenario;
 use serde::{Deserialize, Serialize};
@@ -11,22 +11,22 @@ use serde::{Deserialize, Serialize};
 pub enum Column {
     /// As the scenario states it.
     Baseline,
-    /// Latencies and the cameras' noise doubled, and known to be.
+    /// Latencies and the cameras' noise doubled, in the estimator's parameters as well.
     Doubled,
-    /// Another truth than the model says: slower, stronger actuators, a faster radio that loses frames.
+    /// A rig that differs from the model: slower, stronger actuators, a faster radio that loses frames.
     WrongModel,
 }
 
-/// The ratio of the actuators' lag to the believed one in [`Column::WrongModel`].
+/// Ratio of the actuators' lag to the modelled one in [`Column::WrongModel`].
 const LAG_FACTOR: f64 = 1.5;
 
-/// The ratio of the thrust to the commanded one there.
+/// Ratio of the thrust to the commanded one in [`Column::WrongModel`].
 const THRUST_FACTOR: f64 = 1.05;
 
-/// By how much the radio's latency is shorter than believed there, s.
-const LATENCY_LESS: f64 = 0.004;
+/// Reduction of the radio's latency below the modelled one in [`Column::WrongModel`], s.
+const LATENCY_REDUCTION: f64 = 0.004;
 
-/// Share of the frames that are lost there.
+/// Share of lost frames in [`Column::WrongModel`].
 const FRAME_LOSS: f64 = 0.05;
 
 const CAPTURE_EDGE: &str = "mocap/pose -> estimator";
@@ -36,7 +36,7 @@ impl Column {
     /// All laboratories, in the order of the tables.
     pub const ALL: [Self; 3] = [Self::Baseline, Self::Doubled, Self::WrongModel];
 
-    /// Returns its name in tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -46,19 +46,19 @@ impl Column {
         }
     }
 
-    /// Describes it in a sentence.
+    /// Returns a one-line description.
     #[must_use]
     pub fn description(self) -> &'static str {
         match self {
             Self::Baseline => "the rig as the scenario states it",
             Self::Doubled => "latencies and the cameras' noise doubled, and known to the estimator",
             Self::WrongModel => {
-                "lags +50 %, thrust +5 %, radio latency −4 ms, 5 % of the frames lost, and nobody knows"
+                "lags +50 %, thrust +5 %, radio latency −4 ms, 5 % of the frames lost, all unknown to the model"
             }
         }
     }
 
-    /// The settings that make this laboratory of a scenario's.
+    /// Returns the settings that turn the laboratory of `scenario` into this one.
     #[must_use]
     pub fn settings(self, scenario: &Scenario) -> Vec<String> {
         match self {
@@ -95,7 +95,7 @@ fn doubled(scenario: &Scenario) -> Vec<String> {
 fn wrong_model(scenario: &Scenario) -> Vec<String> {
     let mut settings = Vec::new();
     if let Some(latency) = scenario.schedule.latency.get(RADIO_EDGE) {
-        settings.push(setting(&latency_key(RADIO_EDGE), latency - LATENCY_LESS));
+        settings.push(setting(&latency_key(RADIO_EDGE), latency - LATENCY_REDUCTION));
     }
     if let Some(actuators) = &scenario.vehicle.actuators {
         let rate_lag = actuators.rate_lag.map(|lag| rounded(lag * LAG_FACTOR));
@@ -118,7 +118,7 @@ fn setting(key: &str, value: f64) -> String {
     format!("{key}={:?}", rounded(value))
 }
 
-/// Without the last digits' dust of a product or difference: times must be whole ticks.
+/// Removes the rounding error of a product or difference: times must be whole ticks.
 fn rounded(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }

@@ -1,4 +1,4 @@
-//! The drawings, numbered and labelled as in the paper, each of one seed's flights in the baseline laboratory.
+//! The drawings, numbered and labelled as in the paper, each from one seed's flights in the baseline laboratory.
 
 use std::collections::BTreeMap;
 
@@ -6,25 +6,25 @@ use super::canvas::{Curve, Panel, Scale, draw};
 use super::figures::Figure;
 use super::traces::{Channel, Traces};
 
-/// The flights that are drawn, by name.
+/// Traces of the drawn flights, by name.
 pub type TraceBook = BTreeMap<String, Traces>;
 
 /// A drawing.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawing {
-    /// The experiment that it belongs to.
+    /// The experiment of the drawing.
     pub figure: Figure,
-    /// Its file's name.
+    /// File name.
     pub file: &'static str,
-    /// The title of the drawing.
+    /// Title of the drawing.
     pub title: &'static str,
-    /// The flights that it is made of.
+    /// Names of the flights drawn.
     pub flights: &'static [&'static str],
     panels: fn(&TraceBook) -> Vec<Panel>,
 }
 
 impl Drawing {
-    /// The drawing as SVG; curves of flights that are not there are left out.
+    /// Returns the drawing as SVG, without curves of missing flights.
     #[must_use]
     pub fn svg(&self, flights: &TraceBook) -> String {
         draw(self.title, &(self.panels)(flights))
@@ -184,17 +184,17 @@ pub const DRAWINGS: [Drawing; 12] = [
         flights: &["trajectory_tracking", FOLLOWING],
         panels: |flights| {
             let both = [("following", FOLLOWING), ("tracking", "trajectory_tracking")];
-            let of = |channel| both.map(|(label, flight)| (label, flight, channel));
+            let curves = |channel| both.map(|(label, flight)| (label, flight, channel));
             vec![
                 error(flights, &both, &[]),
-                over_time(flights, "T, N", &of(Channel::Thrust), &[]),
-                over_time(flights, "‖ω‖, rad/s", &of(Channel::Rate), &[]),
+                over_time(flights, "T, N", &curves(Channel::Thrust), &[]),
+                over_time(flights, "‖ω‖, rad/s", &curves(Channel::Rate), &[]),
             ]
         },
     },
 ];
 
-/// ‖z1‖ of flights, with a label each.
+/// Returns a panel of ‖z1‖ of labelled flights.
 fn error(flights: &TraceBook, curves: &[(&'static str, &str)], marks: &[(f64, &'static str)]) -> Panel {
     let curves: Vec<_> = curves
         .iter()
@@ -206,7 +206,7 @@ fn error(flights: &TraceBook, curves: &[(&'static str, &str)], marks: &[(f64, &'
     }
 }
 
-/// Channels of flights, with a label each.
+/// Returns a panel of labelled channels of flights over time.
 fn over_time(
     flights: &TraceBook,
     y_label: &'static str,
@@ -229,9 +229,9 @@ fn over_time(
     }
 }
 
-/// The trajectory from above: y to the right, x upwards.
+/// Returns the trajectory seen from above: y to the right, x upwards.
 fn map(traces: &Traces) -> Panel {
-    let from_above = |places: &[[f64; 3]]| places.iter().map(|[x, y, _]| (*y, *x)).collect();
+    let from_above = |positions: &[[f64; 3]]| positions.iter().map(|[x, y, _]| (*y, *x)).collect();
     Panel {
         x_label: "y, m",
         y_label: "x, m",
@@ -239,11 +239,11 @@ fn map(traces: &Traces) -> Panel {
         curves: vec![
             Curve {
                 label: "actual",
-                points: from_above(&traces.places),
+                points: from_above(&traces.positions),
             },
             Curve {
                 label: "desired",
-                points: from_above(&traces.desired_places),
+                points: from_above(&traces.desired_positions),
             },
         ],
         marks: Vec::new(),

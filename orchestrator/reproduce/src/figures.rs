@@ -1,4 +1,4 @@
-//! The paper's figures: which flights each is made of, and which numbers it comes to.
+//! The paper's figures: the flights and the numbers of each.
 
 mod fig1;
 pub mod fig10;
@@ -14,10 +14,10 @@ use std::str::FromStr;
 
 use super::column::Column;
 use super::flight::{FlightSpecification, SeedResults};
-use super::row::{LEAST_SEEDS, Row};
+use super::row::{MIN_SEEDS, Row};
 use scenario_file::values::ValueError;
 
-/// A figure of the paper, or a comparison that it makes in words.
+/// A figure of the paper, or a comparison made in its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Figure {
     /// Simulation: the eight with a step of mass and inertia.
@@ -28,31 +28,31 @@ pub enum Figure {
     Fig3To6,
     /// Hover in the jet of a fan.
     Fig7,
-    /// The same with the estimators off.
+    /// Hover in the jet of a fan, with the estimators off.
     Fig8,
     /// Hover in the jet of a fan that moves.
     Fig9,
-    /// The mass under a steady wind.
+    /// The mass estimate under a steady wind.
     Fig10,
     /// Steps of the yaw angle.
     Fig11,
-    /// Path following beside trajectory tracking.
+    /// Path following against trajectory tracking.
     Tracking,
 }
 
 /// The parts of a figure.
 #[derive(Debug)]
 pub struct Experiment {
-    /// The title of the figure.
+    /// Title of the figure.
     pub title: &'static str,
-    /// The flights.
+    /// Flights of the figure.
     pub specifications: Vec<FlightSpecification>,
-    /// The numbers.
+    /// Numbers of the figure.
     pub rows: Vec<Row>,
 }
 
 impl Figure {
-    /// All of them, in the paper's order.
+    /// All figures, in the paper's order.
     pub const ALL: [Self; 9] = [
         Self::Fig1,
         Self::Fig2,
@@ -65,7 +65,7 @@ impl Figure {
         Self::Tracking,
     ];
 
-    /// Those of the short list, with every kind of experiment once.
+    /// The short list: every kind of experiment once.
     pub const QUICK: [Self; 6] = [
         Self::Fig1,
         Self::Fig3To6,
@@ -75,7 +75,7 @@ impl Figure {
         Self::Fig11,
     ];
 
-    /// Returns its name on the command line and in tables.
+    /// Returns the name on the command line and in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -91,7 +91,7 @@ impl Figure {
         }
     }
 
-    /// The laboratories in which it is flown. The simulations know neither noise nor latency: one flight is all.
+    /// Returns the laboratories in which the figure is flown. The pure simulations have neither noise nor latency: one suffices.
     #[must_use]
     pub fn columns(self) -> &'static [Column] {
         match self {
@@ -100,25 +100,25 @@ impl Figure {
         }
     }
 
-    /// The seeds that make a difference, of those that are asked for.
+    /// Returns the requested seeds that are flown. The pure simulations do not depend on the seed: the first suffices.
     #[must_use]
-    pub fn seeds(self, asked: &[u64]) -> &[u64] {
+    pub fn seeds(self, requested: &[u64]) -> &[u64] {
         match self {
-            Self::Fig1 | Self::Fig2 => &asked[..asked.len().min(1)],
-            _ => asked,
+            Self::Fig1 | Self::Fig2 => &requested[..requested.len().min(1)],
+            _ => requested,
         }
     }
 
-    /// Returns how many seeds the bar of a median needs: one where all are the same flight.
+    /// Returns the minimum number of seeds to judge a median: one where the flight does not depend on the seed.
     #[must_use]
-    pub fn least_seeds(self) -> usize {
+    pub fn min_seeds(self) -> usize {
         match self {
             Self::Fig1 | Self::Fig2 => 1,
-            _ => LEAST_SEEDS,
+            _ => MIN_SEEDS,
         }
     }
 
-    /// Returns its parts.
+    /// Returns the parts of the figure.
     #[must_use]
     pub fn experiment(self) -> Experiment {
         match self {
@@ -150,17 +150,17 @@ impl FromStr for Figure {
     }
 }
 
-/// The settings of "paper mode": the paper's δ, and the vehicle hangs below the path by what δ makes it.
+/// Settings of "paper mode": the paper's δ, with the resulting offset below the path kept.
 const PAPER_MODE: [&str; 2] = ["controller.delta=0.1", "controller.remove_offset=false"];
 
-/// Returns how many times larger one value is than another.
+/// Returns the ratio of a value of two flights.
 fn ratio(
     flown: &SeedResults<'_>,
     larger: &str,
     smaller: &str,
     value: fn(&super::measure::Measured) -> f64,
 ) -> Result<f64, String> {
-    Ok(value(flown.of(larger)?) / value(flown.of(smaller)?))
+    Ok(value(flown.result(larger)?) / value(flown.result(smaller)?))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The flights to be flown: a scenario, what is changed of it, the laboratory and the seed.
+//! Flights of a campaign: a scenario with changed settings, a laboratory and a seed.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,17 +15,17 @@ use flight::{Outcome, in_process};
 use metrics::loss::Loss;
 use scenario_file::ScenarioError;
 
-/// File of the flights' results in the folder of a campaign.
+/// File of the results in the folder of a campaign.
 pub const FLIGHTS: &str = "flights.rows";
 
-/// Least way of γ in the judged part of a flight, as a share of vd times its length: a path that waits would
-/// make every error small.
-pub const LEAST_PROGRESS: f64 = 0.95;
+/// Minimum advance of γ in the judged part of a flight, as a share of vd times its duration: a path that waits would make every
+/// error small.
+pub const MIN_PROGRESS: f64 = 0.95;
 
-/// A committed scenario, as it was when the program was built.
+/// A committed scenario, embedded in the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ScenarioSource {
-    /// Its file's name, without the extension.
+    /// File name without the extension.
     pub name: &'static str,
     text: &'static str,
 }
@@ -59,7 +59,7 @@ sources! {
 }
 
 impl ScenarioSource {
-    /// The scenario with these settings and this seed.
+    /// Loads the scenario with these settings and this seed.
     ///
     /// # Errors
     /// [`ScenarioError`] if a setting does not fit.
@@ -69,25 +69,25 @@ impl ScenarioSource {
     }
 }
 
-/// A flight but for laboratory and seed.
+/// A flight without its laboratory and seed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FlightSpecification {
-    /// The name of the flight; equal names are equal flights.
+    /// Name of the flight; equal names are equal flights.
     pub name: String,
     /// The scenario.
     pub source: ScenarioSource,
-    /// The settings that change it.
+    /// Settings that change the scenario.
     pub settings: Vec<String>,
 }
 
 impl FlightSpecification {
-    /// A scenario as it stands.
+    /// Specifies an unchanged scenario.
     #[must_use]
     pub fn plain(source: ScenarioSource) -> Self {
         Self::changed(source.name, source, &[])
     }
 
-    /// A scenario with changes, under another name.
+    /// Specifies a scenario with changed settings, under another name.
     #[must_use]
     pub fn changed(name: impl Into<String>, source: ScenarioSource, settings: &[&str]) -> Self {
         Self {
@@ -97,7 +97,7 @@ impl FlightSpecification {
         }
     }
 
-    /// The scenario of this flight in a laboratory.
+    /// Loads the scenario of this flight in a laboratory.
     ///
     /// # Errors
     /// [`ScenarioError`] if a setting does not fit.
@@ -109,44 +109,44 @@ impl FlightSpecification {
     }
 }
 
-/// A flight to be flown.
+/// A flight of a campaign.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Its name among the flights of its laboratory and seed.
+    /// Name, unique for a laboratory and seed.
     pub name: String,
     /// The laboratory.
     pub column: Column,
-    /// The scenario to fly, the seed with it.
+    /// The scenario to fly, with its seed.
     pub scenario: Scenario,
 }
 
-/// The results of all flights, or why one has none.
+/// Results of all flights, or the reason why a flight has none.
 #[derive(Debug, Default)]
 pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, String>>);
 
-/// Reason why a flight came to nothing.
+/// Reason why a flight has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum NotMeasured {
-    /// It could not be flown.
+    /// The flight failed.
     #[error(transparent)]
     Failed(#[from] FlightFailure),
-    /// The user asked for the end, by this signal.
+    /// The user interrupted the flight with this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
     /// The vehicle was lost.
     #[error("the vehicle was lost at {time} s: {0}", time = .0.time)]
     Lost(Loss),
-    /// The path waited for the vehicle; the share of its way that it came, in per cent.
-    #[error("the path came only {0:.0} % of its way")]
+    /// The path waited for the vehicle: the path variable advanced only by this share of the nominal distance, in per cent.
+    #[error("the path variable advanced only {0:.0} % of its nominal distance")]
     Waited(f64),
 }
 
 impl NotMeasured {
-    /// Returns the failure with which nothing was flown, which is no result of a law; else itself.
+    /// Returns the failure if the flight failed before it began, which says nothing about a control law.
     ///
     /// # Errors
-    /// The reason why a flight that was begun came to nothing.
-    pub fn of_setup(self) -> Result<FlightFailure, Self> {
+    /// `self` if the flight had begun.
+    pub fn into_setup_failure(self) -> Result<FlightFailure, Self> {
         match self {
             Self::Failed(failure) if failure.is_of_setup() => Ok(failure),
             reason => Err(reason),
@@ -155,13 +155,13 @@ impl NotMeasured {
 }
 
 impl FlightResults {
-    /// Flies all jobs on some threads; none of an interrupted campaign. Results are kept in `folder`, from which an interrupted
-    /// campaign resumes. Calls `flown` with the number of results, first and after each flight.
+    /// Flies all jobs on `threads` threads. Returns `None` if the campaign was interrupted. Results are stored in `folder`, from
+    /// which an interrupted campaign resumes. Calls `flown` with the number of results, first and after each flight.
     ///
-    /// Every flight is a function of its scenario alone; neither the number of threads nor the order matters.
+    /// Every flight is a function of its scenario alone, independent of the number of threads and the order.
     ///
     /// # Errors
-    /// [`JournalError`] if the folder holds the results of other flights, or they cannot be kept.
+    /// [`JournalError`] if the folder holds the results of other flights, or results cannot be stored.
     pub fn fly(
         jobs: &[Job],
         threads: usize,
@@ -184,7 +184,7 @@ impl FlightResults {
         Ok(is_whole.then(|| Self(entries.collect())))
     }
 
-    /// The flights of a laboratory and a seed.
+    /// Returns the results of a laboratory and a seed.
     #[must_use]
     pub fn flown(&self, column: Column, seed: u64) -> SeedResults<'_> {
         SeedResults {
@@ -195,7 +195,7 @@ impl FlightResults {
     }
 }
 
-/// The flights of one laboratory and one seed.
+/// Results of one laboratory and one seed.
 #[derive(Clone, Copy, Debug)]
 pub struct SeedResults<'a> {
     results: &'a FlightResults,
@@ -204,11 +204,11 @@ pub struct SeedResults<'a> {
 }
 
 impl SeedResults<'_> {
-    /// Returns the result of the flight of a name.
+    /// Returns the result of a flight by its name.
     ///
     /// # Errors
-    /// Why it came to nothing, as a note of the table.
-    pub fn of(&self, name: &str) -> Result<&Measured, String> {
+    /// The reason why the flight has no result, as a note for the table.
+    pub fn result(&self, name: &str) -> Result<&Measured, String> {
         let key = (self.column, self.seed, name.to_owned());
         match self.results.0.get(&key) {
             Some(Ok(measured)) => Ok(measured),
@@ -221,7 +221,7 @@ impl SeedResults<'_> {
 /// Flies and measures a scenario.
 ///
 /// # Errors
-/// [`NotMeasured`] if it came to nothing.
+/// [`NotMeasured`] if the flight has no result.
 pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
     let schedule = flight::schedule_of(scenario).map_err(FlightFailure::from)?;
     let mut meter = Meter::new(scenario, &schedule);
@@ -231,7 +231,7 @@ pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, N
         Outcome::Failed(failure) => return Err(failure.into()),
     }
     let measured = meter.finish().map_err(NotMeasured::Lost)?;
-    if measured.progress >= LEAST_PROGRESS {
+    if measured.progress >= MIN_PROGRESS {
         Ok(measured)
     } else {
         Err(NotMeasured::Waited(100.0 * measured.progress))
@@ -263,8 +263,12 @@ mod tests {
             results.unwrap().unwrap()
         });
         for job in &jobs {
-            let of =
-                |results: &FlightResults| results.flown(job.column, job.scenario.seed).of("short").cloned();
+            let of = |results: &FlightResults| {
+                results
+                    .flown(job.column, job.scenario.seed)
+                    .result("short")
+                    .cloned()
+            };
             assert!(of(&one).is_ok());
             assert_eq!(of(&one), of(&three));
         }
@@ -273,7 +277,7 @@ mod tests {
     #[test]
     fn a_flight_that_was_not_flown_says_so() {
         let results = FlightResults::default();
-        let reason = results.flown(Column::Baseline, 7).of("fig9").unwrap_err();
+        let reason = results.flown(Column::Baseline, 7).result("fig9").unwrap_err();
         assert_eq!(reason, "seed 7, fig9: not flown");
     }
 
@@ -287,6 +291,6 @@ mod tests {
         );
         let scenario = specification.load(Column::Baseline, 1).unwrap();
         let reason = measure(&scenario, &Interrupt::never()).unwrap_err().to_string();
-        assert!(reason.contains("% of its way"), "{reason}");
+        assert!(reason.contains("% of its nominal distance"), "{reason}");
     }
 }

@@ -1,4 +1,4 @@
-//! The report as a web page: one file without scripts, beside the drawings that it shows.
+//! The report as a web page: one file without scripts, which shows the drawings beside it.
 
 use report::text_table::escaped;
 
@@ -18,7 +18,7 @@ img { max-width: 100%; height: auto; }
 code { white-space: pre-wrap; }
 ";
 
-/// The page.
+/// Returns the page as HTML.
 #[must_use]
 pub fn page(report: &ReproductionReport, drawings: &[Drawing], pages: &[FlightPage]) -> String {
     let mut html = format!(
@@ -42,8 +42,8 @@ pub fn page(report: &ReproductionReport, drawings: &[Drawing], pages: &[FlightPa
         }
         for page in pages.iter().filter(|page| page.figure.name() == figure.figure) {
             html += &format!(
-                "<p><a href=\"{}\">The flight <i>{}</i>, seed {}, from all sides</a>: the 3D view, every quantity over time, \
-                 what happened when</p>\n",
+                "<p><a href=\"{}\">The flight <i>{}</i>, seed {}, in detail</a>: 3D view, every quantity over time, \
+                 events</p>\n",
                 page.link(),
                 escaped(page.flight),
                 report.seeds[0]
@@ -86,8 +86,8 @@ fn rows(figure: &FigureReport) -> String {
         format!("<table>\n<tr><th>quantity</th><th>unit</th><th>paper</th><th>bar</th>{heads}</tr>\n");
     html.extend(figure.rows.iter().map(row));
     html += "</table>\n";
-    for (place, note) in notes(std::slice::from_ref(figure)) {
-        html += &format!("<p><small>{}: {}</small></p>\n", escaped(&place), escaped(&note));
+    for (cell, note) in notes(std::slice::from_ref(figure)) {
+        html += &format!("<p><small>{}: {}</small></p>\n", escaped(&cell), escaped(&note));
     }
     html
 }
@@ -120,7 +120,7 @@ fn observability(report: &ReproductionReport) -> String {
         .map(|head| format!("<th>{}</th>", escaped(head)))
         .concat();
     let mut html = format!(
-        "<h2>What the mass estimate can know</h2>\n<p>RMSE of m̂ after 45 s, g, median over {} seeds</p>\n\
+        "<h2>Observability of the mass</h2>\n<p>RMSE of m̂ after 45 s, g, median over {} seeds</p>\n\
          <table>\n<tr>{heads}</tr>\n",
         observability.seeds.len()
     );
@@ -152,7 +152,10 @@ mod tests {
                 .into(),
             observability: None,
         };
-        let pages: Vec<_> = Figure::ALL.into_iter().filter_map(FlightPage::of).collect();
+        let pages: Vec<_> = Figure::ALL
+            .into_iter()
+            .filter_map(FlightPage::for_figure)
+            .collect();
         let page = page(&report, &DRAWINGS, &pages);
         for flight in pages {
             let is_linked = page.contains(&format!("href=\"{}\"", flight.link()));

@@ -1,6 +1,6 @@
-//! The results of the flights, judged: the content of `reproduce.json`, of the tables and of the gallery.
+//! Judged results of the flights: the content of `reproduce.json`, of the tables and of the gallery.
 //!
-//! Nothing of the machine is in it: equal programs and seeds write equal reports.
+//! Reports do not depend on the machine: equal programs and seeds write equal reports.
 
 use serde::Serialize;
 use statistics::quantile::median_of;
@@ -12,53 +12,53 @@ use super::known_gaps::KnownGaps;
 use super::observability::Observability;
 use super::row::{AcceptanceLimit, Row};
 
-/// The whole of it.
+/// The report of a reproduction.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReproductionReport {
     /// The seeds flown.
     pub seeds: Vec<u64>,
-    /// The changes of every scenario in each laboratory, as it comes out for Figs. 3 to 6.
+    /// The laboratories, with their settings for Figs. 3 to 6.
     pub laboratories: Vec<Laboratory>,
     /// The figures.
     pub figures: Vec<FigureReport>,
-    /// The observability of the mass; not on the short list.
+    /// Observability of the mass; `None` for the short list.
     pub observability: Option<Observability>,
 }
 
-/// A laboratory, as shown.
+/// A laboratory and its settings.
 #[derive(Clone, Debug, Serialize)]
 pub struct Laboratory {
-    /// Which.
+    /// The laboratory.
     pub column: Column,
-    /// Its description.
+    /// Description in a sentence.
     pub description: &'static str,
-    /// The settings that make it of `fig3_6.toml`.
+    /// Settings that turn the laboratory of `fig3_6.toml` into this one.
     pub settings: Vec<String>,
 }
 
-/// A figure, as judged.
+/// A judged figure.
 #[derive(Clone, Debug, Serialize)]
 pub struct FigureReport {
-    /// Its name.
+    /// Name of the figure.
     pub figure: &'static str,
-    /// The title of the figure.
+    /// Title of the figure.
     pub title: &'static str,
-    /// Its numbers.
+    /// Numbers of the figure.
     pub rows: Vec<RowReport>,
 }
 
-/// A number of a figure, as judged.
+/// A judged number of a figure.
 #[derive(Clone, Debug, Serialize)]
 pub struct RowReport {
-    /// Its description.
+    /// Name of the quantity.
     pub quantity: &'static str,
-    /// Unit of all its values.
+    /// Unit of all values.
     pub unit: &'static str,
     /// The paper's value.
     pub paper: &'static str,
-    /// The bar that it must reach.
+    /// Acceptance limit.
     pub bar: AcceptanceLimit,
-    /// One for every laboratory.
+    /// One cell for every laboratory.
     pub cells: Vec<ReportCell>,
 }
 
@@ -67,15 +67,15 @@ pub struct RowReport {
 pub struct ReportCell {
     /// The laboratory.
     pub column: Column,
-    /// Seed by seed; none if a flight came to nothing.
+    /// One value for each seed; `None` if the flight has no result.
     pub values: Vec<Option<f64>>,
     /// Median over the seeds.
     pub median: Option<f64>,
-    /// The worst seed's.
+    /// Value of the worst seed.
     pub worst: Option<f64>,
-    /// The verdict; none where there is no bar.
+    /// The verdict; `None` without an acceptance limit.
     pub verdict: Option<Verdict>,
-    /// Reason why a flight came to nothing, or why the bar is not reached.
+    /// Reason why a flight has no result or why the limit is missed.
     pub note: String,
 }
 
@@ -83,18 +83,18 @@ pub struct ReportCell {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The bar is reached.
+    /// The acceptance limit is kept.
     Reached,
-    /// It is not, which is known, and it is no worse than known.
+    /// The acceptance limit is missed within a known gap.
     KnownGap,
-    /// It is not, by too few seeds to say that it should be.
+    /// The acceptance limit is missed, with too few seeds to judge a median.
     NotJudged,
-    /// It is not, and it should be.
+    /// The acceptance limit is missed.
     Regressed,
 }
 
 impl Verdict {
-    /// As tables show it.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -121,15 +121,15 @@ impl ReproductionReport {
     }
 }
 
-/// The laboratories, with the settings that make them.
+/// Returns the laboratories with their settings.
 ///
 /// # Panics
-/// Never: a committed scenario loads, which a test proves.
+/// If a committed scenario does not load, which a test excludes.
 #[must_use]
 pub fn laboratories() -> Vec<Laboratory> {
     let scenario = ScenarioSource::FIG3_6
         .load(&[], 1)
-        .expect("the scenario is in order");
+        .expect("the scenario is valid");
     Column::ALL
         .map(|column| Laboratory {
             column,
@@ -139,7 +139,7 @@ pub fn laboratories() -> Vec<Laboratory> {
         .into()
 }
 
-/// Judges a figure by its flights.
+/// Judges a figure by the results of its flights.
 #[must_use]
 pub fn judge(figure: Figure, results: &FlightResults, seeds: &[u64], gaps: &KnownGaps) -> FigureReport {
     let experiment = figure.experiment();
@@ -151,13 +151,13 @@ pub fn judge(figure: Figure, results: &FlightResults, seeds: &[u64], gaps: &Know
                 if shown.is_finite() {
                     Ok(shown)
                 } else {
-                    Err(format!("seed {seed}: nothing was measured"))
+                    Err(format!("seed {seed}: no measurement"))
                 }
             });
-            let limit = gaps.of(figure, row.quantity, column);
+            let limit = gaps.find(figure, row.quantity, column);
             let limits = Limits {
                 gap: limit.map(|gap| (gap.worst, gap.why.as_str())),
-                least_seeds: figure.least_seeds(),
+                min_seeds: figure.min_seeds(),
             };
             cell(column, row, &values.collect::<Vec<_>>(), limits)
         });
@@ -176,25 +176,25 @@ pub fn judge(figure: Figure, results: &FlightResults, seeds: &[u64], gaps: &Know
     }
 }
 
-/// The limits of a number besides its bar.
+/// Limits of a number besides its acceptance limit.
 #[derive(Clone, Copy)]
 struct Limits<'a> {
-    /// The limit of a known gap and its reason.
+    /// Limit of a known gap and its reason.
     gap: Option<(f64, &'a str)>,
-    /// The least number of seeds for the bar of a median.
-    least_seeds: usize,
+    /// Minimum number of seeds to judge a median.
+    min_seeds: usize,
 }
 
 /// Judges a number by its values.
 fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limits<'_>) -> ReportCell {
-    let Limits { gap, least_seeds } = limits;
+    let Limits { gap, min_seeds } = limits;
     let failure = values.iter().find_map(|value| value.as_ref().err());
     let good: Vec<f64> = values
         .iter()
         .filter_map(|value| value.as_ref().ok().copied())
         .collect();
     let is_whole = failure.is_none() && !good.is_empty();
-    // A flight without the number does not reach the bar.
+    // A flight without the number misses the limit.
     let are_numbers = good.iter().all(|value| !value.is_nan());
     let median = median_of(good.iter().copied()).filter(|_| are_numbers);
     let (median, worst) = (median.unwrap_or(f64::NAN), row.bar.worst(&good));
@@ -203,8 +203,8 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
         AcceptanceLimit::Shown if is_whole => None,
         bar if is_whole && bar.is_reached(median, worst) => Some(Verdict::Reached),
         _ if is_whole && is_known => Some(Verdict::KnownGap),
-        // The worst of few seeds must keep its limit as the worst of many; their median need not.
-        bar if is_whole && good.len() < least_seeds && bar.is_possible(worst) => Some(Verdict::NotJudged),
+        // With few seeds only the limit of the worst applies, not that of the median.
+        bar if is_whole && good.len() < min_seeds && bar.is_possible(worst) => Some(Verdict::NotJudged),
         _ => Some(Verdict::Regressed),
     };
     let note = match (verdict, failure, gap) {
@@ -212,7 +212,7 @@ fn cell(column: Column, row: &Row, values: &[Result<f64, String>], limits: Limit
         (Some(Verdict::NotJudged), ..) => {
             let seeds = good.len();
             let plural = if seeds == 1 { "" } else { "s" };
-            format!("not judged: {seeds} seed{plural}, the limit of a median needs at least {least_seeds}")
+            format!("not judged: {seeds} seed{plural}, the limit of a median needs at least {min_seeds}")
         }
         (Some(Verdict::KnownGap | Verdict::Regressed), None, Some((limit, why))) => {
             format!("{why} (no worse than {limit})")
@@ -244,10 +244,10 @@ mod tests {
         }
     }
 
-    fn judged(bar: AcceptanceLimit, values: &[f64], limit: Option<f64>, least_seeds: usize) -> ReportCell {
+    fn judged(bar: AcceptanceLimit, values: &[f64], limit: Option<f64>, min_seeds: usize) -> ReportCell {
         let values: Vec<_> = values.iter().copied().map(Ok).collect();
         let gap = limit.map(|limit| (limit, "a reason"));
-        cell(Column::Baseline, &row(bar), &values, Limits { gap, least_seeds })
+        cell(Column::Baseline, &row(bar), &values, Limits { gap, min_seeds })
     }
 
     fn verdict(bar: AcceptanceLimit, values: &[f64], limit: Option<f64>) -> Option<Verdict> {
@@ -293,7 +293,7 @@ mod tests {
             let values = [Ok(0.1), Err("seed 3: lost".to_owned()), Ok(0.1)];
             let limits = Limits {
                 gap: Some((2.0, "a reason")),
-                least_seeds: 5,
+                min_seeds: 5,
             };
             let cell = cell(Column::Baseline, &row(bar), &values, limits);
             assert_eq!(cell.verdict, Some(Verdict::Regressed));

@@ -1,20 +1,20 @@
-//! The numbers that are known not to reach their bar: `known_gaps.toml`, data with a reason each.
+//! Numbers that are known to miss their acceptance limit: `known_gaps.toml`, each with its reason.
 
 use serde::Deserialize;
 
 use super::column::Column;
 use super::figures::Figure;
 
-/// The known gap of a number that does not reach its bar.
+/// Known gap of a number that misses its acceptance limit.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownGap {
     figure: String,
     quantity: String,
     column: Column,
-    /// The value that the worst seed must not worsen to, in the row's unit.
+    /// Limit for the worst seed, in the row's unit.
     pub worst: f64,
-    /// Reason why the bar is not reached.
+    /// Reason why the acceptance limit is missed.
     pub why: String,
 }
 
@@ -27,10 +27,10 @@ pub struct KnownGaps {
 }
 
 impl KnownGaps {
-    /// Those that the program was built with.
+    /// Returns the gaps embedded in the program.
     ///
     /// # Panics
-    /// If the file is not what it should be, which a test excludes.
+    /// If the file is malformed, which a test excludes.
     #[must_use]
     pub fn committed() -> Self {
         toml::from_str(include_str!("known_gaps.toml")).expect("known_gaps.toml is well-formed")
@@ -38,7 +38,7 @@ impl KnownGaps {
 
     /// Returns the known gap of a number.
     #[must_use]
-    pub fn of(&self, figure: Figure, quantity: &str, column: Column) -> Option<&KnownGap> {
+    pub fn find(&self, figure: Figure, quantity: &str, column: Column) -> Option<&KnownGap> {
         self.gap
             .iter()
             .find(|gap| gap.figure == figure.name() && gap.quantity == quantity && gap.column == column)

@@ -1,5 +1,4 @@
-//! A flight's samples about one moment: the vehicle beside its path, the truth about it, and the controller's
-//! estimates.
+//! The samples of a flight at one moment: vehicle and path, truth, and the controller's estimates.
 
 use shared_types::samples::{ControlAdaptation, VehicleTruth};
 use shared_types::{Schedule, Topic};
@@ -7,18 +6,17 @@ use shared_types::{Schedule, Topic};
 use metrics::read;
 use metrics::tracker::{Moment, Tracker};
 
-/// The samples about a moment.
+/// The samples at one moment.
 #[derive(Clone, Debug)]
 pub struct Known {
-    /// The vehicle and its path.
+    /// Vehicle and path.
     pub moment: Moment,
-    /// The truth.
     pub truth: VehicleTruth,
-    /// The controller's last estimates.
+    /// Last estimates of the controller.
     pub adaptation: Option<ControlAdaptation>,
 }
 
-/// The latest samples of a simulated flight under way.
+/// Combines the samples of a simulated flight into moments.
 #[derive(Clone, Debug)]
 pub struct Latest {
     tracker: Tracker,
@@ -27,7 +25,7 @@ pub struct Latest {
 }
 
 impl Latest {
-    /// For a flight of `schedule`, with `[flight]` or without.
+    /// Starts a flight of `schedule`; `has_phases` if its scenario has `[flight]`.
     #[must_use]
     pub fn new(schedule: &Schedule, has_phases: bool) -> Self {
         Self {
@@ -37,7 +35,7 @@ impl Latest {
         }
     }
 
-    /// Takes a sample into account; what is known of the moment before, if that is now whole.
+    /// Records a sample. Returns the samples of the previous moment if it is now complete.
     #[inline]
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<Known> {
         let moment = self.tracker.observe(topic, bytes);
@@ -50,7 +48,7 @@ impl Latest {
         known
     }
 
-    /// Returns the last moment, once nothing more of it comes.
+    /// Returns the samples of the last moment, at the end of the flight.
     pub fn last(&mut self) -> Option<Known> {
         let moment = self.tracker.last();
         self.known(moment)

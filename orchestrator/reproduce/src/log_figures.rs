@@ -1,4 +1,4 @@
-//! The paper's figures that logs have: drawn of a log alone, as `gerono reproduce` draws them.
+//! The paper's figures drawn from logs, as `gerono reproduce` draws them.
 
 use host::in_process::TickSink;
 use report::figures::{Figure as Drawn, Figures};
@@ -10,12 +10,12 @@ use super::drawings::{DRAWINGS, Drawing, TraceBook};
 use super::figures::Figure;
 use super::traces::Tracer;
 
-/// The paper's figures of the logs that are read: every figure whose first flight is among them, with those of its other
-/// flights that are. Of several logs of one flight the first is drawn.
+/// The paper's figures of a set of logs: every figure whose first flight is among them, with the other flights found. Of
+/// several logs of one flight the first is drawn.
 #[derive(Default)]
 pub struct LogFigures {
     flights: TraceBook,
-    /// The flight that is being read, by the paper's name for it; none if it is none of the paper's.
+    /// Name and tracer of the flight that is being read; `None` if it is not a flight of the paper.
     flight: Option<(String, Tracer)>,
 }
 
@@ -55,13 +55,12 @@ impl Figures for LogFigures {
     }
 }
 
-/// Returns the paper's figure that shows the flight of this scenario, whatever its seed and its length; none if it is
-/// not one of theirs.
+/// Returns the name of the paper's flight with this scenario, for any seed and duration; `None` if there is none.
 fn name_in_the_paper(flown: &Scenario) -> Option<String> {
-    let recipes = Figure::ALL
+    let specifications = Figure::ALL
         .into_iter()
         .flat_map(|figure| figure.experiment().specifications);
-    let mut names = recipes.filter_map(|specification| {
+    let mut names = specifications.filter_map(|specification| {
         let stated = specification.load(Column::Baseline, flown.seed).ok()?;
         let stated = Scenario {
             duration: flown.duration,

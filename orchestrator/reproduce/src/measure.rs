@@ -1,7 +1,7 @@
-//! The results of a flight, measured while it flies, in fixed memory and against the truth.
+//! Results of a flight, measured against the truth during the flight, in fixed memory.
 //!
-//! The error is the distance from the path of [`metrics`] at every tick. The controller's own z1 is not used:
-//! it rests on an estimated position.
+//! The error is the distance from the path of [`metrics`] at every tick. The controller's z1 is not used: it is based on the
+//! estimated position.
 
 use std::convert::Infallible;
 
@@ -24,28 +24,28 @@ use metrics::stretch::Metrics;
 use metrics::tracker::StateSource;
 use serde::{Deserialize, Serialize};
 
-/// The results of a flight; SI units.
+/// Results of a flight, in SI units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// ‖p − pd(γ)‖ in the judged part, m.
     pub error: Statistics,
-    /// The same before the first event, m.
+    /// ‖p − pd(γ)‖ before the first event, m.
     pub error_before: Statistics,
-    /// The same in the last seconds, m.
+    /// ‖p − pd(γ)‖ in the ultimate window, m.
     pub error_ultimate: Statistics,
-    /// The same from the first event to the judged part, m.
+    /// ‖p − pd(γ)‖ from the first event to the judged part, m.
     pub error_transient: Statistics,
-    /// The transient of the last phase, between the changes of the vehicle, as every summary has it.
+    /// Transient of the last phase between changes of the vehicle, as in summaries.
     pub transient: Option<Metrics>,
-    /// The steady state after it.
+    /// Steady state of the last phase.
     pub steady: Option<Metrics>,
-    /// ‖p − pd(γ)‖ while the yaw is on its way after a step, m.
+    /// ‖p − pd(γ)‖ while the yaw settles after a step, m.
     pub error_while_yawing: Statistics,
-    /// The same in all of the flight, m.
+    /// ‖p − pd(γ)‖ over the whole flight, m.
     pub error_ever: Statistics,
-    /// Way of γ in the judged part, as a share of vd times its length.
+    /// Advance of γ in the judged part, as a share of vd times its duration.
     pub progress: f64,
-    /// ψ − ψd where the yaw has had time to settle, rad.
+    /// ψ − ψd once the yaw has settled, rad.
     pub yaw_error: Statistics,
     /// Roll in the averaged part, rad.
     pub roll: Statistics,
@@ -57,15 +57,15 @@ pub struct Measured {
     pub mass_estimate: Statistics,
     /// m̂ − m in the judged part, kg.
     pub mass_error: Statistics,
-    /// The same of the observer that flies along, kg; nothing where there is none.
+    /// The observer's m̂ − m in the judged part, kg; empty without an observer.
     pub observer_mass_error: Statistics,
-    /// The vehicle's thrust in all of the flight, N.
+    /// The vehicle's thrust over the whole flight, N.
     pub thrust: Statistics,
-    /// ‖ω‖ of the vehicle in all of the flight, rad/s.
+    /// ‖ω‖ of the vehicle over the whole flight, rad/s.
     pub rate_ever: Statistics,
     /// ‖ω‖ of the vehicle in the judged part, rad/s.
     pub rate: Statistics,
-    /// Frames in which a limit of the radio link changed what the controller asked for.
+    /// Frames in which a limit of the radio link changed the controller's command.
     pub saturated_frames: u64,
 }
 
@@ -73,8 +73,8 @@ pub struct Measured {
 #[derive(Clone, Debug)]
 pub struct Meter {
     windows: Windows,
-    /// Way of γ in the judged part if the path never waits.
-    nominal_way: f64,
+    /// Advance of γ in the judged part if the path never waits.
+    nominal_advance: f64,
     latest: Latest,
     loss: LossWatch,
     has_observer: bool,
@@ -85,12 +85,12 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// For a flight of `scenario`, whose schedule is `schedule`.
+    /// Starts the measurement of a flight of `scenario`, whose schedule is `schedule`.
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         Self {
             windows: Windows::new(scenario),
-            nominal_way: scenario.path.speed * JUDGED.min(scenario.duration),
+            nominal_advance: scenario.path.speed * JUDGED.min(scenario.duration),
             latest: Latest::new(schedule, scenario.flight.is_some()),
             loss: LossWatch::new(scenario, StateSource::of(schedule)),
             has_observer: scenario.controller.observer_gain.is_some(),
@@ -113,16 +113,16 @@ impl Meter {
         if let Some(loss) = self.loss.loss() {
             return Err(loss.clone());
         }
-        let way = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
+        let advance = self.judged_gamma.map_or(f64::NAN, |(first, last)| last - first);
         Ok(Measured {
-            progress: way / self.nominal_way,
+            progress: advance / self.nominal_advance,
             transient: self.last_phase.transient().finish(),
             steady: self.last_phase.steady().finish(),
             ..self.measured
         })
     }
 
-    /// Takes into account what is known of a moment.
+    /// Records the samples of a moment.
     fn observe(&mut self, known: &Known) {
         let Known {
             moment,
@@ -135,17 +135,17 @@ impl Meter {
         if tick >= begin_tick {
             self.last_phase.observe(moment);
         }
-        self.watch(tick, truth);
+        self.measure_vehicle(tick, truth);
         if let (Some(demand), Some(error)) = (&moment.path, moment.distance) {
-            self.compare(tick, truth, demand, error);
+            self.measure_errors(tick, truth, demand, error);
         }
         if let Some(adaptation) = adaptation {
-            self.compare_estimates(tick, truth, adaptation);
+            self.measure_estimates(tick, truth, adaptation);
         }
     }
 
-    /// Compares the truth of a tick with what the path asked for then, from which it is `error` (m) away.
-    fn compare(&mut self, tick: u64, truth: &VehicleTruth, demand: &Demand, error: f64) {
+    /// Records the errors of a tick: the position error `error` (m) and the yaw error.
+    fn measure_errors(&mut self, tick: u64, truth: &VehicleTruth, demand: &Demand, error: f64) {
         let [_, _, yaw] = roll_pitch_yaw(&from_row_major(&truth.world_from_body));
         let (windows, measured) = (&self.windows, &mut self.measured);
 
@@ -176,8 +176,8 @@ impl Meter {
         }
     }
 
-    /// Looks at what the vehicle does, whatever the path asks for.
-    fn watch(&mut self, tick: u64, truth: &VehicleTruth) {
+    /// Records thrust, rates, roll and disturbance, which do not depend on the path.
+    fn measure_vehicle(&mut self, tick: u64, truth: &VehicleTruth) {
         let (windows, measured) = (&self.windows, &mut self.measured);
         let rate = Vector3::from(truth.angular_velocity_body).norm();
         measured.thrust.add(truth.thrust);
@@ -192,8 +192,8 @@ impl Meter {
         }
     }
 
-    /// Compares what the controller believes with the truth of a tick.
-    fn compare_estimates(&mut self, tick: u64, truth: &VehicleTruth, adaptation: &ControlAdaptation) {
+    /// Records the controller's estimates and their errors.
+    fn measure_estimates(&mut self, tick: u64, truth: &VehicleTruth, adaptation: &ControlAdaptation) {
         let (windows, measured) = (&self.windows, &mut self.measured);
         if windows.judged.contains(&tick) {
             measured.mass_estimate.add(adaptation.mass_estimate);

@@ -1,7 +1,7 @@
-//! The observability of the mass: the error of its estimate over prior, vertical wind and what is flown.
+//! Observability of the mass: the error of its estimate over prior, vertical wind and curve.
 //!
-//! In hover only −η T + bz can be seen. A wrong prior stays, and a wind is shared between η̂ and b̂z by their
-//! adaptation gains. What makes the thrust change tells the two apart.
+//! In hover only −η T + bz is observable. The prior's error persists, and a wind is shared between η̂ and b̂z by their
+//! adaptation gains. A varying thrust makes both observable.
 
 use serde::Serialize;
 use statistics::quantile::median_of;
@@ -11,32 +11,32 @@ use super::figures::fig10::{CellCurve, PRIOR_ERROR, ReportCell, WINDS};
 use super::flight::{FlightResults, FlightSpecification};
 use metrics::statistics::Statistics;
 
-/// The number of seeds that are flown for it.
+/// Maximum number of seeds.
 const SEEDS: usize = 5;
 
-/// The table.
+/// Table of the mass estimate's errors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Observability {
-    /// The seeds flown, in the baseline laboratory.
+    /// Seeds flown, in the baseline laboratory.
     pub seeds: Vec<u64>,
-    /// Its lines.
+    /// Rows of the table.
     pub lines: Vec<ObservabilityRow>,
 }
 
 /// The errors of one kind of flight.
 #[derive(Clone, Debug, Serialize)]
 pub struct ObservabilityRow {
-    /// The scenario of the flight.
+    /// The curve flown.
     pub curve: &'static str,
-    /// Prior less true mass, g.
+    /// Prior minus true mass, g.
     pub prior_error: f64,
     /// bz, m/s².
     pub wind: f64,
-    /// Our RMSE after 45 s, g: median over the seeds.
+    /// RMSE of m̂ after 45 s, g: median over the seeds.
     pub ours: Option<f64>,
-    /// That of the immersion-and-invariance observer in the same flights, g.
+    /// RMSE of the immersion-and-invariance observer in the same flights, g.
     pub observer: Option<f64>,
-    /// That of an estimate that stays at the prior, g: no flight is needed to know it.
+    /// RMSE of an estimate frozen at the prior, g.
     pub frozen: f64,
 }
 
@@ -54,26 +54,26 @@ fn cells() -> impl Iterator<Item = ReportCell> {
     })
 }
 
-/// The flights that the table is made of.
+/// Returns the flights of the table.
 pub fn specifications() -> impl Iterator<Item = FlightSpecification> {
     cells().map(|cell| cell.specification())
 }
 
-/// The seeds that are flown for the table, of those that are asked for.
+/// Returns the requested seeds that are flown for the table.
 #[must_use]
-pub fn seeds(asked: &[u64]) -> &[u64] {
-    &asked[..asked.len().min(SEEDS)]
+pub fn seeds(requested: &[u64]) -> &[u64] {
+    &requested[..requested.len().min(SEEDS)]
 }
 
-/// The table of the flights flown.
+/// Returns the table of the flights flown.
 #[must_use]
-pub fn table(results: &FlightResults, asked: &[u64]) -> Observability {
-    let seeds = seeds(asked);
+pub fn table(results: &FlightResults, requested: &[u64]) -> Observability {
+    let seeds = seeds(requested);
     let lines = cells().map(|cell| {
         let grams = |error: fn(&super::measure::Measured) -> &Statistics| {
             let flown = seeds.iter().map(|&seed| {
                 let flown = results.flown(Column::Baseline, seed);
-                let measured = flown.of(&cell.name())?;
+                let measured = flown.result(&cell.name())?;
                 Ok::<_, String>(1e3 * error(measured).rmse())
             });
             median_of(flown.collect::<Result<Vec<_>, _>>().ok()?)

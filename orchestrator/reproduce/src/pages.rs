@@ -1,4 +1,4 @@
-//! The flight behind a figure, on a page of its own: the first of those that are drawn, as `gerono report` shows it.
+//! Report pages of the figures: the first flight drawn in each, as `gerono report` shows it.
 
 use std::fs;
 use std::ops::ControlFlow;
@@ -22,7 +22,7 @@ use run_log::{Compression, LogError, Manifest, RunLogWriter};
 /// Reason why there is no page.
 #[derive(Debug, thiserror::Error)]
 pub enum PageError {
-    /// The log that it is made of cannot be kept for a moment.
+    /// The temporary log cannot be stored.
     #[error("cannot record into {}: {source}; choose a folder that you may write to with `--out`", .path.display())]
     Folder {
         /// The folder.
@@ -38,25 +38,25 @@ pub enum PageError {
     ReproductionReport(#[from] ReportError),
 }
 
-/// The page of a figure's flight.
+/// The report page of a figure's flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlightPage {
     /// The figure.
     pub figure: Figure,
-    /// The flight's name among those of its laboratory and seed.
+    /// Name of the flight.
     pub flight: &'static str,
 }
 
 impl FlightPage {
-    /// The page of a figure, if it is drawn at all.
+    /// Returns the page of a figure, if the figure has a drawing.
     #[must_use]
-    pub fn of(figure: Figure) -> Option<Self> {
+    pub fn for_figure(figure: Figure) -> Option<Self> {
         let drawing = DRAWINGS.iter().find(|drawing| drawing.figure == figure)?;
         let flight = drawing.flights.first()?;
         Some(Self { figure, flight })
     }
 
-    /// Returns where it is, from the gallery.
+    /// Returns the path of the page relative to the gallery.
     #[must_use]
     pub fn link(&self) -> String {
         format!("{}/{}", self.folder(), report::PAGE)
@@ -66,8 +66,8 @@ impl FlightPage {
         format!("flight-{}", self.figure.name())
     }
 
-    /// Flies `scenario`, records it, shows the log on the page, in `gallery`'s folder, and removes the log, which is much larger. Says
-    /// what is drawn of the flight; nothing if it did not come to its end.
+    /// Flies `scenario`, records it, writes the page of the log into `gallery`'s folder and removes the log, which is much larger.
+    /// Returns the traces of the flight; `None` if the flight was not completed.
     ///
     /// # Errors
     /// [`PageError`].
@@ -95,7 +95,7 @@ impl FlightPage {
     }
 }
 
-/// Flies to a log and to what is drawn.
+/// Flies a scenario into a log and traces. Returns `None` if the flight was not completed.
 fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Option<Traces>, LogError> {
     let Ok(schedule) = flight::schedule_of(scenario) else {
         return Ok(None);
@@ -114,7 +114,7 @@ fn record(scenario: &Scenario, log: &Path, interrupt: &Interrupt) -> Result<Opti
     Ok(is_completed.then(|| sink.tracer.finish()))
 }
 
-/// Hands everything on to both.
+/// Passes samples to the recording sink and the tracer.
 struct Both<'a> {
     sink: RecordingSink<'a>,
     tracer: Tracer,
@@ -145,7 +145,7 @@ mod tests {
         let mut links: Vec<_> = Figure::ALL
             .into_iter()
             .map(|figure| {
-                let page = FlightPage::of(figure).unwrap();
+                let page = FlightPage::for_figure(figure).unwrap();
                 let specifications = figure.experiment().specifications;
                 assert!(
                     specifications

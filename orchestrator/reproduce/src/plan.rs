@@ -1,4 +1,4 @@
-//! Which flights have to be flown: those of all figures asked for, each once.
+//! The flights of a campaign: those of all requested figures, each once.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::flight::{FlightSpecification, Job};
 use super::{ablation, observability};
 use scenario_file::ScenarioError;
 
-/// Gathers flights; one that several figures ask for is flown once.
+/// Collects flights; a flight shared by several figures is flown once.
 #[derive(Debug, Default)]
 pub struct Plan(BTreeMap<(Column, u64, String), FlightSpecification>);
 
@@ -22,14 +22,14 @@ impl Plan {
         }
     }
 
-    /// Adds the flights that show what can be known of the mass.
+    /// Adds the flights of the observability table.
     pub fn add_observability(&mut self, seeds: &[u64]) {
         for specification in observability::specifications() {
             self.add(&specification, Column::Baseline, observability::seeds(seeds));
         }
     }
 
-    /// Adds the flights that show what each part of the design is worth.
+    /// Adds the flights of the ablation.
     pub fn add_ablation(&mut self, seeds: &[u64]) {
         for specification in ablation::specifications() {
             self.add(&specification, Column::Baseline, seeds);
@@ -43,7 +43,7 @@ impl Plan {
         }
     }
 
-    /// The flights, ready to be flown.
+    /// Loads the scenarios of the flights.
     ///
     /// # Errors
     /// [`ScenarioError`] if a setting does not fit into its scenario.

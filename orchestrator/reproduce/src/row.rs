@@ -1,35 +1,35 @@
-//! A number that a figure of the paper comes to, the bar it must keep, and what it must not worsen to.
+//! Numbers of the paper's figures and their acceptance limits.
 
 use serde::Serialize;
 
 use super::flight::SeedResults;
 
-/// The largest ratio of the worst seed to the bar of the median.
+/// Maximum ratio of the worst seed to the limit of the median.
 pub const WORST_FACTOR: f64 = 1.5;
 
-/// Of fewer seeds the median says too little to be judged by its bar.
-pub const LEAST_SEEDS: usize = 5;
+/// Minimum number of seeds to judge a median.
+pub const MIN_SEEDS: usize = 5;
 
 /// A number of a figure.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Its name, unique in its figure.
+    /// Name, unique in its figure.
     pub quantity: &'static str,
-    /// The paper's value, in words and in `unit`.
+    /// The paper's value as text, in `unit`.
     pub paper: &'static str,
-    /// In what it is shown.
+    /// Display unit.
     pub unit: Unit,
-    /// The bar that it must reach, in `unit`.
+    /// Acceptance limit, in `unit`.
     pub bar: AcceptanceLimit,
-    /// From the flights of a laboratory and a seed to the number, in SI units.
+    /// Computes the number, in SI units, from the results of a laboratory and a seed.
     pub value: fn(&SeedResults<'_>) -> Result<f64, String>,
 }
 
-/// The bar of a number.
+/// Acceptance limit of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AcceptanceLimit {
-    /// Nothing: it is shown.
+    /// No limit: the number is only shown.
     Shown,
     /// The median over the seeds is at most this, the worst at most [`WORST_FACTOR`] times.
     AtMost(f64),
@@ -37,7 +37,7 @@ pub enum AcceptanceLimit {
     AtLeast(f64),
 }
 
-/// In what a number is shown.
+/// Display unit of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// 0.01 m.
@@ -56,14 +56,14 @@ pub enum Unit {
     MetrePerSecondSquared,
     /// 0.01.
     Percent,
-    /// Times something else.
+    /// A ratio.
     Times,
-    /// Things that are counted.
+    /// A count.
     Count,
 }
 
 impl AcceptanceLimit {
-    /// The value that a median must keep.
+    /// Returns the limit of the median.
     #[must_use]
     pub fn for_median(self) -> Option<f64> {
         match self {
@@ -82,7 +82,7 @@ impl AcceptanceLimit {
         }
     }
 
-    /// Returns whether a single value is as good as the worst seed's must be.
+    /// Returns whether a value keeps the limit of the worst seed.
     #[must_use]
     pub fn is_possible(self, value: f64) -> bool {
         match self {
@@ -92,7 +92,7 @@ impl AcceptanceLimit {
         }
     }
 
-    /// Returns whether a median and a worst value reach the bar.
+    /// Returns whether a median and a worst value keep their limits.
     #[must_use]
     pub fn is_reached(self, median: f64, worst: f64) -> bool {
         let reaches = match self {
@@ -103,7 +103,7 @@ impl AcceptanceLimit {
         reaches && self.is_possible(worst)
     }
 
-    /// The worst of some values; of those that are only shown, the largest.
+    /// Returns the worst of some values; the largest without a limit.
     #[must_use]
     pub fn worst(self, values: &[f64]) -> f64 {
         let worse = match self {
@@ -113,7 +113,7 @@ impl AcceptanceLimit {
         values.iter().copied().reduce(worse).unwrap_or(f64::NAN)
     }
 
-    /// As tables show it.
+    /// Returns the text in tables.
     #[must_use]
     pub fn text(self) -> String {
         match self {
@@ -125,7 +125,7 @@ impl AcceptanceLimit {
 }
 
 impl Unit {
-    /// Returns how many of it are one of the SI unit.
+    /// Returns the factor from SI to this unit.
     #[must_use]
     pub fn per_si(self) -> f64 {
         match self {
@@ -135,7 +135,7 @@ impl Unit {
         }
     }
 
-    /// Its symbol.
+    /// Returns the symbol of the unit.
     #[must_use]
     pub fn symbol(self) -> &'static str {
         match self {

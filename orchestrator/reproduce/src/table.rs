@@ -1,4 +1,4 @@
-//! The report as people read it on a terminal.
+//! The report as text for a terminal.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -9,7 +9,7 @@ use super::column::Column;
 use super::judgement::{FigureReport, ReportCell, ReproductionReport, RowReport, Verdict};
 use super::observability::Observability;
 
-/// Four significant digits, which is more than the seeds agree on.
+/// Formats a value with about three significant digits; the spread over the seeds is larger than the rounding.
 #[must_use]
 pub fn number(value: Option<f64>) -> String {
     let Some(value) = value else {
@@ -51,8 +51,8 @@ impl Display for ReproductionReport {
             }
         }
         writeln!(formatter, "\n{}", figures(&self.figures))?;
-        for (place, note) in notes(&self.figures) {
-            writeln!(formatter, "{place}: {note}")?;
+        for (cell, note) in notes(&self.figures) {
+            writeln!(formatter, "{cell}: {note}")?;
         }
         if let Some(observability) = &self.observability {
             write!(formatter, "\n{observability}")?;
@@ -61,7 +61,7 @@ impl Display for ReproductionReport {
     }
 }
 
-/// The numbers of the figures with their verdicts.
+/// Returns the table of the figures' numbers with their verdicts.
 #[must_use]
 pub fn figures(figures: &[FigureReport]) -> TextTable {
     let mut header = ["figure", "quantity", "paper", "bar"].map(str::to_owned).to_vec();
@@ -89,7 +89,7 @@ fn row_cells(figure: &FigureReport, row: &RowReport) -> Vec<String> {
     cells
 }
 
-/// Median, worst and verdict.
+/// Formats median, worst value and verdict.
 #[must_use]
 pub fn cell_text(cell: &ReportCell) -> String {
     let verdict = cell.verdict.map_or("", Verdict::name);
@@ -101,15 +101,15 @@ pub fn cell_text(cell: &ReportCell) -> String {
     format!("{values}  {verdict}").trim_end().to_owned()
 }
 
-/// Returns the notes on single numbers, with the place.
+/// Returns the notes on single cells, each with the cell's name.
 #[must_use]
 pub fn notes(figures: &[FigureReport]) -> Vec<(String, String)> {
     let mut notes = Vec::new();
     for figure in figures {
         for row in &figure.rows {
             for cell in row.cells.iter().filter(|cell| !cell.note.is_empty()) {
-                let place = format!("{}, {}, {}", figure.figure, row.quantity, cell.column.name());
-                notes.push((place, cell.note.clone()));
+                let name = format!("{}, {}, {}", figure.figure, row.quantity, cell.column.name());
+                notes.push((name, cell.note.clone()));
             }
         }
     }
@@ -120,21 +120,21 @@ impl Display for Observability {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
-            "What the mass estimate can know: RMSE of m̂ after 45 s, g, median over {} seeds\n{}",
+            "Observability of the mass: RMSE of m̂ after 45 s, g, median over {} seeds\n{}",
             self.seeds.len(),
             observability(self)
         )
     }
 }
 
-/// The table of what the mass estimate can know.
+/// Returns the observability table.
 #[must_use]
 pub fn observability(observability: &Observability) -> TextTable {
     let lines = observability_lines(observability).map(Vec::from);
     TextTable::new("", &observability_header(), lines)
 }
 
-/// Head of the table of what the mass estimate can know.
+/// Returns the header of the observability table.
 #[must_use]
 pub fn observability_header() -> [&'static str; 6] {
     [
@@ -147,7 +147,7 @@ pub fn observability_header() -> [&'static str; 6] {
     ]
 }
 
-/// Lines of that table.
+/// Returns the rows of the observability table.
 pub fn observability_lines(observability: &Observability) -> impl Iterator<Item = [String; 6]> {
     observability.lines.iter().map(|line| {
         [
@@ -161,7 +161,7 @@ pub fn observability_lines(observability: &Observability) -> impl Iterator<Item 
     })
 }
 
-/// The table of what each part of the design is worth.
+/// Returns the ablation table.
 #[must_use]
 pub fn ablation(lines: &[ablation::AblationRow]) -> TextTable {
     let header = [

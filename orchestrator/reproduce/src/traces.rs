@@ -1,4 +1,4 @@
-//! The data of a flight's drawings, gathered while it flies: of every column of pixels the extremes.
+//! Data of a flight's drawings, collected during the flight: the extremes of every column of pixels.
 
 use std::convert::Infallible;
 
@@ -14,8 +14,8 @@ use super::latest::{Known, Latest};
 use report::plot::COLUMNS;
 use report::plot::downsample::Extremes;
 
-/// Number of points of the trajectory that are kept.
-const PLACES: u64 = 2_000;
+/// Number of points of the trajectory.
+const TRAJECTORY_POINTS: u64 = 2_000;
 
 /// A quantity that is drawn over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub enum Channel {
     MassEstimate,
     /// |m̂ − m|, kg.
     MassError,
-    /// |m̂ − m| of the observer that flies along, kg.
+    /// |m̂ − m| of the observer, kg.
     ObserverMassError,
     /// m, kg.
     Mass,
@@ -54,14 +54,14 @@ pub enum Channel {
 
 const CHANNELS: usize = Channel::YawError as usize + 1;
 
-/// The data gathered of a flight.
+/// Traces of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traces {
     channels: Vec<Vec<(f64, f64)>>,
     /// p over the flight, m.
-    pub places: Vec<[f64; 3]>,
+    pub positions: Vec<[f64; 3]>,
     /// pd over the flight, m.
-    pub desired_places: Vec<[f64; 3]>,
+    pub desired_positions: Vec<[f64; 3]>,
 }
 
 impl Traces {
@@ -72,30 +72,30 @@ impl Traces {
     }
 }
 
-/// Gathers the traces of a flight.
+/// Collects the traces of a flight.
 pub struct Tracer {
     latest: Latest,
-    /// Every how many ticks a place is kept.
+    /// Ticks between points of the trajectory.
     stride: u64,
     extremes: [Extremes; CHANNELS],
-    places: Vec<[f64; 3]>,
-    desired_places: Vec<[f64; 3]>,
+    positions: Vec<[f64; 3]>,
+    desired_positions: Vec<[f64; 3]>,
 }
 
 impl Tracer {
-    /// For a flight of `scenario`, whose schedule is `schedule`.
+    /// Starts the traces of a flight of `scenario`, whose schedule is `schedule`.
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         Self {
             latest: Latest::new(schedule, scenario.flight.is_some()),
-            stride: (scenario.tick_of(scenario.duration) / PLACES).max(1),
+            stride: (scenario.tick_of(scenario.duration) / TRAJECTORY_POINTS).max(1),
             extremes: std::array::from_fn(|_| Extremes::new(scenario.duration, COLUMNS)),
-            places: Vec::new(),
-            desired_places: Vec::new(),
+            positions: Vec::new(),
+            desired_positions: Vec::new(),
         }
     }
 
-    /// Returns the gathered data.
+    /// Returns the traces.
     #[must_use]
     pub fn finish(mut self) -> Traces {
         if let Some(known) = self.latest.last() {
@@ -103,8 +103,8 @@ impl Tracer {
         }
         Traces {
             channels: self.extremes.into_iter().map(Extremes::finish).collect(),
-            places: self.places,
-            desired_places: self.desired_places,
+            positions: self.positions,
+            desired_positions: self.desired_positions,
         }
     }
 
@@ -142,8 +142,8 @@ impl Tracer {
             add(Channel::YawDesired, demand.yaw);
             add(Channel::YawError, shorter_way(yaw - demand.yaw));
             if moment.vehicle.tick.is_multiple_of(self.stride) {
-                self.places.push(truth.position_world);
-                self.desired_places.push(demand.position_world);
+                self.positions.push(truth.position_world);
+                self.desired_positions.push(demand.position_world);
             }
         }
     }

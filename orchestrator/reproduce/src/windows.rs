@@ -1,4 +1,4 @@
-//! Which part of a flight counts for what: times of the scenario, as ticks.
+//! Evaluation windows of a flight, in ticks.
 
 use std::ops::RangeInclusive;
 
@@ -6,16 +6,16 @@ use scenario::Scenario;
 
 use metrics::ULTIMATE_WINDOW;
 
-/// The length of a flight's end that is judged, s: the subject of the bars.
+/// Length of the judged part at the end of a flight, s, to which the acceptance limits apply.
 pub const JUDGED: f64 = 20.0;
 
-/// The length of a flight's end over which the estimates of the disturbance are averaged, s.
+/// Length of the part at the end of a flight over which the disturbance estimate is averaged, s.
 pub const AVERAGED: f64 = 10.0;
 
-/// Time for which after a step of the desired yaw, or the start, the yaw counts as on its way, s.
+/// Settling time of the yaw after the start or a step of the desired yaw, s.
 pub const YAW_SETTLES: f64 = 10.0;
 
-/// The parts of a flight, in ticks.
+/// Evaluation windows of a flight, in ticks.
 #[derive(Clone, Debug)]
 pub struct Windows {
     /// The last [`JUDGED`] seconds.
@@ -24,17 +24,17 @@ pub struct Windows {
     pub ultimate: RangeInclusive<u64>,
     /// The last [`AVERAGED`] seconds.
     pub averaged: RangeInclusive<u64>,
-    /// The [`ULTIMATE_WINDOW`] seconds before the vehicle first changes or a fan is switched on; none if neither happens.
+    /// The [`ULTIMATE_WINDOW`] seconds before the first change of the vehicle or start of a fan; `None` if there is neither.
     pub before: Option<RangeInclusive<u64>>,
     /// From that event to the judged part.
     pub transient: Option<RangeInclusive<u64>>,
-    /// The ticks at which the desired yaw begins to hold, that of the start with them.
+    /// Ticks of the steps of the desired yaw, including the start.
     yaw_steps: Vec<u64>,
     yaw_settles: u64,
 }
 
 impl Windows {
-    /// The parts of a flight of `scenario`.
+    /// Returns the windows of a flight of `scenario`.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let end = scenario.duration;
@@ -53,13 +53,13 @@ impl Windows {
         }
     }
 
-    /// Returns whether the yaw has had the time to settle at a tick.
+    /// Returns whether the yaw has settled at a tick.
     #[must_use]
     pub fn yaw_is_steady(&self, tick: u64) -> bool {
         tick >= self.last_yaw_step(tick) + self.yaw_settles
     }
 
-    /// Returns whether the yaw is on its way after a step at a tick.
+    /// Returns whether the yaw is settling after a step at a tick.
     #[must_use]
     pub fn yaw_is_stepping(&self, tick: u64) -> bool {
         self.last_yaw_step(tick) > 0 && !self.yaw_is_steady(tick)

@@ -173,7 +173,11 @@ fn draw(
         .iter()
         .filter_map(|name| jobs.iter().find(|job| job.name == *name))
         .collect();
-    let mut pages: Vec<FlightPage> = figures.iter().copied().filter_map(FlightPage::of).collect();
+    let mut pages: Vec<FlightPage> = figures
+        .iter()
+        .copied()
+        .filter_map(FlightPage::for_figure)
+        .collect();
     let traced = many::map(&drawn_jobs, many::cores(), |job| {
         match pages.iter().find(|page| page.flight == job.name) {
             Some(page) => page.fly(&job.scenario, folder, interrupt),

@@ -1,7 +1,7 @@
-//! Fig. 10: the mass under a steady vertical wind, against an immersion-and-invariance observer.
+//! Fig. 10: the mass estimate under a steady vertical wind, against an immersion-and-invariance observer.
 //!
-//! Every prior is flown with every wind; a seed's number is that of the worst of these flights. The observer flies
-//! along in the same flight, from the same prior. A frozen estimate keeps the prior's error by definition.
+//! Every prior is flown with every wind; a seed's number is that of the worst of these flights. The observer runs in
+//! parallel in the same flight, from the same prior. A frozen estimate keeps the prior's error by definition.
 
 use super::{Experiment, PAPER_MODE};
 use crate::flight::{FlightSpecification, ScenarioSource, SeedResults};
@@ -11,7 +11,7 @@ use crate::row::{AcceptanceLimit, Row, Unit};
 /// True mass in `fig10.toml`, kg.
 const MASS: f64 = 0.2;
 
-/// By how much the prior is wrong, kg.
+/// Magnitude of the prior's error, kg.
 pub const PRIOR_ERROR: f64 = 0.015;
 
 /// The vertical winds, m/s².
@@ -20,30 +20,30 @@ pub const WINDS: [f64; 3] = [-0.85, 0.0, 0.85];
 /// A flight of the table over prior, wind and curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportCell {
-    /// The curve that is flown.
+    /// The curve flown.
     pub curve: CellCurve,
-    /// Prior less true mass, kg.
+    /// Prior minus true mass, kg.
     pub prior_error: f64,
     /// bz, m/s².
     pub wind: f64,
 }
 
-/// The curves that are flown to learn the mass.
+/// The curves on which the mass is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellCurve {
     /// A point.
     Hover,
     /// The paper's tilted eight.
     Eight,
-    /// Up and down, as the scenario has it.
+    /// The scenario's vertical oscillation.
     Bob,
 }
 
 impl CellCurve {
-    /// All of them.
+    /// All curves.
     pub const ALL: [Self; 3] = [Self::Hover, Self::Eight, Self::Bob];
 
-    /// Returns its name.
+    /// Returns the name of the curve.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -53,7 +53,7 @@ impl CellCurve {
         }
     }
 
-    /// The setting that makes it the path; none for that of the scenario.
+    /// Returns the setting that selects the curve; `None` for the scenario's own.
     fn setting(self) -> Option<&'static str> {
         match self {
             Self::Hover => Some("path.curve={hover={position=[0.0,0.0,-1.2]}}"),
@@ -75,7 +75,7 @@ impl ReportCell {
         )
     }
 
-    /// The flight.
+    /// Returns the specification of the flight.
     #[must_use]
     pub fn specification(&self) -> FlightSpecification {
         let mass = format!("controller.initial.mass={:?}", MASS + self.prior_error);
@@ -86,7 +86,7 @@ impl ReportCell {
     }
 }
 
-/// The flights that are judged.
+/// Returns the flights that are judged.
 fn judged() -> impl Iterator<Item = ReportCell> {
     [-PRIOR_ERROR, PRIOR_ERROR].into_iter().flat_map(|prior_error| {
         WINDS.map(|wind| ReportCell {
@@ -97,17 +97,17 @@ fn judged() -> impl Iterator<Item = ReportCell> {
     })
 }
 
-/// The worst flight's number, where the largest is the worst.
+/// Returns the largest value over the judged flights.
 fn largest(flown: &SeedResults<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
     judged().try_fold(0.0, |largest: f64, cell| {
-        Ok(largest.max(value(flown.of(&cell.name())?)))
+        Ok(largest.max(value(flown.result(&cell.name())?)))
     })
 }
 
-/// The worst flight's number, where the smallest is the worst.
+/// Returns the smallest value over the judged flights.
 fn smallest(flown: &SeedResults<'_>, value: fn(&Measured) -> f64) -> Result<f64, String> {
     judged().try_fold(f64::INFINITY, |smallest: f64, cell| {
-        Ok(smallest.min(value(flown.of(&cell.name())?)))
+        Ok(smallest.min(value(flown.result(&cell.name())?)))
     })
 }
 
@@ -171,7 +171,7 @@ pub(super) fn experiment() -> Experiment {
                 paper: "2.2",
                 unit: Unit::Gram,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(PAPER)?.mass_error.rmse()),
+                value: |flown| Ok(flown.result(PAPER)?.mass_error.rmse()),
             },
         ],
     }

@@ -8,7 +8,7 @@ use crate::row::{AcceptanceLimit, Row, Unit};
 pub(super) const OURS: &str = "fig7";
 const PAPER: &str = "fig7, paper mode";
 
-/// The paper's b̂y, m/s².
+/// The paper's b̂y for the jet, m/s².
 const PUSH: f64 = 0.9;
 
 pub(super) fn experiment() -> Experiment {
@@ -24,42 +24,42 @@ pub(super) fn experiment() -> Experiment {
                 paper: "1.7",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(OURS)?.error_before.rmse()),
+                value: |flown| Ok(flown.result(OURS)?.error_before.rmse()),
             },
             Row {
                 quantity: "RMSE",
                 paper: "1.7",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::AtMost(0.4),
-                value: |flown| Ok(flown.of(OURS)?.error.rmse()),
+                value: |flown| Ok(flown.result(OURS)?.error.rmse()),
             },
             Row {
                 quantity: "SD",
                 paper: "0.3",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(OURS)?.error.deviation()),
+                value: |flown| Ok(flown.result(OURS)?.error.deviation()),
             },
             Row {
                 quantity: "peak after the fan",
                 paper: "",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(OURS)?.error_transient.max()),
+                value: |flown| Ok(flown.result(OURS)?.error_transient.max()),
             },
             Row {
                 quantity: "mean b̂y over 10 s",
                 paper: "0.9",
                 unit: Unit::MetrePerSecondSquared,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(estimated_push(flown.of(OURS)?)),
+                value: |flown| Ok(estimated_push(flown.result(OURS)?)),
             },
             Row {
                 quantity: "its distance from 0.9 m/s²",
                 paper: "",
                 unit: Unit::Percent,
                 bar: AcceptanceLimit::AtMost(5.0),
-                value: |flown| Ok((estimated_push(flown.of(OURS)?) / PUSH - 1.0).abs()),
+                value: |flown| Ok((estimated_push(flown.result(OURS)?) / PUSH - 1.0).abs()),
             },
             Row {
                 quantity: "its distance from the true mean",
@@ -67,7 +67,7 @@ pub(super) fn experiment() -> Experiment {
                 unit: Unit::Percent,
                 bar: AcceptanceLimit::AtMost(5.0),
                 value: |flown| {
-                    let measured = flown.of(OURS)?;
+                    let measured = flown.result(OURS)?;
                     Ok((estimated_push(measured) / measured.disturbance[1].mean() - 1.0).abs())
                 },
             },
@@ -76,14 +76,14 @@ pub(super) fn experiment() -> Experiment {
                 paper: "−0.1",
                 unit: Unit::Radian,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(OURS)?.roll.mean()),
+                value: |flown| Ok(flown.result(OURS)?.roll.mean()),
             },
             Row {
                 quantity: "paper mode: RMSE",
                 paper: "1.7",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::AtMost(1.8),
-                value: |flown| Ok(flown.of(PAPER)?.error.rmse()),
+                value: |flown| Ok(flown.result(PAPER)?.error.rmse()),
             },
         ],
     }

@@ -9,13 +9,13 @@ const FOLLOWING: &str = "trajectory_tracking, path.mode=following";
 const TRACKING_AFAR: &str = "trajectory_tracking, 0.68 m away";
 const FOLLOWING_AFAR: &str = "trajectory_tracking, path.mode=following, 0.68 m away";
 
-/// Place where the flight of Figs. 3 to 6 begins.
+/// Start of the flight of Figs. 3 to 6.
 const AFAR: &str = "vehicle.initial.position=[0.4, 0.2, -0.8]";
 
 pub(super) fn experiment() -> Experiment {
     let source = ScenarioSource::TRAJECTORY_TRACKING;
     Experiment {
-        title: "the eight from rest on its beginning: following, and a path that does not wait",
+        title: "the eight from rest at its start: path following and trajectory tracking",
         specifications: vec![
             FlightSpecification::plain(source),
             FlightSpecification::changed(FOLLOWING, source, &["path.mode=following"]),
@@ -28,14 +28,14 @@ pub(super) fn experiment() -> Experiment {
                 paper: "",
                 unit: Unit::Newton,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(FOLLOWING)?.thrust.max()),
+                value: |flown| Ok(flown.result(FOLLOWING)?.thrust.max()),
             },
             Row {
                 quantity: "tracking: peak thrust",
                 paper: "",
                 unit: Unit::Newton,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(TRACKING)?.thrust.max()),
+                value: |flown| Ok(flown.result(TRACKING)?.thrust.max()),
             },
             Row {
                 quantity: "peak thrust, tracking against following",
@@ -49,14 +49,14 @@ pub(super) fn experiment() -> Experiment {
                 paper: "",
                 unit: Unit::RadianPerSecond,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(FOLLOWING)?.rate_ever.max()),
+                value: |flown| Ok(flown.result(FOLLOWING)?.rate_ever.max()),
             },
             Row {
                 quantity: "tracking: peak body rate",
                 paper: "",
                 unit: Unit::RadianPerSecond,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(TRACKING)?.rate_ever.max()),
+                value: |flown| Ok(flown.result(TRACKING)?.rate_ever.max()),
             },
             Row {
                 quantity: "peak body rate, tracking against following",
@@ -70,14 +70,14 @@ pub(super) fn experiment() -> Experiment {
                 paper: "",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(FOLLOWING)?.error_ever.max()),
+                value: |flown| Ok(flown.result(FOLLOWING)?.error_ever.max()),
             },
             Row {
                 quantity: "tracking: peak error",
                 paper: "",
                 unit: Unit::Centimetre,
                 bar: AcceptanceLimit::Shown,
-                value: |flown| Ok(flown.of(TRACKING)?.error_ever.max()),
+                value: |flown| Ok(flown.result(TRACKING)?.error_ever.max()),
             },
             Row {
                 quantity: "peak error, tracking against following",
