@@ -1,8 +1,8 @@
 //! The conditions in which laws are compared, and the quantities whose margin is searched.
 //!
-//! What a condition changes is true and not told: estimator and controller believe what the scenario of the base says.
-//! Factors and differences are to what that scenario states, such as its mass; wind, drag, drop-outs, lost frames and lever
-//! arms are the same for every scenario.
+//! A condition changes the rig only: estimator and controller keep the parameters of the base scenario. Factors and differences
+//! refer to the values of that scenario, such as its mass; wind, drag, drop-outs, lost frames and lever arms are the same for
+//! every scenario.
 
 use scenario::{Scenario, VehicleChange};
 use scenario_file::values::ValueError;
@@ -11,7 +11,7 @@ use shared_types::ServiceId;
 
 use crate::error::GridError;
 
-/// Drag of the paper's vehicle, and the wind that it then feels.
+/// Drag of the paper's vehicle, through which wind acts on it.
 const DRAG: &str = "vehicle.drag=[0.06, 0.06, 0.02]";
 const PARASITIC_DRAG: &str = "vehicle.parasitic_drag=0.004";
 const GUSTS: &str = "vehicle.wind={mean=[3.0, 0.0, 0.0], gusts={deviation=1.2, correlation_time=0.5}}";
@@ -19,7 +19,7 @@ const GUSTS: &str = "vehicle.wind={mean=[3.0, 0.0, 0.0], gusts={deviation=1.2, c
 /// Settings that make a condition or a value of a margin.
 type Settings = Result<Vec<String>, Missing>;
 
-/// Reason why a scenario has no such condition: it lacks the section that is to be changed.
+/// The scenario lacks the section that a condition changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "it changes what `{0}` states, and the scenario has no such section: state it, as scenarios/fig3_6.toml does"
@@ -29,16 +29,16 @@ pub struct Missing(&'static str);
 /// A condition of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Condition {
-    /// Its name in tables and on the command line.
+    /// Name in tables and on the command line.
     pub name: &'static str,
-    /// The settings that make it of the scenario.
+    /// Settings of the scenario that make the condition.
     pub settings: Vec<String>,
 }
 
-/// A condition, whatever the scenario.
+/// A condition for any scenario.
 #[derive(Clone, Copy, Debug)]
 pub struct ConditionKind {
-    /// Its name in tables and on the command line.
+    /// Name in tables and on the command line.
     pub name: &'static str,
     settings: fn(&Scenario) -> Settings,
 }
@@ -48,7 +48,7 @@ impl ConditionKind {
     ///
     /// # Errors
     /// [`GridError`] if the scenario lacks what the condition changes.
-    pub fn of(&self, base: &Scenario) -> Result<Condition, GridError> {
+    pub fn for_scenario(&self, base: &Scenario) -> Result<Condition, GridError> {
         let name = self.name;
         let settings = (self.settings)(base)
             .map_err(|missing| GridError::BadInput(format!("the condition `{name}`: {missing}")))?;
@@ -58,12 +58,12 @@ impl ConditionKind {
 
 /// All conditions.
 pub const CONDITIONS: [ConditionKind; 15] = [
-    // The scenario as it stands.
+    // The unchanged scenario.
     ConditionKind {
         name: "calm",
         settings: |_| Ok(Vec::new()),
     },
-    // Half the mass laid on in place of the coins.
+    // Half the mass added in place of the coins.
     ConditionKind {
         name: "mass+50%",
         settings: |base| changed_mass(base, 1.5),
@@ -137,7 +137,7 @@ pub const CONDITIONS: [ConditionKind; 15] = [
         name: "frames-20%",
         settings: |_| Ok(stated(&["vehicle.actuators.frame_loss=0.2"])),
     },
-    // The cameras do not see the vehicle for 0.15 s in every 5 s: a longer gap, and the path waits.
+    // The vehicle is occluded for 0.15 s in every 5 s; longer, and the path would wait.
     ConditionKind {
         name: "drop-outs",
         settings: |_| {
@@ -153,7 +153,7 @@ pub const CONDITIONS: [ConditionKind; 15] = [
         name: "lever-5mm",
         settings: |_| Ok(stated(&["vehicle.center_of_mass=[-0.00216, -0.0013, -0.00432]"])),
     },
-    // Gusts, lags half as long again, 5 % more thrust.
+    // Gusts, lags +50 %, thrust +5 %.
     ConditionKind {
         name: "wrong-model",
         settings: wrong_model,
@@ -165,7 +165,7 @@ fn stated(settings: &[&str]) -> Vec<String> {
     settings.iter().map(|&setting| setting.to_owned()).collect()
 }
 
-/// The setting of a number that is computed: to twelve digits, so that 1.5 times 0.19 kg are 0.285 kg.
+/// Returns the setting of a computed number, rounded to twelve digits, so that 1.5 times 0.19 kg is 0.285 kg.
 fn setting(key: &str, value: f64) -> String {
     format!("{key}={:?}", rounded(value))
 }
@@ -174,9 +174,9 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-/// Another mass of the vehicle, by a factor on the first, from the first change on.
+/// Returns settings that multiply the vehicle's initial mass by `factor` from the first change on.
 fn changed_mass(base: &Scenario, factor: f64) -> Settings {
-    let is_laid_on = |(index, change): &(usize, &VehicleChange)| *index == 0 || change.mass.is_some();
+    let changes_mass = |(index, change): &(usize, &VehicleChange)| *index == 0 || change.mass.is_some();
     let mass = |(index, _)| {
         setting(
             &format!("vehicle.change.{index}.mass"),
@@ -184,17 +184,17 @@ fn changed_mass(base: &Scenario, factor: f64) -> Settings {
         )
     };
     let changes = base.vehicle.change.iter().enumerate();
-    let settings: Vec<_> = changes.filter(is_laid_on).map(mass).collect();
+    let settings: Vec<_> = changes.filter(changes_mass).map(mass).collect();
     if settings.is_empty() {
         return Err(Missing("[[vehicle.change]]"));
     }
     Ok(settings)
 }
 
-/// Frames act so much later than the scenario states, s.
-fn later_frames(base: &Scenario, later: f64) -> String {
+/// Returns the setting that adds a delay, s, to the latency of radio frames.
+fn later_frames(base: &Scenario, delay: f64) -> String {
     let stated = base.schedule.latency.get("rc/frame -> plant");
-    let latency = stated.copied().unwrap_or(0.0) + later;
+    let latency = stated.copied().unwrap_or(0.0) + delay;
     setting("schedule.latency.\"rc/frame -> plant\"", latency)
 }
 
@@ -234,23 +234,23 @@ impl std::str::FromStr for ConditionKind {
 /// A quantity whose margin is searched: the largest value that a law survives.
 #[derive(Clone, Copy, Debug)]
 pub struct Quantity {
-    /// Its name in tables.
+    /// Name in tables.
     pub name: &'static str,
-    /// Unit of its values.
+    /// Unit of the values.
     pub unit: &'static str,
-    /// Distance between two values, in the unit: the resolution of the margin.
+    /// Resolution of the margin, in the unit.
     pub step: f64,
-    /// Number of steps to the largest value that is tried.
+    /// Number of steps to the largest value flown.
     pub steps: u32,
     settings: fn(&Scenario, f64) -> Settings,
-    /// Whether it limits the error that a law acts on, a gain that the baselines alone have.
+    /// `true` if it limits the error that a law acts on, which only the baselines support.
     limits_error: bool,
 }
 
 impl Quantity {
-    /// Returns whether the law of a scenario has this margin.
+    /// Returns whether the margin is defined for the law of a scenario.
     #[must_use]
-    pub fn is_of(&self, scenario: &Scenario) -> bool {
+    pub fn applies_to(&self, scenario: &Scenario) -> bool {
         let has_limit = || {
             scenario.controller.law.uses(&["baseline", "error_limit"])
                 && !scenario.is_foreign(ServiceId::Controller)
@@ -258,10 +258,10 @@ impl Quantity {
         !self.limits_error || has_limit()
     }
 
-    /// Returns the settings that give a scenario a value.
+    /// Returns the settings that set the quantity to a value.
     ///
     /// # Errors
-    /// [`GridError`] if the scenario lacks what they change.
+    /// [`GridError`] if the scenario lacks a section that they change.
     pub fn settings(&self, base: &Scenario, value: f64) -> Result<Vec<String>, GridError> {
         let refused = |missing| {
             GridError::BadInput(format!(
@@ -290,7 +290,7 @@ pub const MARGINS: [Quantity; 7] = [
         steps: 40,
         limits_error: false,
         settings: |_, value| {
-            // The tracked point along (0.5, 0.3, 1), of length 1.158, below the centre of mass: above it there is no limit.
+            // The tracked point is below the centre of mass, along (0.5, 0.3, 1) of length 1.158: above it there is no limit.
             let [x, y, z] = [-0.5, -0.3, -1.0].map(|part: f64| part * value / 1157.6);
             Ok(vec![format!("vehicle.center_of_mass=[{x:.6}, {y:.6}, {z:.6}]")])
         },
@@ -337,7 +337,7 @@ pub const MARGINS: [Quantity; 7] = [
         limits_error: false,
         settings: |_, value| Ok(far_start(value)),
     },
-    // Baselines act on no more than 0.4 m of the error, and their integrals rest above it.
+    // Baselines act on at most 0.4 m of the error, and hold their integrals above it.
     Quantity {
         name: "start, limited error",
         unit: "m",
@@ -352,9 +352,9 @@ pub const MARGINS: [Quantity; 7] = [
     },
 ];
 
-/// A start so far from the middle of the eight, away along all three axes, and time to arrive.
-fn far_start(value: f64) -> Vec<String> {
-    let away = value / f64::sqrt(3.0);
+/// Returns settings for a start at `distance` (m) from the middle of the eight, equal along all three axes, with time to arrive.
+fn far_start(distance: f64) -> Vec<String> {
+    let away = distance / f64::sqrt(3.0);
     vec![
         format!(
             "vehicle.initial.position=[{away:.3}, {away:.3}, {:.3}]",
@@ -382,7 +382,11 @@ mod tests {
     }
 
     fn condition(name: &str, base: &Scenario) -> Vec<String> {
-        name.parse::<ConditionKind>().unwrap().of(base).unwrap().settings
+        name.parse::<ConditionKind>()
+            .unwrap()
+            .for_scenario(base)
+            .unwrap()
+            .settings
     }
 
     fn quantity(name: &str) -> Quantity {
@@ -510,7 +514,7 @@ mod tests {
         let refused = "mass+50%"
             .parse::<ConditionKind>()
             .unwrap()
-            .of(&base)
+            .for_scenario(&base)
             .unwrap_err();
         let refused = refused.to_string();
         assert!(refused.contains("[[vehicle.change]]"), "{refused}");

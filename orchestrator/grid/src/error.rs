@@ -1,4 +1,4 @@
-//! Reasons why a grid cannot be flown.
+//! Errors of a grid.
 
 use std::io;
 
@@ -9,16 +9,16 @@ use scenario_file::ScenarioError;
 /// Reason why a grid cannot be flown.
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
-    /// The scenario is wrong.
+    /// The scenario is invalid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// A flight could not begin.
     #[error(transparent)]
     Flight(#[from] FlightFailure),
-    /// Results cannot be kept.
+    /// Results cannot be stored.
     #[error(transparent)]
     Journal(#[from] JournalError),
-    /// What is asked for is wrong.
+    /// The request is invalid.
     #[error("{0}")]
     BadInput(String),
     /// The scenario cannot be read.

@@ -19,30 +19,29 @@ use crate::conditions::Condition;
 use crate::error::GridError;
 use crate::laws::ControlLaw;
 
-/// Scenario that laws and conditions change. Its text is read once, so that all flights are of one experiment.
+/// Scenario that laws and conditions change. Its text is read once, so that all flights belong to one experiment.
 #[derive(Debug)]
 pub struct Base {
-    /// The scenario's file and its text, unless it is the shipped one.
+    /// File and text of the scenario; `None` for the shipped one.
     file: Option<(PathBuf, String)>,
     stated: Box<Scenario>,
-    /// SHA-256 of the files that flights read, as they were first.
+    /// SHA-256 of the files that flights read, at first use.
     files: Mutex<BTreeMap<PathBuf, String>>,
 }
 
-/// Length of a flight of the scenario that is flown unless another is named, s: its steady state is of the last 20 s, from
-/// 10 s after the coins on.
+/// Duration of a flight of the default scenario, s. Its steady state is the last 20 s, from 10 s after the coins on.
 const DURATION: &str = "duration=60.0";
 
 impl Base {
-    /// Makes the base of a scenario file; without one, of `scenarios/fig3_6.toml`.
+    /// Loads a scenario file, by default `scenarios/fig3_6.toml`.
     ///
     /// # Errors
-    /// [`GridError`] if it cannot be flown.
+    /// [`GridError`] if the scenario cannot be flown.
     pub fn load(path: Option<&Path>) -> Result<Self, GridError> {
         let file = match path {
             None => None,
             Some(path) => {
-                // Says what is wrong with a file that cannot be read.
+                // Reports an unreadable file better than the read below.
                 scenario_file::load(path, &[], Some(1))?;
                 let text = std::fs::read_to_string(path).map_err(GridError::Unreadable)?;
                 Some((path.to_owned(), text))
@@ -55,7 +54,7 @@ impl Base {
         })
     }
 
-    /// Returns the scenario as it stands.
+    /// Returns the unchanged scenario.
     #[must_use]
     pub fn stated(&self) -> &Scenario {
         &self.stated
@@ -78,10 +77,10 @@ impl Base {
         let scenario = scenario(self.file.as_ref(), settings, seed)?;
         let mut known = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         for ReadFile { path, sha256, .. } in files_of(&scenario) {
-            let place = path.display().to_string();
+            let name = path.display().to_string();
             if known.entry(path).or_insert_with(|| sha256.clone()) != sha256 {
                 return Err(GridError::BadInput(format!(
-                    "{place} has changed since the grid began, which would compare flights of two files: fly the grid again"
+                    "{name} has changed since the grid began, which would compare flights of two files: fly the grid again"
                 )));
             }
         }
@@ -107,7 +106,7 @@ fn scenario(
 /// Returns the flights of all laws in all conditions with all seeds: laws first, seeds last.
 ///
 /// # Errors
-/// [`GridError`] if the base does not know a setting.
+/// [`GridError`] if a setting does not fit the base.
 pub fn jobs(
     base: &Base,
     laws: &[ControlLaw],
@@ -133,55 +132,54 @@ pub fn jobs(
     Ok(jobs)
 }
 
-/// The results of a law in a condition, over the seeds; SI units.
+/// Results of a law in a condition over the seeds, in SI units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// Name of the law.
     pub law: String,
     /// Name of the condition.
     pub condition: String,
-    /// Root mean square of the distance from the path in steady state, as a summary has it, m: median over the seeds.
+    /// RMS distance from the path in steady state, as in summaries, m: median over the seeds.
     pub rms: Option<f64>,
-    /// That of the worst seed, m.
+    /// RMS distance of the worst seed, m.
     pub worst_rms: Option<f64>,
     /// Largest distance in the transient of the last phase, m: median.
     pub peak: Option<f64>,
-    /// Root mean square of the body rates in steady state, rad/s: median.
+    /// RMS body rate in steady state, rad/s: median.
     pub body_rate: Option<f64>,
-    /// The same RMS seed by seed, m; none of a flight that was lost.
+    /// RMS distance of each seed, m; `None` for a lost flight.
     pub by_seed: Vec<Option<f64>>,
-    /// Flights that were lost, with the reason.
+    /// Lost flights with their reasons.
     pub lost: Vec<LostFlight>,
 }
 
-/// A flight that was lost: the same command flies it again.
+/// A lost flight; the same command repeats it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LostFlight {
-    /// Its seed.
     pub seed: u64,
-    /// The reason.
+    /// Reason of the loss.
     pub reason: String,
 }
 
-/// Result of a flight: SI units.
+/// Result of a flight, in SI units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct FlightResult {
     seed: u64,
-    /// Root mean square of the distance from the path in steady state.
+    /// RMS distance from the path in steady state.
     rms: Option<f64>,
-    /// Largest distance in the transient before it.
+    /// Largest distance in the transient before the steady state.
     peak: Option<f64>,
-    /// Root mean square of the body rates in steady state.
+    /// RMS body rate in steady state.
     body_rate: Option<f64>,
     /// Reason why the vehicle was lost.
     lost: Option<String>,
 }
 
-/// Flies all [`jobs`] on all cores, and returns the cells, laws first; none if the grid was interrupted. Results are kept in
+/// Flies all [`jobs`] on all cores. Returns the cells, laws first; `None` if the grid was interrupted. Results are stored in
 /// `folder`, from which an interrupted grid resumes. Calls `flown` with the number of results, first and after each flight.
 ///
 /// # Errors
-/// [`GridError`] if a flight cannot begin, for a plug-in that cannot be read, for example: that is no loss of a vehicle.
+/// [`GridError`] if a flight cannot begin, for example for an unreadable plug-in. This does not count as a lost flight.
 pub fn fly(
     jobs: &[Scenario],
     laws: &[ControlLaw],
@@ -190,7 +188,7 @@ pub fn fly(
     interrupt: &Interrupt,
     flown: impl FnMut(usize),
 ) -> Result<Option<Vec<Cell>>, GridError> {
-    // Of each law and condition one flight is made ready before any is flown.
+    // Prepares one flight of each law and condition before the first flight, so that errors of setup come early.
     let seeds = jobs.len() / (laws.len() * conditions.len());
     for job in jobs.iter().step_by(seeds) {
         in_process::host(job)?;
@@ -211,7 +209,7 @@ pub fn fly(
 }
 
 impl FlightResult {
-    /// Returns the result of a flight; none if it was interrupted.
+    /// Returns the result of a flight; `None` if it was interrupted.
     fn fly(scenario: &Scenario, interrupt: &Interrupt) -> Option<Result<Self, GridError>> {
         let seed = scenario.seed;
         let lost = |reason: NotMeasured| Self {
@@ -275,7 +273,7 @@ mod tests {
     fn every_law_flies_in_every_condition_and_a_lost_flight_is_a_result() {
         let base = Base::load(None).unwrap();
         let laws = ControlLaw::all();
-        let conditions = CONDITIONS.map(|condition| condition.of(base.stated()).unwrap());
+        let conditions = CONDITIONS.map(|condition| condition.for_scenario(base.stated()).unwrap());
         let jobs = jobs(&base, &laws, &conditions, &[1]).unwrap();
         assert_eq!(jobs.len(), laws.len() * CONDITIONS.len());
         let lost = ControlLaw {

@@ -1,7 +1,6 @@
-//! The front of performance and margin: the laws of which no other is nearer to the path, survives as much delay and
-//! loses no more flights.
+//! The Pareto front of the laws in error, delay margin and lost flights.
 //!
-//! A faster law is nearer and survives less delay, so that one of the two numbers alone ranks tunings and not laws.
+//! A faster law has a smaller error and a smaller delay margin: either number alone would rank tunings, not laws.
 
 use serde::Serialize;
 
@@ -13,20 +12,20 @@ pub const MARGIN: &str = "delay";
 pub struct FrontPoint {
     /// Name of the law.
     pub law: String,
-    /// Geometric mean over the conditions of the median RMS distance, m; none if a condition has none.
+    /// Geometric mean over the conditions of the median RMS distance, m; `None` if a condition has no result.
     pub rms: Option<f64>,
-    /// Flights that were lost, of all conditions.
+    /// Lost flights in all conditions.
     pub lost: usize,
-    /// Largest delay that was survived, ms; none if not even no delay was.
+    /// Largest delay survived, ms; `None` if the law is lost even without added delay.
     pub delay: Option<f64>,
-    /// Laws that are nowhere worse and better in one of the three; none on the front.
+    /// Laws that dominate this one; empty on the front.
     pub beaten_by: Vec<String>,
 }
 
 impl FrontPoint {
-    /// Returns whether this law is nowhere worse than another, and better in something.
+    /// Returns whether this law dominates another: no worse in any of the three numbers and better in one.
     fn beats(&self, other: &Self) -> bool {
-        // The less, the better.
+        // Smaller is better.
         let costs = |point: &Self| {
             let delay = point.delay.unwrap_or(-1.0);
             [point.rms.unwrap_or(f64::INFINITY), -delay, point.lost as f64]
@@ -36,7 +35,7 @@ impl FrontPoint {
     }
 }
 
-/// Returns the geometric mean of distances; none if one is missing.
+/// Returns the geometric mean of distances; `None` if one is missing.
 #[must_use]
 pub fn geometric_mean(distances: &[Option<f64>]) -> Option<f64> {
     let logarithms: Option<Vec<f64>> = distances.iter().map(|rms| rms.map(libm::log)).collect();
@@ -46,7 +45,7 @@ pub fn geometric_mean(distances: &[Option<f64>]) -> Option<f64> {
     ))
 }
 
-/// Returns points with the laws that beat each.
+/// Returns the points with the laws that dominate each.
 #[must_use]
 pub fn compared(points: &[FrontPoint]) -> Vec<FrontPoint> {
     let beaten = |point: &FrontPoint| {

@@ -12,13 +12,13 @@ use crate::flights::Base;
 /// A control law.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ControlLaw {
-    /// Its name in tables and on the command line.
+    /// Name in tables and on the command line.
     pub name: String,
-    /// The settings that choose it.
+    /// Settings that select the law.
     pub settings: Vec<String>,
 }
 
-/// The laws of Gerono, each with the gains that docs/laws.md names.
+/// Built-in laws, each with the gains stated in docs/laws.md.
 const LAWS: [(&str, &[&str]); 16] = [
     ("paper-1", &["controller.lambda_disturbance=[1.0, 1.0, 1.0]"]),
     ("paper-18", &["controller.lambda_disturbance=[18.0, 18.0, 18.0]"]),
@@ -72,7 +72,7 @@ const LAWS: [(&str, &[&str]); 16] = [
 ];
 
 impl ControlLaw {
-    /// Returns the laws of Gerono.
+    /// Returns the built-in laws.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let law = |(name, settings): (&str, &[&str])| Self {
@@ -83,11 +83,11 @@ impl ControlLaw {
     }
 }
 
-/// Why a law does not choose how its flights are measured, or what it flies.
+// Reasons why a law may not set a key.
 const MEASURE: &str = "it decides how flights are measured, which is the same for all laws of a grid";
 const EXPERIMENT: &str = "it is the same for all laws of a grid";
 
-/// Parts of a scenario that a law does not choose, with the reason: what conditions and margins change is among them.
+/// Parts of a scenario that a law may not set, with the reason; conditions and margins change some of them.
 const SHARED: [(&[&str], &str); 17] = [
     (&["judge"], MEASURE),
     (&["flight"], MEASURE),
@@ -108,7 +108,7 @@ const SHARED: [(&[&str], &str); 17] = [
     (&["schedule", "phase", "mocap/pose"], EXPERIMENT),
 ];
 
-/// Returns why a key is no part of a law, if it is none.
+/// Returns the reason why a law may not set a key, if so.
 fn refusal(key: &Key) -> Option<String> {
     let mut parts = SHARED
         .iter()
@@ -122,21 +122,21 @@ fn refusal(key: &Key) -> Option<String> {
     Some(format!("{what} no part of a law: {reason}"))
 }
 
-/// Factors on the bandwidth of a law's position loop: the front of a law is measured along them.
+/// Factors on the bandwidth of a law's position loop, along which its front is measured.
 const BANDWIDTHS: [f64; 5] = [0.6, 0.8, 1.0, 1.25, 1.6];
 
 impl ControlLaw {
-    /// Returns the law with a slower and a faster position loop, as `NAME×FACTOR`: the damping stays as it is. Loops that
-    /// estimate or filter a disturbance stay as they are.
+    /// Returns the law with slower and faster position loops, as `NAME×FACTOR`. The damping and the loops that estimate or filter
+    /// a disturbance are unchanged.
     ///
     /// # Errors
-    /// [`GridError`] if the base does not know a setting of the law, or a plug-in flies.
+    /// [`GridError`] if a setting of the law does not fit the base, or the law is a plug-in.
     pub fn along_bandwidth(&self, base: &Base) -> Result<Vec<Self>, GridError> {
         let scenario = base.scenario(&self.settings, 1)?;
         if scenario.is_foreign(ServiceId::Controller) {
             return Err(GridError::BadInput(format!(
-                "--along-bandwidth changes the gains of the position loop, and those of the plug-in of `{}` are not known to \
-                 gerono: leave it out, and give a law for each bandwidth by `plugins.parameters` of the plug-in",
+                "--along-bandwidth changes the gains of the position loop, but those of the plug-in of `{}` are not accessible to \
+                 gerono: omit it, and define a law for each bandwidth by `plugins.parameters` of the plug-in",
                 self.name
             )));
         }
@@ -146,8 +146,8 @@ impl ControlLaw {
             let gains = match controller.law {
                 LawKind::Adaptive => vec![("k1", controller.k1 * factor), ("k2", controller.k2 * factor)],
                 LawKind::Px4 => vec![("baseline.cascade_scale", baseline.cascade_scale * factor)],
-                // Three integrators lead from a body rate to the position, so that the optimal bandwidth goes with the sixth
-                // root of the ratio of the weights.
+                // Three integrators lie between body rate and position: the optimal bandwidth is proportional to the sixth root
+                // of the ratio of the weights.
                 LawKind::Nmpc => vec![(
                     "baseline.nmpc_rate_weight",
                     baseline.nmpc_rate_weight / libm::pow(factor, 6.0),
@@ -173,7 +173,7 @@ impl ControlLaw {
         Ok(BANDWIDTHS.map(with).into())
     }
 
-    /// Returns the law of which this is one of [`Self::along_bandwidth`], or its own name.
+    /// Returns the name of the law that a variant of [`Self::along_bandwidth`] is derived from; other names unchanged.
     #[must_use]
     pub fn family(name: &str) -> &str {
         name.split_once('×').map_or(name, |(family, _)| family)
@@ -183,11 +183,11 @@ impl ControlLaw {
 impl std::str::FromStr for ControlLaw {
     type Err = ValueError;
 
-    /// Reads the name of a law, or `NAME:KEY=VALUE;KEY=VALUE…` for one of the user's own.
+    /// Parses the name of a built-in law, or `NAME:KEY=VALUE;KEY=VALUE…` for a user-defined one.
     fn from_str(text: &str) -> Result<Self, ValueError> {
         match text.split_once(':') {
-            Some((name, settings)) => Self::own(name, settings),
-            None => Self::of_gerono(text).ok_or_else(|| {
+            Some((name, settings)) => Self::user_defined(name, settings),
+            None => Self::built_in(text).ok_or_else(|| {
                 let names = LAWS.map(|(name, _)| name).join(", ");
                 ValueError::Unknown {
                     what: "law",
@@ -199,12 +199,12 @@ impl std::str::FromStr for ControlLaw {
 }
 
 impl ControlLaw {
-    fn of_gerono(name: &str) -> Option<Self> {
+    fn built_in(name: &str) -> Option<Self> {
         Self::all().into_iter().find(|law| law.name == name)
     }
 
-    /// Reads a law of the user's own.
-    fn own(name: &str, settings: &str) -> Result<Self, ValueError> {
+    /// Parses a user-defined law.
+    fn user_defined(name: &str, settings: &str) -> Result<Self, ValueError> {
         plain_name(name)?;
         let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
         let keys: Vec<Key> = settings
@@ -221,14 +221,14 @@ impl ControlLaw {
             name: name.to_owned(),
             settings,
         };
-        match Self::of_gerono(name) {
-            Some(of_gerono) => Err(ValueError::unfit(law.under_another_name(&of_gerono))),
+        match Self::built_in(name) {
+            Some(built_in) => Err(ValueError::unfit(law.name_conflict(&built_in))),
             None => Ok(law),
         }
     }
 
-    /// Refuses a law with the name of one of Gerono's, of which it would have nothing else.
-    fn under_another_name(&self, of_gerono: &Self) -> String {
+    /// Returns the error for a law with the name of a built-in one, with a definition that would be valid.
+    fn name_conflict(&self, built_in: &Self) -> String {
         let name = &self.name;
         let own: Vec<_> = self
             .settings
@@ -236,10 +236,10 @@ impl ControlLaw {
             .map(|setting| key_of_setting(setting))
             .collect();
         let is_kept = |setting: &&String| !own.contains(&key_of_setting(setting));
-        let kept = of_gerono.settings.iter().filter(is_kept);
+        let kept = built_in.settings.iter().filter(is_kept);
         let settings: Vec<_> = kept.chain(&self.settings).map(String::as_str).collect();
         format!(
-            "`{name}` is a law of Gerono, and these settings alone would not be it: give yours another name and all its \
+            "`{name}` is a built-in law, and these settings alone do not define it: choose another name and state all \
              settings, such as '{name}-own:{}'",
             settings.join(";")
         )
@@ -317,13 +317,13 @@ mod tests {
     #[test]
     fn no_law_undoes_a_condition_or_a_margin() {
         let base = Base::load(None).unwrap();
-        let of_margins = MARGINS
+        let margin_settings = MARGINS
             .iter()
             .flat_map(|quantity| quantity.settings(base.stated(), 1.0).unwrap());
-        let of_conditions = CONDITIONS
+        let condition_settings = CONDITIONS
             .iter()
-            .flat_map(|condition| condition.of(base.stated()).unwrap().settings);
-        for setting in of_conditions.chain(of_margins) {
+            .flat_map(|condition| condition.for_scenario(base.stated()).unwrap().settings);
+        for setting in condition_settings.chain(margin_settings) {
             // The margin "start, limited error" limits the error of a law that states no limit of its own.
             let is_limit = setting == "controller.baseline.error_limit=0.4";
             let law = format!("a:{setting}").parse::<ControlLaw>();
@@ -379,7 +379,7 @@ mod tests {
         let refused = law.along_bandwidth(&base).unwrap_err().to_string();
         assert!(refused.contains("those of the plug-in of `mine`"), "{refused}");
         let scenario = base.scenario(&law.settings, 1).unwrap();
-        let margins = MARGINS.iter().filter(|quantity| quantity.is_of(&scenario));
+        let margins = MARGINS.iter().filter(|quantity| quantity.applies_to(&scenario));
         let names: Vec<_> = margins.map(|quantity| quantity.name).collect();
         assert_eq!(names.last(), Some(&"start"));
         assert_eq!(names.len(), MARGINS.len() - 1);

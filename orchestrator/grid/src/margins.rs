@@ -1,8 +1,8 @@
 //! The margin of a law: the largest value of a quantity that it survives, by bisection.
 //!
-//! A value is survived if every seed flies to the end, is not lost, and stays within [`SURVIVED`] of the path in the
-//! last 20 s. The search takes it that what a law survives it survives in a smaller dose as well; between a value that
-//! was survived and one that was not it halves the distance, down to the quantity's step.
+//! A value is survived if with every seed the flight is completed and its RMS distance from the path in the last 20 s is at
+//! most [`SURVIVED`]. The bisection assumes monotonicity: a law that survives a value survives all smaller ones. Its
+//! resolution is the quantity's step.
 
 use std::path::Path;
 
@@ -17,16 +17,16 @@ use crate::error::GridError;
 use crate::flights::{Base, LostFlight};
 use crate::laws::ControlLaw;
 
-/// Largest root mean square of the distance from the path with which a flight counts as survived, m.
+/// Maximum RMS distance from the path of a flight that counts as survived, m.
 pub const SURVIVED: f64 = 0.1;
 
-/// The most seeds with which a value is tried.
+/// Maximum number of seeds for each value.
 pub const SEEDS: usize = 5;
 
 /// File of the margins in the folder of a grid.
 pub const MARGINS: &str = "margins.rows";
 
-/// Length of a flight, s.
+/// Duration of a flight, s.
 const DURATION: &str = "duration=40.0";
 
 /// Margin of a law.
@@ -38,19 +38,19 @@ pub struct Margin {
     pub quantity: String,
     /// Unit of the values.
     pub unit: String,
-    /// Largest value that was survived; none if not even zero was.
+    /// Largest value survived; `None` if the law fails at zero.
     pub survived: Option<f64>,
-    /// Smallest value that was tried and not survived; none if all were.
+    /// Smallest value that failed; `None` if the largest value is survived.
     pub failed: Option<f64>,
-    /// The first flight that failed there.
+    /// The first flight that failed at `failed`.
     pub failure: Option<LostFlight>,
 }
 
-/// Searches the margins of all laws in these quantities; returns fewer if the search was interrupted. Margins are kept in
+/// Searches the margins of all laws in these quantities; returns fewer if the search was interrupted. Margins are stored in
 /// `folder`, from which an interrupted search resumes. Calls `found` with the number of margins, first and after each.
 ///
 /// # Errors
-/// [`GridError`] if the base does not know a setting.
+/// [`GridError`] if a setting does not fit the base.
 pub fn search(
     base: &Base,
     laws: &[ControlLaw],
@@ -64,8 +64,10 @@ pub fn search(
     let (mut pairs, mut searches) = (Vec::new(), Vec::new());
     for law in laws {
         let scenario = base.scenario(&law.settings, 1)?;
-        let own = quantities.iter().filter(|quantity| quantity.is_of(&scenario));
-        for quantity in own {
+        let applicable = quantities
+            .iter()
+            .filter(|quantity| quantity.applies_to(&scenario));
+        for quantity in applicable {
             pairs.push((law, quantity));
             searches.push((&law.name, scenario.clone(), quantity.name, seeds));
         }
@@ -90,7 +92,7 @@ fn margin(
     let fails = |step: u32| {
         let settings = settings(base, law, quantity, value(step))?;
         match first_failure(base, &settings, seeds, interrupt) {
-            Err(failure) if step > 0 => beyond_the_vehicle(failure, seeds).map(Some),
+            Err(failure) if step > 0 => infeasible_value(failure, seeds).map(Some),
             found => found,
         }
     };
@@ -106,19 +108,19 @@ fn margin(
     })
 }
 
-/// The settings of a flight: those of the margin after those of the law, whose own limit of the error is another one.
+/// Returns the settings of a flight. Those of the margin come last: they override the law's own limit of the error.
 fn settings(
     base: &Base,
     law: &ControlLaw,
     quantity: &Quantity,
     value: f64,
 ) -> Result<Vec<String>, GridError> {
-    let of_margin = quantity.settings(base.stated(), value)?;
-    Ok([law.settings.clone(), vec![DURATION.to_owned()], of_margin].concat())
+    let margin_settings = quantity.settings(base.stated(), value)?;
+    Ok([law.settings.clone(), vec![DURATION.to_owned()], margin_settings].concat())
 }
 
-/// Takes a value that nothing can fly for one that is not survived: a mass that the link's thrust does not hold in the air.
-fn beyond_the_vehicle(failure: GridError, seeds: &[u64]) -> Result<LostFlight, GridError> {
+/// Counts a value that no vehicle could fly as a failure, such as a mass beyond the link's maximum thrust.
+fn infeasible_value(failure: GridError, seeds: &[u64]) -> Result<LostFlight, GridError> {
     match failure {
         GridError::Scenario(error) if error.is_of_values() => Ok(LostFlight {
             seed: seeds[0],
@@ -149,13 +151,13 @@ fn first_failure(
     Ok(None)
 }
 
-/// End of a search: the largest step that was survived and the smallest that was not, with its failure.
+/// Result of a bisection: the largest step survived and the smallest step failed, with its failure.
 struct Bracket<F> {
     survived: Option<u32>,
     failed: Option<(u32, F)>,
 }
 
-/// Searches steps from 0 to `last`.
+/// Bisects the steps from 0 to `last`.
 fn bisect<F, E>(last: u32, fails: impl Fn(u32) -> Result<Option<F>, E>) -> Result<Bracket<F>, E> {
     if let Some(failure) = fails(0)? {
         return Ok(Bracket {

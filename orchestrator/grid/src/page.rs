@@ -11,7 +11,7 @@ use crate::front::MARGIN;
 use crate::laws::ControlLaw;
 use crate::report::{GridReport, centimetres};
 
-/// Condition of the drawing of performance against margin.
+/// Condition shown in the plot of performance against margin.
 const PERFORMANCE: &str = "gusts";
 
 const STYLE: &str = "
@@ -33,7 +33,7 @@ pub fn page(report: &GridReport) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width\">\n<title>Gerono: control laws compared</title>\n\
          <style>{STYLE}</style>\n<h1>Control laws compared</h1>\n<p>{}; {} seeds from {} on, the same for every law. \
-         Conditions are true and not told to estimator and controller.</p>\n",
+         Conditions change the rig, not the parameters of estimator and controller.</p>\n",
         escaped(&report.base),
         report.seeds.len(),
         report.seeds.first().unwrap_or(&0),
@@ -59,7 +59,7 @@ fn settings(name: &str, settings: &str) -> String {
     format!("<li>{}: <code>{}</code></li>\n", escaped(name), escaped(settings))
 }
 
-/// RMS of every law in every condition, coloured by the ratio to the best law of the condition.
+/// Returns the RMS of every law in every condition, coloured by the ratio to the best law of the condition.
 fn heat_map(report: &GridReport) -> String {
     let mut html = "<h2>RMS distance from the path in steady state, cm</h2>\n<p>Median over the seeds. Green is the best law of the \
                     condition, red four times its distance or a flight lost.</p>\n<div class=\"wide\"><table>\n<tr><th>law</th>"
@@ -94,13 +94,13 @@ fn heat_map(report: &GridReport) -> String {
     html + "</table></div>\n"
 }
 
-/// Colour of a ratio, from green at 1 to red at 4, on a logarithmic scale.
+/// Returns the colour of a ratio, from green at 1 to red at 4, on a logarithmic scale.
 fn color(ratio: f64) -> String {
     let share = (0.5 * libm::log2(ratio)).clamp(0.0, 1.0);
     format!("hsl({:.0} 70% 75%)", 130.0 * (1.0 - share))
 }
 
-/// Draws every law as a point: its margin against its distance. None if one of the two was not measured.
+/// Plots margin against distance with a point for each law. `None` if no law has both.
 #[must_use]
 pub fn pareto(report: &GridReport) -> Option<String> {
     let points = report.laws.iter().filter_map(|law| {
@@ -112,7 +112,7 @@ pub fn pareto(report: &GridReport) -> Option<String> {
     if points.is_empty() {
         return None;
     }
-    // Along the bandwidth of a law, a line.
+    // Lines connect the bandwidth variants of a law.
     let families =
         points.chunk_by(|(one, _), (other, _)| ControlLaw::family(one) == ControlLaw::family(other));
     let lines = families

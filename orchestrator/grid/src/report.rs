@@ -1,4 +1,4 @@
-//! The results of a grid as tables and as JSON.
+//! Results of a grid as tables and as JSON.
 
 use std::fmt::{Display, Formatter};
 
@@ -11,10 +11,10 @@ use crate::front::{self, FrontPoint};
 use crate::laws::ControlLaw;
 use crate::margins::{Margin, SEEDS, SURVIVED};
 
-/// The results of a grid: the content of `grid.json`.
+/// Results of a grid: the content of `grid.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct GridReport {
-    /// Scenario that was changed.
+    /// Name of the base scenario.
     pub base: String,
     /// Seeds of every cell.
     pub seeds: Vec<u64>,
@@ -24,9 +24,9 @@ pub struct GridReport {
     pub conditions: Vec<Condition>,
     /// The cells, laws first.
     pub cells: Vec<Cell>,
-    /// The margins, laws first; none if they were not searched.
+    /// The margins, laws first; empty if they were not searched.
     pub margins: Vec<Margin>,
-    /// Performance and margin of every law; none if margins were not searched.
+    /// Performance and margin of every law; empty if margins were not searched.
     pub front: Vec<FrontPoint>,
 }
 
@@ -55,7 +55,7 @@ impl GridReport {
         report
     }
 
-    /// Returns performance and margin of a law; none if margins were not searched.
+    /// Returns performance and margin of a law; `None` if margins were not searched.
     fn point(&self, law: &str) -> Option<FrontPoint> {
         let delay = self.margin(law, front::MARGIN)?.survived;
         let cells = self.cells.iter().filter(|cell| cell.law == law);
@@ -72,22 +72,22 @@ impl GridReport {
     /// Returns the result of a law in a condition.
     #[must_use]
     pub fn cell(&self, law: &str, condition: &str) -> Option<&Cell> {
-        let is_it = |cell: &&Cell| cell.law == law && cell.condition == condition;
-        self.cells.iter().find(is_it)
+        let matches = |cell: &&Cell| cell.law == law && cell.condition == condition;
+        self.cells.iter().find(matches)
     }
 
     /// Returns the margin of a law.
     #[must_use]
     pub fn margin(&self, law: &str, quantity: &str) -> Option<&Margin> {
-        let is_it = |margin: &&Margin| margin.law == law && margin.quantity == quantity;
-        self.margins.iter().find(is_it)
+        let matches = |margin: &&Margin| margin.law == law && margin.quantity == quantity;
+        self.margins.iter().find(matches)
     }
 
-    /// Returns the least median RMS of a condition, m.
+    /// Returns the smallest median RMS distance of a condition, m.
     #[must_use]
     pub fn best(&self, condition: &str) -> Option<f64> {
-        let own = self.cells.iter().filter(|cell| cell.condition == condition);
-        own.filter_map(|cell| cell.rms).reduce(f64::min)
+        let cells = self.cells.iter().filter(|cell| cell.condition == condition);
+        cells.filter_map(|cell| cell.rms).reduce(f64::min)
     }
 
     /// Returns the tables: errors, peaks, body rates, margins and front.
@@ -130,7 +130,7 @@ impl GridReport {
                 let cell = self.cell(&law.name, condition);
                 cell.map_or_else(String::new, &text)
             });
-            line_of(&law.name, cells)
+            law_row(&law.name, cells)
         };
         table(title, &columns, self.laws.iter().map(line))
     }
@@ -153,7 +153,7 @@ impl GridReport {
                     Some(_) => "–".to_owned(),
                     None => "not flown".to_owned(),
                 });
-            line_of(&law.name, cells)
+            law_row(&law.name, cells)
         };
         let title = format!(
             "Margins: the largest value with which the first {} stay within {} cm of the path, RMS in the last 20 s",
@@ -180,10 +180,10 @@ impl GridReport {
                 .delay
                 .map_or_else(|| "–".to_owned(), |delay| delay.to_string());
             let cells = [centimetres(point.rms), point.lost.to_string(), delay, beaten_by];
-            line_of(&point.law, cells)
+            law_row(&point.law, cells)
         };
-        let title = "Front: a law is beaten by those that are as near to the path, lose no more flights and survive as much \
-                     delay, and are better in one of the three";
+        let title = "Front: a law is beaten by another that is no worse in RMS, lost flights and delay survived, and better in \
+                     one of them";
         let columns = [
             "geometric mean of the RMS, cm",
             "flights lost",
@@ -205,7 +205,7 @@ fn counted(seeds: usize) -> String {
     format!("{seeds} seed{}", if seeds == 1 { "" } else { "s" })
 }
 
-/// A table with a line a law.
+/// Makes a table with a row for each law.
 fn table(title: &str, columns: &[String], lines: impl Iterator<Item = Vec<String>>) -> TextTable {
     let header: Vec<_> = std::iter::once("law")
         .chain(columns.iter().map(String::as_str))
@@ -213,11 +213,11 @@ fn table(title: &str, columns: &[String], lines: impl Iterator<Item = Vec<String
     TextTable::new(title, &header, lines)
 }
 
-fn line_of(law: &str, cells: impl IntoIterator<Item = String>) -> Vec<String> {
+fn law_row(law: &str, cells: impl IntoIterator<Item = String>) -> Vec<String> {
     std::iter::once(format!("`{law}`")).chain(cells).collect()
 }
 
-/// Returns a distance in centimetres, with as many digits as tell laws apart.
+/// Formats a distance in centimetres, precisely enough to distinguish laws.
 #[must_use]
 pub fn centimetres(distance: Option<f64>) -> String {
     distance.map_or_else(|| "–".to_owned(), |distance| format!("{:.2}", 100.0 * distance))
@@ -230,8 +230,8 @@ fn with_losses(text: String, cell: &Cell) -> String {
     }
 }
 
-/// A table with a column a law: few laws in more conditions than a terminal has room for side by side.
-fn on_its_side(table: &TextTable) -> TextTable {
+/// Transposes a table: few laws in many conditions would be too wide for a terminal.
+fn transposed(table: &TextTable) -> TextTable {
     let turned = |row: usize| table.lines.iter().map(move |cells| cells[row].clone());
     let header: Vec<_> = std::iter::once(String::new()).chain(turned(0)).collect();
     let lines = table.header.iter().enumerate().skip(1);
@@ -245,7 +245,7 @@ impl Display for GridReport {
             let cells = table.lines.iter_mut().flatten();
             cells.for_each(|cell| cell.retain(|character| character != '`'));
             let shown = if table.lines.len() < table.header.len() {
-                on_its_side(&table)
+                transposed(&table)
             } else {
                 table
             };

@@ -25,7 +25,7 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let of_base = arguments
         .conditions()
         .into_iter()
-        .map(|condition| condition.of(base.stated()));
+        .map(|condition| condition.for_scenario(base.stated()));
     let conditions = of_base.collect::<Result<Vec<_>, _>>().map_err(failure)?;
     let quantities = arguments.quantities();
     // A margin that the scenario does not have is refused before anything is flown.
