@@ -231,10 +231,10 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
     let head = format!("scenario = {:?}\nsamples = 3\n", scenario("fig1"));
     for (more, words) in [
         ("[vary]\n\"vehicle.mas\" = { uniform = [0.1, 0.2] }\n", "mas"),
-        ("[vary]\na = \"b\"\nb = \"a\"\n", "uses a value that uses it"),
+        ("[vary]\na = \"b\"\nb = \"a\"\n", "is part of a cycle"),
         (
             "[vary]\nmass = { uniform = [0.16, 0.22] }\n",
-            "varies nothing; did you mean",
+            "has no effect; did you mean",
         ),
         (
             "[vary]\nmass = { uniform = [0.16, 0.22] }\n\"vehicle.mass\" = \"mass\"\n",
@@ -269,11 +269,11 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ),
         (
             "[[compare]]\nname = \"x\"\nset = [\"judge.steady_after=0.01\"]\n",
-            "states `judge.steady_after`, and what is measured",
+            "states `judge.steady_after`, but the measurement",
         ),
         (
             "[[compare]]\nname = \"x\"\nset = [\"duration=9.0\"]\n",
-            "states `duration`, and what is measured",
+            "states `duration`, but the measurement",
         ),
         (
             "[vary]\n\"vehicle.drag\" = [{ uniform = [0.0, 0.1] }, 0.0, 0.0]\n\"vehicle.drag.0\" = { uniform = [0.0, 0.1] }\n",
@@ -293,11 +293,11 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ),
         (
             "[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22], levels = 9 }\n",
-            "are those of a grid",
+            "apply to a grid only",
         ),
         (
             "[vary]\nflight = { choice = [1, 2] }\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n",
-            "varies nothing",
+            "has no effect",
         ),
         (
             "[[map]]\nx = \"m\"\ny = \"rmse\"\n",

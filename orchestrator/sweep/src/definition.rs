@@ -1,4 +1,4 @@
-//! `sweep.toml`: what is varied, compared, judged and kept.
+//! `sweep.toml`: the definition of a sweep.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,46 +14,46 @@ use crate::error::SweepError;
 use crate::expression::is_name;
 use crate::row::present_name;
 
-/// A sweep as its file states it.
+/// Content of a sweep's file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Definition {
-    /// Scenario that is varied, relative to the file.
+    /// Path of the varied scenario, relative to the file.
     pub scenario: PathBuf,
-    /// Number of samples; of a grid it follows.
+    /// Number of samples; for a grid it follows from the levels.
     #[serde(default)]
     pub samples: Option<u64>,
     /// Seed of the samples and of their flights.
     #[serde(default = "first_seed")]
     pub seed: u64,
-    /// How the samples fill the space of what is varied.
+    /// Sampling method.
     #[serde(default)]
     pub method: Method,
-    /// Settings of all flights, as `--set` has them.
+    /// Settings of all flights, as for `--set`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// What is varied: keys of the scenario, and names that expressions use.
+    /// Varied values: keys of the scenario, and names for expressions.
     #[serde(default)]
     pub vary: Table,
-    /// Conditions that a sample must meet; the others are counted and not flown.
+    /// Conditions that a sample must meet; other samples are counted and not flown.
     #[serde(default)]
     pub require: Vec<String>,
-    /// Settings, or control laws, that fly the same samples; the first is the reference of all differences.
+    /// Settings or control laws that fly the same samples; the first is the reference of all differences.
     #[serde(default)]
     pub compare: Vec<Entry>,
-    /// Identity of a controller of the caller's that flies every sample where nothing is compared.
+    /// Identity of the caller's controller that flies every sample, if `compare` is empty.
     #[serde(default)]
     pub own: Option<String>,
     /// Criteria on the results of a flight, by name.
     #[serde(default)]
     pub judge: BTreeMap<String, String>,
-    /// Result by which the entries are ranked, the smaller the better [default: `steady_rmse`].
+    /// Result by which the entries are ranked; smaller is better [default: `steady_rmse`].
     #[serde(default = "steady_rmse")]
     pub rank: String,
-    /// What is kept of a flight beside its row.
+    /// Data stored for a flight besides its row.
     #[serde(default)]
     pub keep: Keep,
-    /// Drawings of a result over two varied values.
+    /// Maps of a result over two varied values.
     #[serde(default)]
     pub map: Vec<Map>,
 }
@@ -66,11 +66,11 @@ fn steady_rmse() -> String {
     "steady_rmse".to_owned()
 }
 
-/// Method by which samples fill the space.
+/// Sampling method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Independent draws: the only ones of which an interval for the pass rate holds.
+    /// Independent draws: the only method for which confidence intervals of the pass rate hold.
     #[default]
     Random,
     /// Owen-scrambled Sobol points.
@@ -87,34 +87,34 @@ pub enum Method {
 pub struct Entry {
     /// Name in tables.
     pub name: String,
-    /// Settings, as `--set` has them.
+    /// Settings, as for `--set`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// Identity of a controller of the caller's that flies instead of the scenario's; sweeps of a program only.
+    /// Identity of the caller's controller that replaces the scenario's; only for sweeps run through the library.
     #[serde(default)]
     pub own: Option<String>,
 }
 
 impl Entry {
-    /// Returns its name as a part of the names of files.
+    /// Returns the name as a part of file names.
     #[must_use]
     pub fn file_name(&self) -> String {
-        part_of_file_name(&self.name)
+        file_name_part(&self.name)
     }
 
-    /// Checks its name, which stands in tables and makes names of files.
+    /// Checks the name, which is used in tables and file names.
     fn check(&self, others: &[Self]) -> Result<(), String> {
         plain_name(&self.name).map_err(|error| error.to_string())?;
         match others.iter().find(|other| other.file_name() == self.file_name()) {
             None => Ok(()),
-            Some(other) => Err(format!("it and `{}` would have files of one name", other.name)),
+            Some(other) => Err(format!("its file names would equal those of `{}`", other.name)),
         }
     }
 }
 
-/// Returns a text as a part of the names of files.
+/// Returns a text as a part of file names.
 #[must_use]
-pub fn part_of_file_name(text: &str) -> String {
+pub fn file_name_part(text: &str) -> String {
     let is_plain = |letter: char| letter.is_alphanumeric() || "-.".contains(letter);
     let letters = text.chars();
     letters
@@ -122,28 +122,28 @@ pub fn part_of_file_name(text: &str) -> String {
         .collect()
 }
 
-/// What is kept beside the rows.
+/// Data stored besides the rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Keep {
-    /// Of which flights the log is kept.
+    /// Flights whose logs are stored.
     pub logs: KeptLogs,
 }
 
-/// Flights whose log is kept.
+/// Flights whose logs are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KeptLogs {
-    /// None: every flight can be repeated.
+    /// No flights; every flight can be repeated.
     #[default]
     None,
-    /// Those that were lost, failed, or did not meet a criterion.
+    /// Flights that were lost, failed or missed a criterion.
     Failed,
-    /// All.
+    /// All flights.
     All,
 }
 
-/// Drawing of the results over two varied values.
+/// Map of a result over two varied values.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Map {
@@ -151,7 +151,7 @@ pub struct Map {
     pub x: String,
     /// Varied value along y.
     pub y: String,
-    /// Criterion or result that gives the colour [default: whether the vehicle survived].
+    /// Criterion or result shown as colour [default: `survived`].
     #[serde(default = "survived")]
     pub value: String,
     /// `true` for logarithmic axes.
@@ -169,32 +169,31 @@ fn survived() -> String {
     "survived".to_owned()
 }
 
-/// What is varied under one name.
+/// How a value is varied.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Vary {
-    /// Drawn from a distribution; with so many levels in a grid.
+    /// Drawn from a distribution, or one of its levels in a grid.
     Draw(Distribution, u32),
     /// One of these values.
     Choice(Vec<Value>),
-    /// Follows from other varied values.
+    /// An expression of other varied values.
     Expression(String),
-    /// An array of them.
+    /// An array of varied values.
     Array(Vec<Vary>),
 }
 
-/// Levels of a distribution in a grid unless stated.
+/// Default number of levels of a distribution in a grid.
 const LEVELS: u32 = 5;
 
-/// Sweep with the texts that make it: all that determines its rows but the program.
+/// A sweep with its texts: with the program, they determine all rows.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The definition.
     pub definition: Definition,
-    /// The text of the sweep's file.
+    /// Text of the sweep's file.
     pub text: String,
-    /// The scenario's file.
+    /// Path of the scenario.
     pub scenario_path: PathBuf,
-    /// The text of the scenario.
+    /// Text of the scenario.
     pub scenario_text: String,
 }
 
@@ -202,7 +201,7 @@ impl Source {
     /// Reads a sweep and its scenario.
     ///
     /// # Errors
-    /// [`SweepError`] with the place and the fix.
+    /// [`SweepError`] with the location and the fix.
     pub fn read(path: &Path) -> Result<Self, SweepError> {
         let text = read_text(
             path,
@@ -217,10 +216,10 @@ impl Source {
         Self::new(path, text, scenario_path, scenario_text)
     }
 
-    /// Makes a sweep of texts; `path` is what errors call it.
+    /// Makes a sweep from texts; errors refer to it as `path`.
     ///
     /// # Errors
-    /// [`SweepError`] with the place and the fix.
+    /// [`SweepError`] with the location and the fix.
     pub fn new(
         path: &Path,
         text: String,
@@ -253,13 +252,13 @@ fn read_text(path: &Path, fix: &str) -> Result<String, SweepError> {
 }
 
 impl Definition {
-    /// Reads the text of a sweep and checks what can be checked without its scenario.
+    /// Parses the text of a sweep and makes the checks that do not need its scenario.
     fn parse(text: &str, path: &Path) -> Result<Self, SweepError> {
         let refused = |reason: String| SweepError::bad_input(format!("{}: {reason}", path.display()));
         let mut definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
         definition.check().map_err(refused)?;
-        let of_maps = definition.map.iter_mut().map(|map| &mut map.value);
-        for name in of_maps.chain([&mut definition.rank]) {
+        let map_values = definition.map.iter_mut().map(|map| &mut map.value);
+        for name in map_values.chain([&mut definition.rank]) {
             *name = present_name(name).to_owned();
         }
         Ok(definition)
@@ -269,7 +268,7 @@ impl Definition {
         match (self.method, self.samples) {
             (Method::Grid, Some(_)) => {
                 return Err(
-                    "`samples` does not go with a grid, whose levels make the number; leave it out"
+                    "`samples` cannot be stated for a grid: its levels determine the number; remove it"
                         .to_owned(),
                 );
             }
@@ -285,7 +284,7 @@ impl Definition {
                 states_levels(value) || parts.is_some_and(|parts| parts.iter().any(states_levels));
             if is_stated && self.method != Method::Grid {
                 return Err(format!(
-                    "`levels` of `vary.{name}` are those of a grid; leave them out, or state `method = \"grid\"`"
+                    "`levels` of `vary.{name}` apply to a grid only; remove them, or state `method = \"grid\"`"
                 ));
             }
         }
@@ -299,7 +298,7 @@ impl Definition {
         for (index, entry) in self.compare.iter().enumerate() {
             let is_used = self.compare[..index].iter().any(|other| other.name == entry.name);
             if entry.name.is_empty() || is_used {
-                return Err(format!("`compare.{index}` needs a `name` of its own"));
+                return Err(format!("`compare.{index}` needs a unique `name`"));
             }
             let checked = entry.check(&self.compare[..index]);
             checked.map_err(|reason| format!("`compare.{index}`: {reason}"))?;
@@ -310,7 +309,7 @@ impl Definition {
         Ok(())
     }
 
-    /// Returns what is varied, by name.
+    /// Returns the varied values with their names.
     ///
     /// # Errors
     /// The reason and the fix.
@@ -322,7 +321,7 @@ impl Definition {
         vary.collect()
     }
 
-    /// Returns what flies every sample, the settings as they are if nothing is compared.
+    /// Returns the entries that fly every sample; a single one with the unchanged settings if `compare` is empty.
     #[must_use]
     pub fn entries(&self) -> Vec<Entry> {
         if self.compare.is_empty() {
@@ -337,21 +336,21 @@ impl Definition {
 }
 
 impl Entry {
-    /// Returns the value that this entry states of a key, or of an element of an array, in place of the varied one.
+    /// Returns the value by which this entry overrides a varied key or element of an array.
     pub(crate) fn stated(&self, column: &str) -> Option<Value> {
-        let of = |column: &str| {
+        let value_of = |column: &str| {
             let key = scenario_file::path_of(column)?;
-            let is_it = |setting: &&String| scenario_file::key_of_setting(setting).as_ref() == Some(&key);
-            let (_, value) = self.set.iter().rev().find(is_it)?.split_once('=')?;
+            let sets_key = |setting: &&String| scenario_file::key_of_setting(setting).as_ref() == Some(&key);
+            let (_, value) = self.set.iter().rev().find(sets_key)?.split_once('=')?;
             let parsed = toml::from_str::<Table>(&format!("value = {value}"));
             let parsed = parsed.ok().and_then(|mut table| table.remove("value"));
             Some(parsed.unwrap_or_else(|| Value::String(value.to_owned())))
         };
-        let of_element = || {
-            let (array, place) = column.rsplit_once('.')?;
-            of(array)?.get(place.parse::<usize>().ok()?).cloned()
+        let value_of_element = || {
+            let (array, index) = column.rsplit_once('.')?;
+            value_of(array)?.get(index.parse::<usize>().ok()?).cloned()
         };
-        of(column).or_else(of_element)
+        value_of(column).or_else(value_of_element)
     }
 }
 
@@ -369,13 +368,13 @@ impl Vary {
                     parts => Ok(Self::Array(parts)),
                 }
             }
-            Value::Table(table) => Self::of_table(table),
+            Value::Table(table) => Self::from_table(table),
             Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => Ok(Self::Choice(vec![value.clone()])),
             Value::Datetime(_) => Err(format!("a date cannot be varied; {KINDS}")),
         }
     }
 
-    fn of_table(table: &Table) -> Result<Self, String> {
+    fn from_table(table: &Table) -> Result<Self, String> {
         let kinds = ["uniform", "log_uniform", "normal", "choice"];
         let mut stated = kinds.into_iter().filter(|kind| table.contains_key(*kind));
         let (Some(kind), None) = (stated.next(), stated.next()) else {
@@ -390,7 +389,7 @@ impl Vary {
             .keys()
             .find(|key| *key != kind && !further.contains(&key.as_str()))
         {
-            return Err(format!("`{key}` does not go with `{kind}`; {KINDS}"));
+            return Err(format!("`{kind}` has no `{key}`; {KINDS}"));
         }
         if kind == "choice" {
             return match &table[kind] {
@@ -465,7 +464,7 @@ mod tests {
             ("scenario = \"fig1.toml\"\n", "there are no samples"),
             (
                 "scenario = \"fig1.toml\"\nsamples = 10\nmethod = \"grid\"\n",
-                "does not go with a grid",
+                "cannot be stated for a grid",
             ),
             (
                 "scenario = \"a\"\nsamples = 10\nsample = 3\n",
@@ -477,7 +476,7 @@ mod tests {
             ),
             (
                 &format!("{head}[vary]\nm = {{ uniform = [1.0, 2.0], min = 1.0 }}\n"),
-                "`min` does not go with `uniform`",
+                "`uniform` has no `min`",
             ),
             (
                 &format!("{head}[vary]\nm = {{ even = [1.0, 2.0] }}\n"),

@@ -1,4 +1,4 @@
-//! Reasons why a sweep cannot be flown or merged.
+//! Errors of a sweep.
 
 use std::error::Error;
 use std::path::Path;
@@ -12,25 +12,25 @@ type Cause = Box<dyn Error + Send + Sync>;
 /// Reason why a sweep cannot be flown or merged.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// The scenario is wrong.
+    /// The scenario is invalid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// A flight could not begin.
     #[error(transparent)]
     Flight(#[from] FlightFailure),
-    /// The sweep, or what is asked of it, is wrong.
+    /// The sweep or the request is invalid.
     #[error(transparent)]
     BadInput(Cause),
     /// Results could not be written.
     #[error(transparent)]
     NotWritten(Cause),
-    /// Trouble with the machine.
+    /// The operating system reported an error.
     #[error(transparent)]
     Trouble(Cause),
 }
 
 impl SweepError {
-    /// Makes the error of a wrong sweep.
+    /// Makes the error of an invalid sweep.
     #[must_use]
     pub fn bad_input(cause: impl Into<Cause>) -> Self {
         Self::BadInput(cause.into())
@@ -42,7 +42,7 @@ impl SweepError {
         Self::NotWritten(cause.into())
     }
 
-    /// Makes the error of a machine that does not do its part.
+    /// Makes the error of an operating system call.
     #[must_use]
     pub fn trouble(cause: impl Into<Cause>) -> Self {
         Self::Trouble(cause.into())
@@ -59,7 +59,7 @@ impl From<JournalError> for SweepError {
     }
 }
 
-/// Makes a folder of results, with those above it.
+/// Creates a folder of results and its parents.
 ///
 /// # Errors
 /// [`SweepError::NotWritten`].

@@ -1,21 +1,22 @@
-//! Expressions of a sweep: values that follow from others (`m * r^2`), and criteria (`max < 0.03 and not lost`).
+//! Expressions of a sweep: values computed from others (`m * r^2`), and criteria (`max < 0.03 and not lost`).
 //!
-//! They are numbers; a comparison is 1 or 0, and what is not 0 is true. A chain such as `0 < x < 1` is true if every
-//! comparison of it is. A value that is missing is NaN, and so is all that depends on it: a comparison with a missing value
-//! is missing, and neither it nor its contrary is true. All functions are those of `libm`, so that a sample is the same on every machine.
+//! All values are numbers: a comparison is 1 or 0, and any number but 0 is true. A chain such as `0 < x < 1` is true if every
+//! comparison in it is. A missing value is NaN, and so is every result that depends on it: a comparison with a missing value is
+//! missing, and neither it nor its negation is true. All functions are those of `libm`, so that samples do not depend on the
+//! machine.
 
 use std::fmt::{Display, Formatter};
 
-/// Characters that an error shows on each side of its place.
+/// Number of characters that an error shows on each side of its position.
 const SHOWN: usize = 100;
 
-/// Brackets, signs and exponents within each other, at most: each is a step of a recursion.
+/// Maximum nesting of brackets, signs and exponents: each is a step of a recursion.
 const DEPTH_MAX: usize = 100;
 
-/// Operators, at most: the sides of a long sum lie within each other, too.
+/// Maximum number of operators: a long sum is a deeply nested tree.
 const OPERATORS_MAX: usize = 1000;
 
-/// An expression whose names are places of a list of values.
+/// An expression whose names are resolved to indices of a list of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression(Node);
 
@@ -26,7 +27,7 @@ enum Node {
     Negative(Box<Node>),
     Not(Box<Node>),
     Binary(Operator, Box<(Node, Node)>),
-    /// Comparisons in a row, each with the value before it.
+    /// Chained comparisons, each with the preceding value.
     Chain(Box<Node>, Vec<(Operator, Node)>),
     Call(Function, Vec<Node>),
 }
@@ -48,7 +49,7 @@ enum Operator {
     Power,
 }
 
-/// Operators by how closely they bind, the loosest first; those of one line bind alike, from left to right.
+/// Operators by precedence, the lowest first; all are left-associative.
 const LEVELS: [&[(&str, Operator)]; 5] = [
     &[("or", Operator::Or)],
     &[("and", Operator::And)],
@@ -64,7 +65,7 @@ const LEVELS: [&[(&str, Operator)]; 5] = [
     &[("*", Operator::Times), ("/", Operator::Over)],
 ];
 
-/// Level of the comparisons, which stand in chains.
+/// Level of the comparisons, which form chains.
 const COMPARISONS: usize = 2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +80,7 @@ enum Function {
     Sqrt,
 }
 
-/// Functions by name, with the number of their arguments.
+/// Functions with the number of their arguments.
 const FUNCTIONS: [(&str, Function, usize); 8] = [
     ("abs", Function::Abs, 1),
     ("cos", Function::Cos, 1),
@@ -91,21 +92,21 @@ const FUNCTIONS: [(&str, Function, usize); 8] = [
     ("sqrt", Function::Sqrt, 1),
 ];
 
-/// Reason why a text is no expression.
+/// Error of an invalid expression.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExpressionError {
-    /// The text.
+    /// Text of the expression.
     pub text: String,
-    /// Place in it, bytes from its begin.
-    pub place: usize,
-    /// The reason, and what to do.
+    /// Position of the error, bytes from the start.
+    pub offset: usize,
+    /// Reason and fix.
     pub reason: String,
 }
 
 impl Display for ExpressionError {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let place = self.text.floor_char_boundary(self.place);
-        let (before, after) = self.text.split_at(place);
+        let offset = self.text.floor_char_boundary(self.offset);
+        let (before, after) = self.text.split_at(offset);
         let begin = before.char_indices().rev().take(SHOWN).last();
         let before = &before[begin.map_or(0, |(at, _)| at)..];
         let after: String = after.chars().take(SHOWN).collect();
@@ -117,22 +118,22 @@ impl Display for ExpressionError {
 impl std::error::Error for ExpressionError {}
 
 impl Expression {
-    /// Reads an expression; `place_of` knows where the value of a name is.
+    /// Parses an expression; `index_of` returns the index of a name's value.
     ///
     /// # Errors
-    /// [`ExpressionError`] with the place and the fix.
-    pub fn parse(text: &str, place_of: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
+    /// [`ExpressionError`] with the position and the fix.
+    pub fn parse(text: &str, index_of: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
         let mut parser = Parser {
             text,
-            place: 0,
-            place_of: &place_of,
+            offset: 0,
+            index_of: &index_of,
             depth: 0,
             operators: 0,
         };
         let node = parser.level(0)?;
         parser.skip_blanks();
-        if parser.place < text.len() {
-            return Err(parser.error("here the expression should end"));
+        if parser.offset < text.len() {
+            return Err(parser.error("expected the end of the expression here"));
         }
         Ok(Self(node))
     }
@@ -149,12 +150,12 @@ impl Expression {
         is_true(self.value(values))
     }
 
-    /// Returns the places of all values that it uses.
+    /// Returns the indices of all values in the expression.
     #[must_use]
-    pub fn places(&self) -> Vec<usize> {
-        let mut places = Vec::new();
-        self.0.collect_places(&mut places);
-        places
+    pub fn indices(&self) -> Vec<usize> {
+        let mut indices = Vec::new();
+        self.0.collect_indices(&mut indices);
+        indices
     }
 }
 
@@ -166,7 +167,7 @@ impl Node {
     fn value(&self, values: &[f64]) -> f64 {
         match self {
             Self::Number(number) => *number,
-            Self::Value(place) => values[*place],
+            Self::Value(index) => values[*index],
             Self::Negative(node) => -node.value(values),
             Self::Not(node) => known(node.value(values)).map_or(f64::NAN, |known| truth(!known)),
             Self::Binary(operator, sides) => operator.apply(sides.0.value(values), sides.1.value(values)),
@@ -189,27 +190,27 @@ impl Node {
         }
     }
 
-    fn collect_places(&self, places: &mut Vec<usize>) {
+    fn collect_indices(&self, indices: &mut Vec<usize>) {
         match self {
             Self::Number(_) => {}
-            Self::Value(place) => places.push(*place),
-            Self::Negative(node) | Self::Not(node) => node.collect_places(places),
+            Self::Value(index) => indices.push(*index),
+            Self::Negative(node) | Self::Not(node) => node.collect_indices(indices),
             Self::Binary(_, sides) => {
-                sides.0.collect_places(places);
-                sides.1.collect_places(places);
+                sides.0.collect_indices(indices);
+                sides.1.collect_indices(indices);
             }
             Self::Chain(first, comparisons) => {
-                first.collect_places(places);
+                first.collect_indices(indices);
                 comparisons
                     .iter()
-                    .for_each(|(_, node)| node.collect_places(places));
+                    .for_each(|(_, node)| node.collect_indices(indices));
             }
-            Self::Call(_, arguments) => arguments.iter().for_each(|node| node.collect_places(places)),
+            Self::Call(_, arguments) => arguments.iter().for_each(|node| node.collect_indices(indices)),
         }
     }
 }
 
-/// Returns whether a value is true; none if it is missing.
+/// Returns whether a value is true; `None` if it is missing.
 fn known(value: f64) -> Option<bool> {
     (!value.is_nan()).then_some(value != 0.0)
 }
@@ -219,11 +220,11 @@ fn truth(is_true: bool) -> f64 {
 }
 
 impl Operator {
-    #[expect(clippy::float_cmp, reason = "that is what the user asks for")]
+    #[expect(clippy::float_cmp, reason = "the user's expression compares exactly")]
     fn apply(self, a: f64, b: f64) -> f64 {
         let is_missing = a.is_nan() || b.is_nan();
         match self {
-            // One side may decide whatever the other one is.
+            // One side may determine the result even if the other one is missing.
             Self::Or if is_true(a) || is_true(b) => 1.0,
             Self::And if known(a) == Some(false) || known(b) == Some(false) => 0.0,
             _ if is_missing => f64::NAN,
@@ -262,31 +263,31 @@ impl Function {
 
 struct Parser<'a> {
     text: &'a str,
-    place: usize,
-    place_of: &'a dyn Fn(&str) -> Option<usize>,
-    /// Parts that are begun and not ended.
+    offset: usize,
+    index_of: &'a dyn Fn(&str) -> Option<usize>,
+    /// Current nesting.
     depth: usize,
     operators: usize,
 }
 
 impl Parser<'_> {
     fn rest(&self) -> &str {
-        &self.text[self.place..]
+        &self.text[self.offset..]
     }
 
     fn skip_blanks(&mut self) {
-        self.place = self.text.len() - self.rest().trim_start().len();
+        self.offset = self.text.len() - self.rest().trim_start().len();
     }
 
     fn error(&self, reason: impl Into<String>) -> ExpressionError {
         ExpressionError {
             text: self.text.to_owned(),
-            place: self.place,
+            offset: self.offset,
             reason: reason.into(),
         }
     }
 
-    /// Takes a symbol or a word, if it stands here.
+    /// Consumes a symbol or a word, if it comes next.
     fn take(&mut self, symbol: &str) -> bool {
         self.skip_blanks();
         let Some(after) = self.rest().strip_prefix(symbol) else {
@@ -296,11 +297,11 @@ impl Parser<'_> {
         if is_word && after.starts_with(is_part_of_name) {
             return false;
         }
-        self.place += symbol.len();
+        self.offset += symbol.len();
         true
     }
 
-    /// Operators of a level, and of those that bind more closely.
+    /// Parses operators of this and higher precedence.
     fn level(&mut self, level: usize) -> Result<Node, ExpressionError> {
         let Some(operators) = LEVELS.get(level) else {
             return self.unary();
@@ -327,8 +328,7 @@ impl Parser<'_> {
 
     fn unary(&mut self) -> Result<Node, ExpressionError> {
         if self.depth == DEPTH_MAX {
-            let reason =
-                format!("brackets, signs and exponents lie at most {DEPTH_MAX} deep within each other");
+            let reason = format!("brackets, signs and exponents nest at most {DEPTH_MAX} deep");
             return Err(self.error(reason));
         }
         self.depth += 1;
@@ -363,22 +363,22 @@ impl Parser<'_> {
         if number > 0 {
             let value = self.rest()[..number].parse();
             let value = value.map_err(|_| self.error("this is not a number"))?;
-            self.place += number;
+            self.offset += number;
             return Ok(Node::Number(value));
         }
         let name = self.rest()[..self.name_length()].to_owned();
         if name.is_empty() {
-            return Err(self.error("here a number, a name or a bracket should be"));
+            return Err(self.error("expected a number, a name or a bracket here"));
         }
         self.named(&name)
     }
 
     fn named(&mut self, name: &str) -> Result<Node, ExpressionError> {
-        let start = self.place;
-        self.place += name.len();
+        let start = self.offset;
+        self.offset += name.len();
         if self.take("(") {
             let Some(&(_, function, count)) = FUNCTIONS.iter().find(|(other, _, _)| *other == name) else {
-                self.place = start;
+                self.offset = start;
                 let names = FUNCTIONS.map(|(name, _, _)| name).join(", ");
                 return Err(self.error(format!("there is no function `{name}`; there are {names}")));
             };
@@ -387,15 +387,15 @@ impl Parser<'_> {
                 arguments.push(self.level(0)?);
             }
             if arguments.len() != count {
-                self.place = start;
+                self.offset = start;
                 return Err(self.error(format!("`{name}` has {count} arguments, not {}", arguments.len())));
             }
             return self.closed(Node::Call(function, arguments));
         }
-        match (self.place_of)(name) {
-            Some(place) => Ok(Node::Value(place)),
+        match (self.index_of)(name) {
+            Some(index) => Ok(Node::Value(index)),
             None => {
-                self.place = start;
+                self.offset = start;
                 Err(self.error(format!("there is no value `{name}`")))
             }
         }
@@ -405,22 +405,22 @@ impl Parser<'_> {
         if self.take(")") {
             Ok(node)
         } else {
-            Err(self.error("here a `)` should be"))
+            Err(self.error("expected `)` here"))
         }
     }
 
-    /// Length of the name that begins here, with the dots in it: `vehicle.mass`, `vehicle.drag.0`.
+    /// Returns the length of the name at this position, including its dots: `vehicle.mass`, `vehicle.drag.0`.
     fn name_length(&self) -> usize {
         let rest = self.rest();
         let is_inside = |(at, character): (usize, char)| {
             let is_dot = at > 0 && character == '.' && rest[at + 1..].starts_with(is_part_of_name);
             is_dot || is_part_of_name(character)
         };
-        let end = rest.char_indices().find(|&place| !is_inside(place));
+        let end = rest.char_indices().find(|&position| !is_inside(position));
         end.map_or(rest.len(), |(at, _)| at)
     }
 
-    /// Length of the number that begins here; 0 if none does.
+    /// Returns the length of the number at this position; 0 if there is none.
     fn number_length(&self) -> usize {
         let bytes = self.rest().as_bytes();
         let digits = |from: usize| {
@@ -449,7 +449,7 @@ fn is_part_of_name(character: char) -> bool {
     character.is_alphanumeric() || character == '_'
 }
 
-/// Returns whether a text is a name as expressions have it.
+/// Returns whether a text is a valid name in expressions.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let is_word = LEVELS[..2]

@@ -1,4 +1,4 @@
-//! One flight of a sweep: flown in this process, judged, and told as a row.
+//! One flight of a sweep: flown in this process and judged.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -33,23 +33,23 @@ const JUDGED: [Topic; 4] = [
     Topic::RcFrame,
 ];
 
-/// Judges a flight while it is flown; it ends when the vehicle is lost.
+/// Judges a flight while it is flown, and ends it when the vehicle is lost.
 pub struct Judge {
     summary: FlightSummary,
     digest: Sha256,
     ticks_a_second: u64,
-    /// The next tick whose samples go into the digest: the first of a second.
+    /// Next tick whose samples are hashed into the digest: the first tick of a second.
     digest_tick: u64,
     tick: u64,
     energy: Energy,
     log: Option<RunLogWriter>,
     /// Events that the scenario schedules, for the log.
     events: VecDeque<RunEvent>,
-    /// Says whether a controller of the caller's has failed.
+    /// Returns whether the caller's controller has failed.
     has_failed: Option<Box<dyn Fn() -> bool>>,
 }
 
-/// Mean of (T/(m g))^1.5: the power induced by the rotors against that of a hover.
+/// Mean of (T/(m g))^1.5: the rotors' induced power relative to hover.
 #[derive(Clone, Copy, Debug, Default)]
 struct Energy {
     sum: f64,
@@ -86,7 +86,7 @@ impl Judge {
         }
     }
 
-    /// Records the flight as well.
+    /// Adds a log to which the flight is recorded.
     fn recorded(mut self, scenario: &Scenario, schedule: &Schedule, path: &Path) -> Result<Self, LogError> {
         self.events = planned_events(scenario, schedule).into();
         let manifest = Manifest::new(scenario);
@@ -156,20 +156,19 @@ impl Energy {
     }
 }
 
-/// Controller of the caller's, in place of the scenario's.
+/// The caller's controller, which replaces the scenario's.
 pub struct OwnController {
-    /// Its name, for the scenario that is judged.
+    /// Name in the judged scenario.
     pub name: String,
-    /// The service.
     pub service: Box<dyn ErasedService>,
-    /// Says whether it has failed, so that the flight ends.
+    /// Returns whether the controller has failed, which ends the flight.
     pub has_failed: Box<dyn Fn() -> bool>,
 }
 
-/// Flies a sample with an entry's settings; none if it was interrupted.
+/// Flies a sample with an entry's settings. Returns `None` if the flight was interrupted.
 ///
 /// # Errors
-/// [`SweepError`] if the sweep is wrong.
+/// [`SweepError`] if the sweep is invalid.
 pub fn fly(
     plan: &Plan,
     sample: &Sample,
@@ -182,7 +181,7 @@ pub fn fly(
 /// As [`fly`], and records the flight in a log.
 ///
 /// # Errors
-/// [`SweepError`] if the sweep is wrong, or the log cannot be written.
+/// [`SweepError`] if the sweep is invalid, or the log cannot be written.
 pub fn fly_recorded(
     plan: &Plan,
     sample: &Sample,
@@ -193,10 +192,10 @@ pub fn fly_recorded(
     fly_as(plan, sample, entry, Some(log), None, interrupt)
 }
 
-/// As [`fly`], with a controller of the caller's if the entry has one; none if that has failed, too.
+/// As [`fly`], with the caller's controller if the entry has one. Returns `None` also if that controller failed.
 ///
 /// # Errors
-/// [`SweepError`] if the sweep is wrong.
+/// [`SweepError`] if the sweep is invalid.
 pub fn fly_own(
     plan: &Plan,
     sample: &Sample,
@@ -217,7 +216,7 @@ fn fly_as(
 ) -> Result<Option<Flown>, SweepError> {
     if let Some(identity) = entry.own.as_ref().filter(|_| own.is_none()) {
         return Err(SweepError::bad_input(format!(
-            "`{}` is a controller of a program, {identity}: only that program can fly it, such as `gerono.sweep` of Python",
+            "`{}` is a controller of another program, {identity}: fly it from that program, such as by `gerono.sweep` in Python",
             entry.name
         )));
     }
@@ -233,7 +232,7 @@ fn fly_as(
     if let Some(own) = &own {
         if scenario.has_plugin(ServiceId::Controller) {
             return Err(SweepError::bad_input(format!(
-                "the plug-in of sample {} and `{}` cannot both fly: leave `plugins.controller` out",
+                "the plug-in of sample {} and `{}` cannot both fly: remove `plugins.controller`",
                 sample.index, own.name
             )));
         }
@@ -258,7 +257,7 @@ fn fly_as(
     };
     let outcome = match ending {
         Ok(ending) => ending.outcome,
-        // A plug-in refuses the sample, as a check of the scenario does.
+        // A plug-in may refuse a sample as the checks of the scenario do.
         Err(FlightFailure::Refused(reason)) => return Ok(Some(refused(one_line(&reason.to_string())))),
         Err(failure) => return Err(failure.into()),
     };
@@ -311,7 +310,7 @@ fn refused(reason: String) -> Flown {
     }
 }
 
-/// A message on one line, without its drawing.
+/// Returns a message on one line, without the marks that point into the text.
 fn one_line(text: &str) -> String {
     let words = text
         .split_whitespace()

@@ -1,4 +1,4 @@
-//! The known rows of a sample, to compare with those of another flight of it.
+//! Recorded rows of a sample, for comparison with a repeated flight.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::prepared::Prepared;
 use crate::row::{Cell, Row};
 use crate::shard::{ShardReader, shards_in};
 
-/// Returns whether cells are the same bit for bit.
+/// Returns whether cells are equal bit for bit.
 #[must_use]
 pub fn is_same(one: &[Cell], other: &[Cell]) -> bool {
     let bits = |cell: &Cell| match cell {
@@ -23,7 +23,7 @@ pub fn is_same(one: &[Cell], other: &[Cell]) -> bool {
         })
 }
 
-/// Returns a cell as a text.
+/// Returns a cell as text.
 #[must_use]
 pub fn text(cell: &Cell) -> String {
     match cell {
@@ -35,8 +35,8 @@ pub fn text(cell: &Cell) -> String {
     }
 }
 
-/// Returns the sweep that a path means, a folder of results or the sweep's file, and the known rows of a sample. Hands to
-/// `note` why rows of another flight may differ.
+/// Opens a sweep by a folder of results or by its file, and returns it with the recorded rows of a sample. Calls `note` with
+/// reasons why a repeated flight may differ.
 ///
 /// # Errors
 /// [`SweepError`] if there is no such sweep.
@@ -62,16 +62,16 @@ pub fn find(
                 header.scenario_path,
                 header.scenario_text,
             )?;
-            let this = Prepared::new(source)?;
-            if this.program != header.program {
+            let opened = Prepared::new(source)?;
+            if opened.program != header.program {
                 note(
                     "the results were flown by another build of gerono, whose flights may differ in their bits",
                 );
             }
-            if *this.plan.files() != header.files {
+            if *opened.plan.files() != header.files {
                 note("the results were flown with other plug-ins or points of a path, whose flights differ");
             }
-            prepared = Some(this);
+            prepared = Some(opened);
         }
         let samples = prepared.as_ref().map_or(0, |prepared| prepared.plan.samples);
         if !shard.samples(samples).contains(&sample) {
@@ -83,7 +83,7 @@ pub fn find(
                 rows.push(row);
             }
         }
-        return Ok((prepared.expect("it was made above"), Some(rows)));
+        return Ok((prepared.expect("set above"), Some(rows)));
     }
     match prepared {
         Some(prepared) => Ok((prepared, None)),

@@ -1,7 +1,6 @@
-//! Heat maps: the median of a result in each part of the plane of two varied values, on one colour scale for all that is
-//! compared.
+//! Heat maps: the median of a result in each cell of the plane of two varied values, on one colour scale for all entries.
 //!
-//! Parts without a flight are hatched. Numbers are black or white, whichever is read more easily on the colour.
+//! Cells without a flight are hatched. Numbers are black or white, whichever has the higher contrast.
 
 use std::fmt::Write;
 
@@ -15,7 +14,7 @@ use crate::report::{Shown, digits, with_unit};
 /// Number of ranges of an axis with many values.
 const RANGES: usize = 8;
 
-/// Size of the plane and the space around it, in pixels.
+/// Size of the plane and its margins, in pixels.
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 330.0;
 const LEFT: f64 = 130.0;
@@ -23,11 +22,11 @@ const TOP: f64 = 34.0;
 const BELOW: f64 = 104.0;
 const RIGHT: f64 = 130.0;
 
-/// Size of letters, and about the width of one.
+/// Font size, and the approximate width of a letter.
 const LETTER: f64 = 12.0;
 const LETTER_WIDTH: f64 = 0.6 * LETTER;
 
-/// Colours from the lowest to the highest value (`ColorBrewer`'s `Blues`), also told apart in grey.
+/// Colours from the lowest to the highest value (`ColorBrewer`'s `Blues`), distinct in grey as well.
 const COLORS: [[f64; 3]; 5] = [
     [247.0, 251.0, 255.0],
     [198.0, 219.0, 239.0],
@@ -36,26 +35,26 @@ const COLORS: [[f64; 3]; 5] = [
     [8.0, 48.0, 107.0],
 ];
 
-/// Ratio of the highest to the lowest value from which on the scale is logarithmic.
+/// Minimum ratio of the highest to the lowest value for a logarithmic scale.
 const LOGARITHMIC: f64 = 20.0;
 
-/// Medians in the parts of a plane.
+/// Medians in the cells of a plane.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
     columns: Parts,
     rows: Parts,
-    /// By row from below, then by column; none where nothing was flown.
+    /// By row from below, then by column; `None` without a flight.
     medians: Vec<Vec<Option<f64>>>,
 }
 
 impl Grid {
-    /// Makes the medians of values over two others.
-    pub(crate) fn of(xs: &[f64], ys: &[f64], shown: &Shown, values: &[f64]) -> Self {
-        let (columns, rows) = (Parts::of(xs, RANGES), Parts::of(ys, RANGES));
+    /// Computes the medians of values over two others.
+    pub(crate) fn new(xs: &[f64], ys: &[f64], shown: &Shown, values: &[f64]) -> Self {
+        let (columns, rows) = (Parts::new(xs, RANGES), Parts::new(ys, RANGES));
         let mut cells = vec![vec![Vec::new(); columns.ranges().len()]; rows.ranges().len()];
         for ((x, y), value) in xs.iter().zip(ys).zip(values) {
             if value.is_finite() {
-                cells[rows.place(*y)][columns.place(*x)].push(shown.factor * value);
+                cells[rows.index(*y)][columns.index(*x)].push(shown.factor * value);
             }
         }
         let medians = cells
@@ -69,7 +68,7 @@ impl Grid {
     }
 }
 
-/// The colours of values, the same for all maps of one result.
+/// Colour scale, shared by all maps of one result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scale {
     low: f64,
@@ -77,8 +76,8 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Makes the scale of all values of some maps; none without a value.
-    pub(crate) fn of<'a>(grids: impl IntoIterator<Item = &'a Grid>) -> Option<Self> {
+    /// Returns the scale that spans all values of some maps; `None` without a value.
+    pub(crate) fn spanning<'a>(grids: impl IntoIterator<Item = &'a Grid>) -> Option<Self> {
         let values = grids
             .into_iter()
             .flat_map(|grid| grid.medians.iter().flatten().flatten().copied());
@@ -98,7 +97,7 @@ impl Scale {
         self.low > 0.0 && self.high / self.low >= LOGARITHMIC
     }
 
-    /// The place of a value, from 0 to 1.
+    /// Returns the position of a value on the scale, from 0 to 1.
     fn share(self, value: f64) -> f64 {
         let [low, high, value] = [self.low, self.high, value].map(|value| {
             if self.is_logarithmic() {
@@ -114,7 +113,7 @@ impl Scale {
         }
     }
 
-    /// The value at a place from 0 to 1.
+    /// Returns the value at a position from 0 to 1.
     fn value(self, share: f64) -> f64 {
         if self.is_logarithmic() {
             self.low * libm::pow(self.high / self.low, share)
@@ -124,11 +123,11 @@ impl Scale {
     }
 }
 
-/// Returns the colour at a place of the scale, and that of letters on it.
+/// Returns the colour at a position on the scale, and the text colour for it.
 fn colors(share: f64) -> (String, &'static str) {
-    let place = share * (COLORS.len() - 1) as f64;
-    let below = (place.floor() as usize).min(COLORS.len() - 2);
-    let part = place - below as f64;
+    let position = share * (COLORS.len() - 1) as f64;
+    let below = (position.floor() as usize).min(COLORS.len() - 2);
+    let part = position - below as f64;
     let mixed: [f64; 3] = std::array::from_fn(|channel| {
         COLORS[below][channel] + part * (COLORS[below + 1][channel] - COLORS[below][channel])
     });
@@ -141,7 +140,7 @@ fn colors(share: f64) -> (String, &'static str) {
     (format!("#{red:02x}{green:02x}{blue:02x}"), letters)
 }
 
-/// The contrast of a colour with a grey, by WCAG 2.
+/// Returns the contrast of a colour with a grey, by WCAG 2.
 fn contrast(color: [f64; 3], grey: f64) -> f64 {
     let linear = |channel: f64| {
         let share = channel / 255.0;
@@ -210,7 +209,7 @@ fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
     let turns = longest.unwrap_or_default() as f64 * LETTER_WIDTH > width;
     for (column, label) in grid.columns.labels().enumerate() {
         let at = [LEFT + (column as f64 + 0.5) * width, TOP + HEIGHT + LETTER + 4.0];
-        // Turned so that neighbours do not touch.
+        // Long labels are turned so that they do not overlap.
         let (anchor, turn) = if turns {
             ("end", Some(-35.0))
         } else {
@@ -243,7 +242,7 @@ fn draw_axes(svg: &mut String, map: &Map, grid: &Grid) {
     );
 }
 
-/// The bar of colours at the right, with five values and what is hatched.
+/// Draws the colour bar at the right, with five values and the meaning of hatching.
 fn draw_scale(svg: &mut String, scale: Scale) {
     const STEPS: u32 = 50;
     let (x, width) = (LEFT + WIDTH + 20.0, 18.0);
@@ -326,9 +325,9 @@ mod tests {
     #[test]
     fn equal_values_of_different_laws_have_one_colour_and_missing_ones_are_hatched() {
         let (xs, ys) = ([0.1, 0.2, 0.1, 0.2], [0.0, 0.0, 1.0, 1.0]);
-        let one = Grid::of(&xs, &ys, &shown(), &[0.01, 0.02, f64::NAN, 0.03]);
-        let other = Grid::of(&xs, &ys, &shown(), &[0.03; 4]);
-        let scale = Scale::of([&one, &other]).unwrap();
+        let one = Grid::new(&xs, &ys, &shown(), &[0.01, 0.02, f64::NAN, 0.03]);
+        let other = Grid::new(&xs, &ys, &shown(), &[0.03; 4]);
+        let scale = Scale::spanning([&one, &other]).unwrap();
         assert_eq!(scale, Scale { low: 1.0, high: 3.0 });
         let one = drawing(&map(), "RMS distance, cm", "paper", &one, scale);
         let other = drawing(&map(), "RMS distance, cm", "indi", &other, scale);
@@ -365,8 +364,8 @@ mod tests {
         let values: Vec<f64> = (0..100)
             .map(|index| libm::pow(10.0, f64::from(index) / 33.0 - 2.0))
             .collect();
-        let grid = Grid::of(&xs, &ys, &shown(), &values);
-        let scale = Scale::of([&grid]).unwrap();
+        let grid = Grid::new(&xs, &ys, &shown(), &values);
+        let scale = Scale::spanning([&grid]).unwrap();
         assert!(scale.is_logarithmic());
         assert!((scale.share(scale.value(0.25)) - 0.25).abs() < 1e-12);
         let svg = drawing(&map(), "RMS distance, cm", "paper", &grid, scale);

@@ -1,19 +1,19 @@
-//! Thousands of flights of varied scenarios, on all cores or on a cluster, and what can be said of them.
+//! Monte-Carlo sweeps: thousands of flights of varied scenarios, on all cores or on a cluster, with their statistics.
 //!
-//! Sample i is a function of the sweep and of i alone, so shards need nothing of each other, and the merge of twenty
-//! has the bytes of one. A flight that is lost is a row, never an error.
+//! Sample i is a function of the sweep and of i alone: shards are independent, and merging twenty gives the same bytes as one.
+//! A lost flight is a row, never an error.
 //!
 //! * [`definition`]: the content of `sweep.toml`;
-//! * [`expression`]: values that follow from others, and criteria;
+//! * [`expression`]: computed values and criteria;
 //! * [`plan`]: the samples;
-//! * [`prepared`]: a sweep that is checked;
+//! * [`prepared`]: a checked sweep;
 //! * [`flight`]: one flight, judged while it is flown;
 //! * [`run`]: the flights of a shard;
-//! * [`fly`]: a flight repeated;
+//! * [`fly`]: a repeated flight;
 //! * [`row`]: a flight as a row;
-//! * [`shard`]: the file of a part of the rows, which survives a kill;
+//! * [`shard`]: the crash-safe file of a part of the rows;
 //! * [`merge`], [`table`]: all rows as Parquet;
-//! * [`report`], [`page`]: what can be said of them;
+//! * [`report`], [`page`]: statistics of the rows;
 //! * [`slurm`]: the script for a cluster;
 //! * [`library`]: sweeps for other programs.
 

@@ -1,4 +1,4 @@
-//! Sweeps for other programs: flown and merged without a word on the terminal.
+//! Sweeps for other programs: flown and merged without output to the terminal.
 
 use std::path::{Path, PathBuf};
 
@@ -26,8 +26,8 @@ fn prepared(
     Ok(prepared)
 }
 
-/// Flies a sweep into a folder, on so many threads or on all cores, and merges it; goes on where an earlier call was
-/// interrupted, and flies nothing where an earlier one has completed the same sweep.
+/// Flies a sweep into a folder, on `jobs` threads or on all cores, and merges it. Resumes an interrupted sweep, and flies
+/// nothing if the folder holds the same sweep completely.
 ///
 /// # Errors
 /// [`SweepError`] if nothing can be flown or written, or if the folder holds another sweep.
@@ -50,11 +50,11 @@ pub fn run(
     merge_folder(folder, false).map(drop)
 }
 
-/// As [`run`], where `make` makes the caller's own controller of each flight of an entry that has one. One flight follows the
-/// other; a flight that was broken off leaves no row, and ends the sweep.
+/// As [`run`], with controllers of the caller: `make` is called before each flight and returns its controller, if the entry has
+/// one. Flights run one after the other; an aborted flight leaves no row and ends the sweep.
 ///
 /// # Errors
-/// [`SweepError`] as [`run`], and that of `make`, which is asked before each flight.
+/// [`SweepError`] as [`run`], and that of `make`.
 pub fn run_with(
     text: String,
     scenario_path: PathBuf,
@@ -78,7 +78,7 @@ pub fn run_with(
             Ok(Some(flown)) => writer.write(&layout.row(&sample, entry, &flown))?,
             Ok(None) => return Ok(writer.pause()?),
             Err(failure) => {
-                // What was flown is kept; the failure is the one to report.
+                // Keeps the rows so far. An error of this is dropped: the failure of the flight is the one to report.
                 let _ = writer.pause();
                 return Err(failure);
             }

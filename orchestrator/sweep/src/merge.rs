@@ -1,4 +1,4 @@
-//! One table, a summary and a page of all shards.
+//! Merges all shards into a table, a summary and a page.
 
 use std::path::Path;
 
@@ -15,10 +15,10 @@ use crate::row::Row;
 use crate::shard::{Shard, ShardReader, shards_in};
 use crate::table::TableWriter;
 
-/// Merges the shards of a folder; returns the report and the number of flights that were refused.
+/// Merges the shards of a folder; returns the report and the number of refused flights.
 ///
 /// # Errors
-/// [`SweepError`] if shards lack, differ or are damaged, or nothing can be written.
+/// [`SweepError`] if shards are missing, differ or are damaged, or results cannot be written.
 pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), SweepError> {
     let shards = complete_shards(folder)?;
     let first = ShardReader::open(&shards[0].path(folder))?.header().clone();
@@ -32,7 +32,7 @@ pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), 
     let names = prepared.layout.columns.iter().map(|column| column.name.as_str());
     if !names.eq(first.columns.iter().map(String::as_str)) {
         return Err(SweepError::bad_input(format!(
-            "{}: its rows have other columns than this version of gerono writes; merge it with the one that flew it",
+            "{}: its rows have other columns than this version of gerono writes; merge it with the version that flew it",
             folder.display()
         )));
     }
@@ -54,7 +54,7 @@ pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), 
         }
         if let Some(reason) = expected.difference(reader.header()) {
             let fix = if reason.contains("build of gerono") {
-                "; --mixed-builds takes them together all the same"
+                "; --mixed-builds merges them anyway"
             } else {
                 ""
             };
@@ -65,7 +65,7 @@ pub fn merge_folder(folder: &Path, mixed_builds: bool) -> Result<(Report, u64), 
         }
         while let Some(row) = reader.next_row()? {
             let row = typed(&prepared, row, &shard.path(folder))?;
-            results.take(&row);
+            results.add(&row);
             table.write(row).map_err(not_written)?;
         }
     }
@@ -93,15 +93,15 @@ fn write(path: &Path, text: &str) -> Result<(), SweepError> {
         .map_err(|error| SweepError::not_written(format!("cannot write {}: {error}", path.display())))
 }
 
-/// Cells as their columns have them.
+/// Converts the cells of a row to the kinds of their columns.
 fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, SweepError> {
     let cells = row
         .into_iter()
         .zip(&prepared.layout.columns)
         .map(|(cell, column)| {
-            cell.of_kind(column.kind).ok_or_else(|| {
+            cell.into_kind(column.kind).ok_or_else(|| {
                 SweepError::bad_input(format!(
-                    "{}: a row has no such value in `{}`",
+                    "{}: a row has a value of the wrong kind in `{}`",
                     path.display(),
                     column.name
                 ))
@@ -110,7 +110,7 @@ fn typed(prepared: &Prepared, row: Row, path: &Path) -> Result<Row, SweepError> 
     cells.collect()
 }
 
-/// The shards of a folder, if they are all there.
+/// Returns the shards of a folder, if all are complete.
 fn complete_shards(folder: &Path) -> Result<Vec<Shard>, SweepError> {
     let shards = shards_in(folder)?;
     let Some((first, _)) = shards.first() else {
@@ -122,7 +122,7 @@ fn complete_shards(folder: &Path) -> Result<Vec<Shard>, SweepError> {
     };
     if let Some((other, _)) = shards.iter().find(|(shard, _)| shard.count != first.count) {
         return Err(SweepError::bad_input(format!(
-            "{} holds shards of {} and of {}: move those of one away",
+            "{} holds shards of {} and of {}: move those of one division to another folder",
             folder.display(),
             first.count,
             other.count

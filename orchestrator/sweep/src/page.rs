@@ -1,4 +1,4 @@
-//! The results of a sweep as a web page: one file without scripts.
+//! Results of a sweep as a web page: one file without scripts.
 
 use kuva::backend::svg::SvgBackend;
 use kuva::prelude::{Figure, Layout as DrawingLayout, LegendPosition, LinePlot, Plot, ScatterPlot};
@@ -6,16 +6,16 @@ use report::plot::COLORS;
 use report::text_table::escaped;
 use statistics::quantile::sorted;
 
-use crate::definition::{Map, part_of_file_name};
+use crate::definition::{Map, file_name_part};
 use crate::expression::Expression;
 use crate::heat_map::{self, Grid, Scale};
 use crate::prepared::Prepared;
 use crate::report::{EntryResults, Report, Results, with_unit};
 
-/// Most points of a drawing: of more every n-th is shown.
+/// Maximum number of points of a drawing; larger sets are thinned.
 const POINTS: usize = 3000;
 
-/// Most varied values that are drawn over the distance.
+/// Maximum number of varied values with a scatter plot.
 const SCATTERED: usize = 8;
 
 const STYLE: &str = "
@@ -63,7 +63,7 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
     for table in report.tables() {
         html += &table.html();
     }
-    html += "<h2>Over what was varied</h2>\n";
+    html += "<h2>Over the varied values</h2>\n";
     for drawing in scatters(prepared, results) {
         html += &format!("<p>{drawing}</p>\n");
     }
@@ -73,7 +73,7 @@ pub(crate) fn page(report: &Report, prepared: &Prepared, results: &Results) -> S
     )
 }
 
-/// Whether values span enough for a logarithmic axis.
+/// Returns whether positive values span a range, as a logarithmic axis requires.
 fn spans(values: impl Iterator<Item = f64>) -> bool {
     let range = values.fold([f64::INFINITY, 0.0_f64], |[low, high], value| {
         [low.min(value), high.max(value)]
@@ -89,13 +89,13 @@ fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
     SvgBackend::new().render_scene(&figure.render())
 }
 
-/// Every n-th of so many, such that no more than [`POINTS`] of so many laws are left.
+/// Keeps every n-th value, so that `laws` such sets have at most about [`POINTS`] points.
 fn thinned<T>(values: Vec<T>, laws: usize) -> Vec<T> {
     let step = (laws * values.len()).div_ceil(POINTS).max(1);
     values.into_iter().step_by(step).collect()
 }
 
-/// Cumulative distribution of what the entries are ranked by.
+/// Draws the cumulative distribution of the result by which the entries are ranked.
 fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
     let factor = results.shown[0].factor;
     let mut plots = Vec::new();
@@ -130,11 +130,11 @@ fn distances(prepared: &Prepared, results: &Results) -> Option<String> {
         .with_log_x()
         .with_legend_position(LegendPosition::OutsideRightTop)
         .with_x_label(results.shown[0].title.clone())
-        .with_y_label("share of the flights below it");
+        .with_y_label("cumulative share of flights");
     Some(figure(plots, layout))
 }
 
-/// What the entries are ranked by over each varied number.
+/// Draws the result by which the entries are ranked over each varied number.
 fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     let plan = &prepared.plan;
     let all = results
@@ -182,22 +182,21 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     drawn.collect()
 }
 
-/// The drawings that the sweep asks for, with the names of their files.
+/// Draws the maps of the sweep, with their file names.
 #[must_use]
 pub(crate) fn maps(prepared: &Prepared, results: &Results) -> Vec<(String, String)> {
-    let asked = prepared.plan.source.definition.map.iter();
-    asked
-        .flat_map(|map| drawings_of(map, prepared, results).unwrap_or_default())
+    let maps = prepared.plan.source.definition.map.iter();
+    maps.flat_map(|map| drawings_of(map, prepared, results).unwrap_or_default())
         .collect()
 }
 
-/// The drawings of a map: one an entry, with the name of its file.
+/// Draws a map for each entry, with its file name.
 fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<(String, String)>> {
     let plan = &prepared.plan;
-    let place = |name: &str| plan.columns().position(|column| column == name);
-    let (x, y) = (place(&map.x)?, place(&map.y)?);
+    let index = |name: &str| plan.columns().position(|column| column == name);
+    let (x, y) = (index(&map.x)?, index(&map.y)?);
     let (xs, ys) = (results.varied(x), results.varied(y));
-    // A law that states one of the two itself has no place in the plane.
+    // A law that overrides one of the two values has no map.
     let has_both = |entry: &EntryResults| !entry.varied[x].is_empty() && !entry.varied[y].is_empty();
     let criterion = prepared.layout.criteria().position(|name| name == map.value);
     let drawings: Vec<Option<String>> = if let Some(criterion) = criterion {
@@ -205,14 +204,14 @@ fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<
         let drawing = |entry: &EntryResults| has_both(entry).then(|| dots(entry)).flatten();
         results.entries.iter().map(drawing).collect()
     } else {
-        let place = results.shown.iter().position(|shown| shown.name == map.value)?;
-        let shown = &results.shown[place];
+        let index = results.shown.iter().position(|shown| shown.name == map.value)?;
+        let shown = &results.shown[index];
         let grids = results
             .entries
             .iter()
-            .map(|entry| Grid::of(xs, ys, shown, &entry.numbers[place]));
+            .map(|entry| Grid::new(xs, ys, shown, &entry.numbers[index]));
         let grids: Vec<Grid> = grids.collect();
-        let scale = Scale::of(&grids)?;
+        let scale = Scale::spanning(&grids)?;
         let entries = plan.entries.iter().zip(&grids);
         entries
             .zip(&results.entries)
@@ -222,7 +221,7 @@ fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<
             })
             .collect()
     };
-    let [x, y] = [&map.x, &map.y].map(|axis| part_of_file_name(axis));
+    let [x, y] = [&map.x, &map.y].map(|axis| file_name_part(axis));
     let named =
         plan.entries.iter().zip(drawings).filter_map(|(entry, drawing)| {
             Some((format!("map-{x}-{y}-{}.svg", entry.file_name()), drawing?))
@@ -230,7 +229,7 @@ fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<
     Some(named.collect())
 }
 
-/// A criterion over two values: a dot a sample.
+/// Draws a criterion over two values with a dot for each sample.
 fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> Option<String> {
     let mut plots = Vec::new();
     for (meets, color, words) in [(true, COLORS[0], "yes"), (false, COLORS[1], "no")] {

@@ -1,23 +1,23 @@
-//! Parts of a varied value, in which samples are taken together.
+//! Bins of a varied value.
 
 use statistics::quantile::{quantile, sorted};
 
 use crate::report::digits;
 
-/// Most values that are parts of their own.
-const MOST_LEVELS: usize = 12;
+/// Maximum number of distinct values that form separate bins.
+const MAX_LEVELS: usize = 12;
 
-/// Parts of a varied value: its values if they are few, else ranges with as many samples each.
+/// Bins of a varied value: its distinct values if they are few, else ranges with equal numbers of samples.
 #[derive(Clone, Debug)]
 pub(crate) struct Parts(Vec<[f64; 2]>);
 
 impl Parts {
-    /// Makes the parts of all values; of many values a number of ranges.
-    pub(crate) fn of(values: &[f64], ranges: usize) -> Self {
+    /// Makes the bins of all values; `ranges` bins if there are many distinct values.
+    pub(crate) fn new(values: &[f64], ranges: usize) -> Self {
         let all = sorted(values.iter().copied());
         let mut levels = all.clone();
         levels.dedup();
-        if levels.len() <= MOST_LEVELS {
+        if levels.len() <= MAX_LEVELS {
             return Self(levels.into_iter().map(|level| [level, level]).collect());
         }
         #[expect(clippy::cast_precision_loss, reason = "a few parts")]
@@ -25,24 +25,24 @@ impl Parts {
         Self((0..ranges).map(|part| [at(part), at(part + 1)]).collect())
     }
 
-    /// Returns the parts, each from a value to a value; the upper one is of the next part if there is one.
+    /// Returns the bins as ranges; the upper end belongs to the next bin if there is one.
     pub(crate) fn ranges(&self) -> &[[f64; 2]] {
         &self.0
     }
 
-    /// Returns the place of the part that has a value.
-    pub(crate) fn place(&self, value: f64) -> usize {
+    /// Returns the index of the bin that contains a value.
+    pub(crate) fn index(&self, value: f64) -> usize {
         let later = self.0.iter().skip(1);
         later.take_while(|[from, _]| value >= *from).count()
     }
 
-    /// Returns the parts as a person reads them.
+    /// Returns the labels of the bins.
     pub(crate) fn labels(&self) -> impl ExactSizeIterator<Item = String> {
         self.0.iter().copied().map(label)
     }
 }
 
-/// Returns a part as a person reads it.
+/// Returns the label of a bin.
 pub(crate) fn label([from, to]: [f64; 2]) -> String {
     if from == to {
         digits(from)
@@ -57,14 +57,14 @@ mod tests {
 
     #[test]
     fn few_values_are_parts_of_their_own_and_many_are_ranges() {
-        let levels = Parts::of(&[6.0, 0.0, 3.0, 3.0, f64::NAN], 4);
+        let levels = Parts::new(&[6.0, 0.0, 3.0, 3.0, f64::NAN], 4);
         assert_eq!(levels.labels().collect::<Vec<_>>(), ["0", "3", "6"]);
-        assert_eq!([0.0, 3.0, 6.0].map(|value| levels.place(value)), [0, 1, 2]);
+        assert_eq!([0.0, 3.0, 6.0].map(|value| levels.index(value)), [0, 1, 2]);
         let many: Vec<f64> = (0..=40).map(f64::from).collect();
-        let ranges = Parts::of(&many, 4);
+        let ranges = Parts::new(&many, 4);
         assert_eq!(ranges.labels().next().unwrap(), "0 to 10");
         assert_eq!(
-            [0.0, 9.0, 10.0, 40.0].map(|value| ranges.place(value)),
+            [0.0, 9.0, 10.0, 40.0].map(|value| ranges.index(value)),
             [0, 0, 1, 3]
         );
     }

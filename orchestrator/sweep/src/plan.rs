@@ -1,4 +1,4 @@
-//! Samples of a sweep: sample i is a function of the sweep and of i alone.
+//! Samples of a sweep. Sample i is a function of the sweep and of i alone.
 
 use std::collections::BTreeMap;
 
@@ -11,35 +11,35 @@ use crate::definition::{Definition, Entry, Method, Source, Vary};
 use crate::error::SweepError;
 use crate::expression::Expression;
 
-/// Samples among which one must be that can be flown.
+/// Maximum number of samples that are checked for a flyable one.
 const TRIED: u64 = 10_000;
 
 /// A sweep that is ready to be flown.
 #[derive(Debug)]
 pub struct Plan {
-    /// What makes it.
+    /// Definition and texts.
     pub source: Source,
-    /// What flies every sample.
+    /// Entries that fly every sample.
     pub entries: Vec<Entry>,
     /// Number of samples.
     pub samples: u64,
     design: Design,
-    /// Numbers and choices that make a sample, in the order in which they are known.
+    /// Numbers and choices of a sample, in the order in which they are computed.
     parts: Vec<Part>,
-    /// What is varied, by name, each with the places of its parts.
+    /// Varied values with the indices of their parts.
     varied: Vec<Varied>,
     requirements: Vec<Expression>,
     phases: usize,
-    /// SHA-256 of every file that flights read, by the law and what they read it for.
+    /// SHA-256 of every file that flights read, by its purpose and law.
     files: BTreeMap<String, String>,
 }
 
-/// What is varied under one name.
+/// A varied value.
 #[derive(Clone, Debug)]
 pub struct Varied {
     /// Key of the scenario, or name in expressions.
     pub name: String,
-    /// Places of its parts: one, or those of an array.
+    /// Indices of its parts: one, or those of an array.
     pub parts: Vec<usize>,
     /// `true` if it is an array.
     is_array: bool,
@@ -48,14 +48,14 @@ pub struct Varied {
 /// A number or a choice of a sample.
 #[derive(Clone, Debug)]
 struct Part {
-    /// Name of its column.
+    /// Name of the column.
     column: String,
     origin: Origin,
 }
 
 #[derive(Clone, Debug)]
 enum Origin {
-    /// A distribution at a coordinate of the design's point.
+    /// A distribution, its number of levels, and a coordinate of the design's point.
     Draw(statistics::distribution::Distribution, u32, usize),
     Choice(Vec<Value>, usize),
     Expression(Expression),
@@ -64,15 +64,15 @@ enum Origin {
 /// A sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// Its index.
+    /// Index of the sample.
     pub index: u64,
     /// Seed of its flights.
     pub seed: u64,
     /// Values of its parts, in the order of the columns.
     pub values: Vec<Value>,
-    /// Settings that make it.
+    /// Settings of the varied keys.
     pub settings: Vec<String>,
-    /// The requirement that it does not meet, if there is one.
+    /// The first requirement that it does not meet.
     pub unmet: Option<String>,
 }
 
@@ -85,8 +85,8 @@ impl Plan {
         let definition = &source.definition;
         let (parts, varied) = parts(definition).map_err(SweepError::bad_input)?;
         let names = |name: &str| {
-            let is_it = |varied: &&Varied| varied.name == name && !varied.is_array;
-            varied.iter().find(is_it).map(|varied| varied.parts[0])
+            let matches = |varied: &&Varied| varied.name == name && !varied.is_array;
+            varied.iter().find(matches).map(|varied| varied.parts[0])
         };
         let requirement = |text: &String| Expression::parse(text, names);
         let requirements: Result<Vec<_>, _> = definition.require.iter().map(requirement).collect();
@@ -106,7 +106,7 @@ impl Plan {
             requirements,
             source,
         };
-        // The scenario as it stands can be flown with every entry's settings, and has all keys that are varied.
+        // The unchanged scenario must be flyable with every entry's settings and have all varied keys.
         let mut laws = Vec::new();
         for entry in &plan.entries {
             let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
@@ -126,7 +126,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Refuses to vary a gain that none of the laws uses.
+    /// Refuses to vary a gain that no law uses.
     fn check_gains(&self, laws: &[LawKind]) -> Result<(), String> {
         let is_law = |varied: &Varied| varied.name == "controller.law";
         if self.varied.iter().any(is_law) {
@@ -136,7 +136,7 @@ impl Plan {
             let setting = format!("{name}=0");
             if !laws.iter().any(|&law| scenario_file::concerns(&setting, law)) {
                 return Err(format!(
-                    "`vary.\"{name}\"`: no law of the sweep uses it, so that it varies nothing"
+                    "`vary.\"{name}\"`: no law of the sweep uses it: it has no effect"
                 ));
             }
         }
@@ -163,7 +163,7 @@ impl Plan {
         }
     }
 
-    /// Returns whether a column is a condition that is drawn or chosen: it follows from no others, and does more than count.
+    /// Returns whether a column is drawn or chosen: neither an expression nor a counter of repetitions.
     #[must_use]
     pub fn is_drawn(&self, column: usize) -> bool {
         let part = &self.parts[column];
@@ -220,16 +220,16 @@ impl Plan {
         keys.map(setting).collect()
     }
 
-    /// Returns the SHA-256 of every file that flights read, by the law and what they read it for.
+    /// Returns the SHA-256 of every file that flights read, by its purpose and law.
     #[must_use]
     pub fn files(&self) -> &BTreeMap<String, String> {
         &self.files
     }
 
-    /// Refuses a flight that would read another file than there was at the start.
+    /// Refuses a flight that would read a file that changed since the start.
     ///
     /// # Errors
-    /// [`SweepError`] that says which one.
+    /// [`SweepError`] with the file.
     pub fn check_files(&self, scenario: &Scenario, entry: &Entry) -> Result<(), SweepError> {
         let is_known = |what: &str, sha256: &str| {
             let known = self.files.get(&format!("{what} of `{}`", entry.name));
@@ -238,8 +238,8 @@ impl Plan {
         match files_of(scenario).find(|file| !is_known(&file.what, file.sha256)) {
             None => Ok(()),
             Some(ReadFile { what, .. }) => Err(SweepError::bad_input(format!(
-                "{what} of `{}` was changed since the sweep began: its rows would be of two experiments; the rows so far are \
-                 those of the first one",
+                "{what} of `{}` was changed since the sweep began: its rows would mix two experiments; the rows so far belong \
+                 to the first one",
                 entry.name
             ))),
         }
@@ -247,19 +247,19 @@ impl Plan {
 
     fn read_files(&self) -> Result<BTreeMap<String, String>, ScenarioError> {
         let mut files = BTreeMap::new();
-        let chooses = |varied: &Varied| {
-            let is_of_plugins =
+        let chooses_file = |varied: &Varied| {
+            let is_plugin =
                 varied.name.starts_with("plugins.") && !varied.name.starts_with("plugins.parameters");
-            is_of_plugins || FILES_OF_PATH.contains(&varied.name.as_str())
+            is_plugin || FILES_OF_PATH.contains(&varied.name.as_str())
         };
-        let samples = if self.varied.iter().any(chooses) {
+        let samples = if self.varied.iter().any(chooses_file) {
             self.samples
         } else {
             0
         };
         for entry in &self.entries {
             let stated = [self.source.definition.set.as_slice(), entry.set.as_slice()].concat();
-            let mut take = |scenario: &Scenario| {
+            let mut add_files = |scenario: &Scenario| {
                 for ReadFile { what, sha256, .. } in files_of(scenario) {
                     files
                         .entry(format!("{what} of `{}`", entry.name))
@@ -271,21 +271,21 @@ impl Plan {
                         .or_insert_with(|| sha256.clone());
                 }
             };
-            take(&self.load(&stated, 1)?);
+            add_files(&self.load(&stated, 1)?);
             for index in 0..samples {
-                // A sample that the checks refuse flies nothing.
+                // A refused sample reads no file.
                 if let Ok(scenario) = self.scenario(&self.sample(index), entry) {
-                    take(&scenario);
+                    add_files(&scenario);
                 }
             }
         }
         Ok(files)
     }
 
-    /// Refuses a law that no sample flies with.
+    /// Refuses a law with which no sample can be flown.
     ///
     /// # Errors
-    /// [`SweepError`] with the reason of the first sample.
+    /// [`SweepError`] with the reason for the first sample.
     pub fn check_flyable(&self) -> Result<(), SweepError> {
         for entry in &self.entries {
             let mut first = None;
@@ -325,7 +325,7 @@ impl Plan {
     /// Returns the scenario of a sample's flight with an entry.
     ///
     /// # Errors
-    /// [`ScenarioError`] if it cannot be flown.
+    /// [`ScenarioError`] if the scenario cannot be flown.
     pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, ScenarioError> {
         self.load(&self.settings_of(sample, entry), sample.seed)
     }
@@ -341,60 +341,61 @@ impl Plan {
 }
 
 impl Varied {
-    /// Returns whether this is a key of the scenario, not a name for expressions alone.
+    /// Returns whether this is a key of the scenario, not only a name in expressions.
     fn is_key(&self) -> bool {
         self.name.contains('.') || self.name == "duration"
     }
 }
 
-/// Keys that choose the file of a path.
+/// Keys that select the file of a path.
 const FILES_OF_PATH: [&str; 2] = ["path.curve", "path.curve.waypoints.file"];
 
-/// Name of what counts the flights of a cell of a grid: nothing has to use it.
+/// Name of the counter of repetitions in a cell of a grid, which needs no use.
 const REPETITION: &str = "flight";
 
-/// Who states the settings for all laws.
+/// Owner of the settings for all laws, in messages.
 const THE_SWEEP: &str = "the sweep";
 
-/// Parts of a scenario that say what is measured.
+/// Parts of a scenario that define the measurement.
 const MEASURE: [&str; 2] = ["judge", "duration"];
 
-/// Refuses settings of the sweep or of a law of which the table would say what did not fly.
+/// Refuses settings of the sweep or of a law with which the table would state other values than were flown.
 ///
-/// What is varied overrides what the sweep sets: that may make the array of which an element is varied, but not be a varied
-/// key or a part of one. A law's settings override what is varied: of the same key they are in the law's rows.
+/// Varied values override the sweep's settings: a setting may state the array of a varied element, but not a varied key or a
+/// part of one. A law's settings override varied values: its rows state the setting, if the key is the same.
 fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), String> {
     let entries = definition.compare.iter();
-    let of_entries = entries.flat_map(|entry| entry.set.iter().map(|setting| (entry.name.as_str(), setting)));
-    let of_sweep = definition.set.iter().map(|setting| (THE_SWEEP, setting));
-    for (whose, setting) in of_sweep.chain(of_entries) {
+    let entry_settings =
+        entries.flat_map(|entry| entry.set.iter().map(|setting| (entry.name.as_str(), setting)));
+    let sweep_settings = definition.set.iter().map(|setting| (THE_SWEEP, setting));
+    for (owner, setting) in sweep_settings.chain(entry_settings) {
         let Some(key) = scenario_file::key_of_setting(setting) else {
             continue;
         };
         if key.segments() == ["seed"] {
             return Err(format!(
-                "`set` of {whose} states `seed`, but every sample draws its own; `seed` of the sweep chooses others"
+                "`set` of {owner} states `seed`, but every sample draws its own; change the `seed` of the sweep instead"
             ));
         }
-        if whose != THE_SWEEP && MEASURE.contains(&key.segments()[0].as_str()) {
+        if owner != THE_SWEEP && MEASURE.contains(&key.segments()[0].as_str()) {
             return Err(format!(
-                "`set` of {whose} states `{key}`, and what is measured is the same for all laws: state it in the sweep's `set`"
+                "`set` of {owner} states `{key}`, but the measurement is the same for all laws: state it in the sweep's `set`"
             ));
         }
-        let is_refused = |of_varied: Key| {
-            let is_overridden = if whose == THE_SWEEP {
-                of_varied.segments().len() <= key.segments().len()
+        let is_refused = |varied_key: Key| {
+            let is_overridden = if owner == THE_SWEEP {
+                varied_key.segments().len() <= key.segments().len()
             } else {
-                of_varied != key
+                varied_key != key
             };
-            of_varied.overlaps(&key) && is_overridden
+            varied_key.overlaps(&key) && is_overridden
         };
         let overlaps = |varied: &&Varied| {
             varied.is_key() && scenario_file::path_of(&varied.name).is_some_and(is_refused)
         };
         if let Some(Varied { name, .. }) = varied.iter().find(overlaps) {
             return Err(format!(
-                "`set` of {whose} states `{key}`, and `vary` states `{name}`: leave one of them out"
+                "`set` of {owner} states `{key}`, and `vary` states `{name}`: remove one of them"
             ));
         }
     }
@@ -405,34 +406,34 @@ fn check_settings(definition: &Definition, varied: &[Varied]) -> Result<(), Stri
     for (index, (name, key)) in keys.iter().enumerate() {
         if let Some((other, _)) = keys[..index].iter().find(|(_, other)| other.overlaps(key)) {
             return Err(format!(
-                "`vary` states both `{other}` and `{name}`, of which one overrides the other: leave one of them out"
+                "`vary` states both `{other}` and `{name}`, of which one overrides the other: remove one of them"
             ));
         }
     }
     Ok(())
 }
 
-/// Returns whether a name counts the flights of a cell of a grid, which differ in their seeds alone.
+/// Returns whether a name is the counter of repetitions in a cell of a grid, which differ only in their seeds.
 fn is_counter(definition: &Definition, name: &str) -> bool {
     name == REPETITION && definition.method == Method::Grid
 }
 
-/// Refuses a name of the user's own that nothing uses: every flight would be the same.
+/// Refuses a user-defined name that is not used: varying it would have no effect.
 fn check_uses(
     definition: &Definition,
     parts: &[Part],
     varied: &[Varied],
     requirements: &[Expression],
 ) -> Result<(), String> {
-    let of_parts = parts.iter().filter_map(|part| match &part.origin {
-        Origin::Expression(expression) => Some(expression.places()),
+    let in_parts = parts.iter().filter_map(|part| match &part.origin {
+        Origin::Expression(expression) => Some(expression.indices()),
         _ => None,
     });
-    let used: Vec<usize> = of_parts
-        .chain(requirements.iter().map(Expression::places))
+    let used: Vec<usize> = in_parts
+        .chain(requirements.iter().map(Expression::indices))
         .flatten()
         .collect();
-    // A limit of a criterion may be drawn as well.
+    // Criteria may use varied names as well.
     let is_in_criteria = |name: &str| {
         definition.judge.values().any(|text| {
             let mut words = text.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
@@ -451,14 +452,14 @@ fn check_uses(
     let keys = scenario_file::keys_for_completion()
         .into_iter()
         .map(|(key, _)| key);
-    let of_two_names = keys.filter(|key| key.split_once('.').is_some_and(|(_, last)| last == name));
-    let meant: Vec<_> = of_two_names.map(|key| format!("\"{key}\"")).collect();
+    let similar = keys.filter(|key| key.split_once('.').is_some_and(|(_, last)| last == name));
+    let meant: Vec<_> = similar.map(|key| format!("\"{key}\"")).collect();
     let fix = match meant.is_empty() {
-        true => "use it in an expression, or leave it out".to_owned(),
+        true => "use it in an expression, or remove it".to_owned(),
         false => format!("did you mean {}?", meant.join(" or ")),
     };
     Err(format!(
-        "`vary.{name}`: no key of the scenario and no expression uses it, so that it varies nothing; {fix}"
+        "`vary.{name}`: no key of the scenario and no expression uses it: it has no effect; {fix}"
     ))
 }
 
@@ -472,7 +473,7 @@ fn number_of(value: &Value) -> f64 {
 }
 
 fn choice(count: usize, levels: Option<&[u32]>, point: &[f64], dimension: usize) -> usize {
-    let place = match levels {
+    let index = match levels {
         Some(levels) => levels[dimension] as usize,
         #[expect(
             clippy::cast_possible_truncation,
@@ -482,10 +483,10 @@ fn choice(count: usize, levels: Option<&[u32]>, point: &[f64], dimension: usize)
         )]
         None => (point[dimension] * count as f64) as usize,
     };
-    place.min(count - 1)
+    index.min(count - 1)
 }
 
-/// Returns the parts of what is varied, those of expressions after all that they use.
+/// Returns the parts of the varied values, with expressions after their operands.
 fn parts(definition: &Definition) -> Result<(Vec<Part>, Vec<Varied>), String> {
     let mut parts = Vec::new();
     let mut varied = Vec::new();
@@ -496,7 +497,7 @@ fn parts(definition: &Definition) -> Result<(Vec<Part>, Vec<Varied>), String> {
             Vary::Array(elements) => (elements, true),
             vary => (vec![vary], false),
         };
-        let mut places = Vec::new();
+        let mut indices = Vec::new();
         for (index, element) in elements.into_iter().enumerate() {
             let column = if is_array {
                 format!("{name}.{index}")
@@ -518,24 +519,24 @@ fn parts(definition: &Definition) -> Result<(Vec<Part>, Vec<Varied>), String> {
             };
             if let Some(origin) = origin {
                 dimension += 1;
-                places.push(parts.len());
+                indices.push(parts.len());
                 parts.push(Part { column, origin });
             } else {
-                places.push(usize::MAX);
+                indices.push(usize::MAX);
             }
         }
         varied.push(Varied {
             name,
-            parts: places,
+            parts: indices,
             is_array,
         });
     }
-    place_expressions(&mut parts, &mut varied, expressions)?;
+    append_expressions(&mut parts, &mut varied, expressions)?;
     Ok((parts, varied))
 }
 
-/// Appends the parts that are expressions, each once all that it uses is there.
-fn place_expressions(
+/// Appends the expressions, each after its operands.
+fn append_expressions(
     parts: &mut Vec<Part>,
     varied: &mut [Varied],
     mut waiting: Vec<(usize, usize, String, String)>,
@@ -546,13 +547,13 @@ fn place_expressions(
         let before = waiting.len();
         for (name, index, column, text) in waiting {
             let known = |other: &str| {
-                let is_it = |varied: &&Varied| varied.name == other && !varied.is_array;
-                varied.iter().find(is_it).map(|varied| varied.parts[0])
+                let matches = |varied: &&Varied| varied.name == other && !varied.is_array;
+                varied.iter().find(matches).map(|varied| varied.parts[0])
             };
             let expression =
                 Expression::parse(&text, known).map_err(|error| format!("`vary.\"{column}\"`: {error}"))?;
-            if expression.places().contains(&usize::MAX) {
-                refusal = format!("`vary.\"{column}\"` uses a value that uses it");
+            if expression.indices().contains(&usize::MAX) {
+                refusal = format!("`vary.\"{column}\"` is part of a cycle");
                 later.push((name, index, column, text));
                 continue;
             }
@@ -570,7 +571,7 @@ fn place_expressions(
     Ok(())
 }
 
-/// Returns the design, and the number of samples.
+/// Returns the design and the number of samples.
 fn design(definition: &Definition, parts: &[Part]) -> Result<(Design, u64), SweepError> {
     let levels: Vec<u32> = parts
         .iter()

@@ -1,4 +1,4 @@
-//! A sweep as it is about to be flown, merged or told: checked, and with the build that does it.
+//! A checked sweep, with the layout of its rows and the hash of the program.
 
 use std::collections::BTreeSet;
 
@@ -46,15 +46,14 @@ impl Prepared {
     }
 }
 
-/// Refuses two columns of one name, which most readers of tables do not tell apart; some take capital letters for small ones.
+/// Refuses columns with equal names, ignoring case: most readers of tables require unique names, and some ignore case.
 fn check_columns(layout: &Layout) -> Result<(), SweepError> {
     let mut names = BTreeSet::new();
     let mut columns = layout.columns.iter().map(|column| column.name.as_str());
     match columns.find(|name| !names.insert(name.to_lowercase())) {
         None => Ok(()),
         Some(name) => Err(SweepError::bad_input(format!(
-            "a row has two columns `{name}`: give what is varied or judged under this name another one, such as \
-             `{name}_{}`",
+            "a row has two columns `{name}`: rename the varied value or the criterion, such as to `{name}_{}`",
             if layout.criteria().any(|criterion| criterion == name) {
                 "met"
             } else {
@@ -64,15 +63,15 @@ fn check_columns(layout: &Layout) -> Result<(), SweepError> {
     }
 }
 
-/// Refuses ranks and maps of what no row has.
+/// Refuses ranks and maps of columns that do not exist.
 fn check_names(plan: &Plan, layout: &Layout) -> Result<(), SweepError> {
     let definition = &plan.source.definition;
     let columns = |kinds: &[Kind]| -> Vec<&str> {
-        let of_kind = layout
+        let matching = layout
             .columns
             .iter()
             .filter(|column| kinds.contains(&column.kind));
-        of_kind.map(|column| column.name.as_str()).collect()
+        matching.map(|column| column.name.as_str()).collect()
     };
     let (numbers, drawn) = (columns(&[Kind::Number]), columns(&[Kind::Number, Kind::Flag]));
     let ranks = std::iter::once(("rank".to_owned(), &definition.rank, &numbers));
@@ -91,7 +90,7 @@ fn check_names(plan: &Plan, layout: &Layout) -> Result<(), SweepError> {
     {
         None => Ok(()),
         Some((key, name, known)) => Err(SweepError::bad_input(format!(
-            "`{key}`: a row has no `{name}`; it has {}",
+            "`{key}`: a row has no `{name}`; its columns are {}",
             known.join(", ")
         ))),
     }

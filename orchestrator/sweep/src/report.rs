@@ -1,4 +1,4 @@
-//! What can be said of a sweep: pass rates with intervals, quantiles, and paired differences.
+//! Statistics of a sweep: pass rates with intervals, quantiles, and paired differences.
 
 use std::fmt::{Display, Formatter};
 
@@ -17,27 +17,27 @@ use crate::row::{Cell, Kind, Layout, Row};
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
 
-/// Parts into which a varied value is divided to see who wins where.
+/// Number of bins of a varied value in the table of the best laws.
 const BINS: usize = 4;
 
-/// Most failures that are listed.
+/// Maximum number of listed failures.
 const LISTED: usize = 20;
 
-/// Most failures in the brief tables, and characters of their reasons.
+/// Maximum number of failures in the brief tables, and of characters of their reasons.
 const BRIEF_FAILURES: usize = 5;
 const BRIEF_REASON: usize = 60;
 
-/// Most lines of a brief table.
+/// Maximum number of rows of a brief table.
 const BRIEF_LINES: usize = 20;
 
 /// A result whose quantiles and differences are shown.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// Its column.
+    /// Name of the column.
     pub name: String,
-    /// Its title with the unit.
+    /// Title with the unit.
     pub title: String,
-    /// The unit, of the column's.
+    /// Factor from the column's unit to that of the title.
     pub factor: f64,
 }
 
@@ -50,30 +50,30 @@ impl Shown {
         }
     }
 
-    /// Returns what is shown of a sweep: first what its entries are ranked by, last what maps show besides.
-    fn of(definition: &Definition) -> Vec<Self> {
+    /// Returns the results that the report shows: first the rank, last further results of maps.
+    fn all(definition: &Definition) -> Vec<Self> {
         let rank = definition.rank.as_str();
         let known = [
             ("steady_rmse", "RMS distance in steady state, cm"),
-            ("rmse", "RMS distance in all of the flight, cm"),
+            ("rmse", "RMS distance over the whole flight, cm"),
             ("steady_p95", "95 % of the distances in steady state, cm"),
             ("transient_max", "largest distance in the transient, cm"),
             ("max", "largest distance, cm"),
             ("ultimate", "largest of the last 5 s, cm"),
             ("settling_time", "settling time of the last phase, s"),
             ("steady_body_rate_rms", "body rates in steady state, rad/s"),
-            ("energy", "energy of a hover"),
+            ("energy", "energy relative to hover"),
         ];
         let shown = |name: &str| match known.iter().find(|(known, _)| *known == name) {
             Some((_, title)) => Self::new(name, title),
             None if is_distance(name) => Self::new(name, &format!("{name}, cm")),
             None => Self::new(name, name),
         };
-        let of_map = definition.map.iter().map(|map| map.value.as_str());
-        // Those of all of the flight only if they are asked for.
+        let map_values = definition.map.iter().map(|map| map.value.as_str());
+        // The first two are shown only as rank or in a map.
         let names = std::iter::once(rank)
             .chain(known[2..].iter().map(|(name, _)| *name))
-            .chain(of_map);
+            .chain(map_values);
         let mut all: Vec<Self> = Vec::new();
         for name in names {
             if all.iter().all(|other| other.name != name) {
@@ -89,12 +89,12 @@ fn is_distance(name: &str) -> bool {
     let result = ["steady_", "transient_"]
         .iter()
         .find_map(|part| name.strip_prefix(part));
-    let of_phase = || {
+    let phase_result = || {
         name.strip_prefix("phase")?
             .split_once('_')
             .map(|(_, result)| result)
     };
-    let result = result.or_else(of_phase).unwrap_or(name);
+    let result = result.or_else(phase_result).unwrap_or(name);
     [
         "rmse",
         "mean",
@@ -110,18 +110,17 @@ fn is_distance(name: &str) -> bool {
     .contains(&result)
 }
 
-/// The results that the report is made of, column by column: memory for a few numbers a row.
+/// Results for the report, column by column: a few numbers for each row.
 #[derive(Clone, Debug)]
 pub struct Results {
     /// By entry: flags by criterion, and numbers by shown result.
     pub entries: Vec<EntryResults>,
-    /// Flights that were refused.
+    /// Number of refused flights.
     pub refused: u64,
-    /// What is shown; the first is what entries are ranked by.
+    /// Shown results; entries are ranked by the first one.
     pub shown: Vec<Shown>,
-    /// Places of the columns.
-    places: Places,
-    /// Failures that are listed.
+    indices: ColumnIndices,
+    /// Listed failures.
     failures: Vec<Failed>,
     further_failures: u64,
 }
@@ -129,22 +128,21 @@ pub struct Results {
 /// Results of an entry, sample by sample.
 #[derive(Clone, Debug, Default)]
 pub struct EntryResults {
-    /// Flights by their end: completed, lost, failed, refused.
+    /// Number of flights by outcome: completed, lost, failed, refused.
     pub outcomes: [u64; 4],
-    /// By column of the plan, the varied number of each sample; none of a key that the entry states itself, or that has
-    /// no numbers.
+    /// By column of the plan, the varied number of each sample; empty for a key that the entry overrides or that is not numeric.
     pub varied: Vec<Vec<f64>>,
     /// `true` for each sample that was flown.
     pub is_flown: Vec<bool>,
     /// By criterion, whether each sample meets it.
     pub criteria: Vec<Vec<bool>>,
-    /// By shown result, its value; NaN of a flight that was not completed.
+    /// By shown result, its value; NaN for a flight that was not completed.
     pub numbers: Vec<Vec<f64>>,
 }
 
 impl EntryResults {
-    /// Returns the median of the first result in a part of a varied value, and the number of flights without a result there.
-    fn of_part(&self, column: usize, is_in: impl Fn(f64) -> bool) -> (Option<f64>, usize) {
+    /// Returns the median of the first result in a bin of a varied value, and the number of flights in it without a result.
+    fn part_median(&self, column: usize, is_in: impl Fn(f64) -> bool) -> (Option<f64>, usize) {
         let samples = self.varied[column]
             .iter()
             .zip(&self.numbers[0])
@@ -157,9 +155,10 @@ impl EntryResults {
     }
 }
 
+/// Indices of the columns.
 #[derive(Clone, Debug)]
-struct Places {
-    /// By entry, the columns of its varied numbers, each with its place among the varied.
+struct ColumnIndices {
+    /// By entry, its varied numbers: the index among the varied values and that of the column.
     varied: Vec<Vec<(usize, usize)>>,
     outcome: usize,
     reason: usize,
@@ -170,18 +169,18 @@ struct Places {
 /// A flight that did not meet a criterion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Failed {
-    /// The sample.
+    /// Index of the sample.
     pub sample: u64,
-    /// The entry.
+    /// Name of the entry.
     pub law: String,
-    /// The flight's seed.
+    /// Seed of the flight.
     pub seed: u64,
-    /// How it ended, and why.
+    /// Reason of the outcome.
     pub reason: String,
 }
 
 impl Failed {
-    /// Returns it with no more of its reason than fits beside the rest.
+    /// Returns the failure with a reason short enough for a table.
     fn shortened(&self) -> Self {
         let mut reason: String = self.reason.chars().take(BRIEF_REASON).collect();
         if reason.len() < self.reason.len() {
@@ -198,31 +197,31 @@ impl Failed {
 const OUTCOMES: [&str; 4] = ["completed", "lost", "failed", "refused"];
 
 impl Results {
-    /// Makes results of no row.
+    /// Makes empty results.
     ///
     /// # Panics
-    /// Never: every layout has these columns.
+    /// If the layout lacks a standard column.
     #[must_use]
     pub fn new(plan: &Plan, layout: &Layout) -> Self {
-        let place = |name: &str| layout.place(name).expect("every layout has this column");
-        let shown = Shown::of(&plan.source.definition);
+        let index = |name: &str| layout.index(name).expect("every layout has this column");
+        let shown = Shown::all(&plan.source.definition);
         let columns: Vec<_> = plan.columns().zip(&layout.columns[3..]).collect();
         let varied_of = |entry: &Entry| {
             let columns = columns.iter().enumerate();
-            let own = columns
+            let varied = columns
                 .filter(|(_, (name, column))| column.kind == Kind::Number && entry.stated(name).is_none());
-            own.map(|(place, _)| (place, 3 + place)).collect()
+            varied.map(|(index, _)| (index, 3 + index)).collect()
         };
-        let places = Places {
+        let indices = ColumnIndices {
             varied: plan.entries.iter().map(varied_of).collect(),
-            outcome: place("outcome"),
-            reason: place("reason"),
-            criteria: layout.criteria().map(place).collect(),
-            numbers: shown.iter().map(|shown| place(&shown.name)).collect(),
+            outcome: index("outcome"),
+            reason: index("reason"),
+            criteria: layout.criteria().map(index).collect(),
+            numbers: shown.iter().map(|shown| index(&shown.name)).collect(),
         };
         let entry = EntryResults {
             varied: vec![Vec::new(); columns.len()],
-            criteria: vec![Vec::new(); places.criteria.len()],
+            criteria: vec![Vec::new(); indices.criteria.len()],
             numbers: vec![Vec::new(); shown.len()],
             ..EntryResults::default()
         };
@@ -230,55 +229,55 @@ impl Results {
             entries: vec![entry; plan.entries.len()],
             refused: 0,
             shown,
-            places,
+            indices,
             failures: Vec::new(),
             further_failures: 0,
         }
     }
 
-    /// Takes a row; rows come in the order of samples and entries.
-    pub fn take(&mut self, row: &Row) {
+    /// Adds a row; rows come in the order of samples and entries.
+    pub fn add(&mut self, row: &Row) {
         let counts = self.entries.iter().map(|entry| entry.is_flown.len());
-        let place = counts
+        let index = counts
             .enumerate()
             .min_by_key(|(_, count)| *count)
-            .map_or(0, |(place, _)| place);
-        let places = &self.places;
+            .map_or(0, |(index, _)| index);
+        let indices = &self.indices;
         let outcome = OUTCOMES
             .iter()
-            .position(|name| row[places.outcome] == Cell::Text((*name).to_owned()));
+            .position(|name| row[indices.outcome] == Cell::Text((*name).to_owned()));
         let outcome = outcome.unwrap_or(2);
         self.refused += u64::from(outcome == 3);
-        let entry = &mut self.entries[place];
-        for &(varied, column) in &places.varied[place] {
+        let entry = &mut self.entries[index];
+        for &(varied, column) in &indices.varied[index] {
             entry.varied[varied].push(row[column].number());
         }
         entry.outcomes[outcome] += 1;
         entry.is_flown.push(outcome != 3);
-        for (flags, &place) in entry.criteria.iter_mut().zip(&places.criteria) {
-            flags.push(row[place] == Cell::Flag(true));
+        for (flags, &column) in entry.criteria.iter_mut().zip(&indices.criteria) {
+            flags.push(row[column] == Cell::Flag(true));
         }
-        for (numbers, &place) in entry.numbers.iter_mut().zip(&places.numbers) {
+        for (numbers, &column) in entry.numbers.iter_mut().zip(&indices.numbers) {
             numbers.push(if outcome == 0 {
-                row[place].number()
+                row[column].number()
             } else {
                 f64::NAN
             });
         }
-        let meets = places
+        let meets = indices
             .criteria
             .iter()
-            .all(|&place| row[place] == Cell::Flag(true));
+            .all(|&column| row[column] == Cell::Flag(true));
         if outcome != 3 && !meets {
             self.list_failure(row);
         }
     }
 
-    /// Returns the varied numbers of a column, of each sample; none if it has no numbers, or if every entry states its own.
+    /// Returns the varied number of each sample in a column; empty if the column is not numeric or every entry overrides it.
     #[must_use]
     pub fn varied(&self, column: usize) -> &[f64] {
-        let of_entries = self.entries.iter().map(|entry| entry.varied[column].as_slice());
-        of_entries.max_by_key(|values| values.len()).unwrap_or_default()
+        let columns = self.entries.iter().map(|entry| entry.varied[column].as_slice());
+        columns.max_by_key(|values| values.len()).unwrap_or_default()
     }
 
     fn list_failure(&mut self, row: &Row) {
@@ -286,21 +285,21 @@ impl Results {
             self.further_failures += 1;
             return;
         }
-        let text = |place: usize| {
-            if let Cell::Text(text) = &row[place] {
+        let text = |column: usize| {
+            if let Cell::Text(text) = &row[column] {
                 text.clone()
             } else {
                 String::new()
             }
         };
-        let whole = |place: usize| {
-            if let Cell::Integer(number) = row[place] {
+        let whole = |column: usize| {
+            if let Cell::Integer(number) = row[column] {
                 number
             } else {
                 0
             }
         };
-        let reason = match text(self.places.reason) {
+        let reason = match text(self.indices.reason) {
             reason if reason.is_empty() => "it did not meet a criterion".to_owned(),
             reason => reason,
         };
@@ -313,10 +312,10 @@ impl Results {
     }
 }
 
-/// The content of `sweep.json`.
+/// Content of `sweep.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// What is shown.
+    /// Shown results.
     #[serde(skip)]
     shown: Vec<Shown>,
     /// SHA-256 of sweep and scenario.
@@ -331,124 +330,124 @@ pub struct Report {
     pub laws: Vec<LawReport>,
     /// Differences of the others from the first, sample by sample.
     pub differences: Vec<Difference>,
-    /// Who has the smallest median of what entries are ranked by in which part of a varied value.
+    /// Best entries in each bin of a varied value, by the result of the rank.
     pub winners: Vec<Winner>,
-    /// Flights that did not meet a criterion, the first of them.
+    /// The first flights that did not meet a criterion.
     pub failures: Vec<Failed>,
     /// Number of failures that are not listed.
     pub further_failures: u64,
 }
 
-/// What came of an entry.
+/// Results of an entry.
 #[derive(Clone, Debug, Serialize)]
 pub struct LawReport {
-    /// Its name.
+    /// Name of the entry.
     pub name: String,
-    /// Flights that were completed.
+    /// Completed flights.
     pub completed: u64,
     /// Flights in which the vehicle was lost.
     pub lost: u64,
     /// Flights that failed for another reason.
     pub failed: u64,
-    /// Flights that were refused: they count nowhere else.
+    /// Refused flights, which count nowhere else.
     pub refused: u64,
-    /// The criteria.
+    /// Pass rates of the criteria.
     pub criteria: Vec<CriterionReport>,
-    /// Quantiles of results, over the flights that were completed.
+    /// Quantiles of results over the completed flights.
     pub quantiles: Vec<QuantileReport>,
 }
 
 impl LawReport {
-    /// Returns the number of flights that were flown.
+    /// Returns the number of flown samples.
     #[must_use]
     pub fn flown(&self) -> u64 {
         self.completed + self.lost + self.failed
     }
 }
 
-/// How many flights meet a criterion.
+/// Pass rate of a criterion.
 #[derive(Clone, Debug, Serialize)]
 pub struct CriterionReport {
-    /// Its name.
+    /// Name of the criterion.
     pub name: String,
-    /// Flights that meet it, and that were flown.
+    /// Flown samples that meet the criterion.
     pub met: u64,
-    /// Flights that were flown.
+    /// Flown samples.
     pub flown: u64,
-    /// Their share; none if nothing was flown.
+    /// Pass rate; `None` if no sample was flown.
     pub rate: Option<f64>,
-    /// Interval of Wilson; only of independent samples.
+    /// Wilson interval; only for independent samples.
     pub wilson: Option<[f64; 2]>,
-    /// Exact interval of Clopper and Pearson; only of independent samples.
+    /// Exact Clopper–Pearson interval; only for independent samples.
     pub clopper_pearson: Option<[f64; 2]>,
-    /// One-sided exact lower bound; only of independent samples.
+    /// One-sided exact lower bound; only for independent samples.
     pub at_least: Option<f64>,
 }
 
 /// Quantiles of a result.
 #[derive(Clone, Debug, Serialize)]
 pub struct QuantileReport {
-    /// Its column.
+    /// Name of the column.
     pub name: String,
-    /// Flights that have it.
+    /// Number of flights with this result.
     pub count: usize,
-    /// 0, 5, 25, 50, 75, 95 and 100 %, in the column's unit.
+    /// The quantiles 0, 5, 25, 50, 75, 95 and 100 %, in the column's unit.
     pub values: [f64; 7],
 }
 
 /// Shares of [`QuantileReport::values`].
 const SHARES: [f64; 7] = [0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0];
 
-/// Difference of an entry from the first: negative where it is smaller.
+/// Paired difference of an entry from the first one; negative if the entry's result is smaller.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// The entry.
+    /// Name of the entry.
     pub law: String,
-    /// The first one.
+    /// Name of the first entry.
     pub reference: String,
-    /// The result.
+    /// Name of the result.
     pub name: String,
     /// Samples that both completed.
     pub completed: usize,
-    /// Those of them of which both have the result: a flight that does not settle has no settling time.
+    /// Completed samples for which both have the result: a flight that does not settle has no settling time.
     pub pairs: usize,
     /// Samples that the entry lost and the reference did not.
     pub only_law_failed: u64,
     /// Samples that the reference lost and the entry did not.
     pub only_reference_failed: u64,
-    /// p of McNemar's exact test of these two numbers, two-sided.
+    /// Two-sided p-value of McNemar's exact test of these two counts.
     pub mcnemar_p: f64,
-    /// Median of the differences, in the column's unit; none without a pair, as all that follows.
+    /// Median of the differences, in the column's unit; without a pair this and all following statistics are `None`.
     pub median: Option<f64>,
     /// Bootstrap interval of the median.
     pub interval: Option<[f64; 2]>,
     /// Mean of the differences.
     pub mean: Option<f64>,
-    /// Samples in which the entry is smaller, larger, equal.
+    /// Samples in which the entry's result is smaller.
     pub won: u64,
-    /// The same, larger.
+    /// Samples in which the entry's result is larger.
     pub lost: u64,
-    /// The same, equal.
+    /// Samples in which both results are equal.
     pub tied: u64,
-    /// p of the exact sign test, two-sided.
+    /// Two-sided p-value of the exact sign test.
     pub sign_p: Option<f64>,
-    /// p of Wilcoxon's signed-rank test, two-sided.
+    /// Two-sided p-value of Wilcoxon's signed-rank test.
     pub wilcoxon_p: Option<f64>,
 }
 
-/// The best entries in a part of a varied value.
+/// The best entries in a bin of a varied value.
 #[derive(Clone, Debug, Serialize)]
 pub struct Winner {
-    /// The varied value.
+    /// Name of the varied value.
     pub varied: String,
-    /// From and to.
+    /// Range of the bin.
     pub range: [f64; 2],
-    /// By entry, the median, in the column's unit; none if nothing was completed.
+    /// By entry, the median, in the column's unit; `None` if no flight was completed.
     pub medians: Vec<Option<f64>>,
-    /// By entry, the flights without the result: lost ones, and those that do not have it.
+    /// By entry, the number of flights without the result, lost ones among them.
     pub without: Vec<usize>,
-    /// Name of the entry with the fewest flights without the result and, among those, the smallest median; several names
-    /// if they are equal.
+    /// Name of the entry with the fewest flights without the result and, among equals, the smallest median; several names if
+    /// they tie.
     pub law: String,
 }
 
@@ -489,8 +488,8 @@ impl Report {
         self.tables_of(&self.shown, &self.failures)
     }
 
-    /// Returns the tables that a person reads at once: of several laws the result by which they are ranked, the first
-    /// failures, and no table that is too long.
+    /// Returns tables short enough for a terminal: for several laws only the result of the rank, the first failures, and no
+    /// long table.
     #[must_use]
     pub fn brief_tables(&self) -> Vec<TextTable> {
         let shown = if self.laws.len() > 1 { 1 } else { self.shown.len() };
@@ -515,11 +514,11 @@ impl Report {
     }
 
     fn quantile_table(&self, shown: &[Shown]) -> TextTable {
-        let of_result = |shown| self.laws.iter().filter_map(move |law| quantile_line(law, shown));
+        let result_lines = |shown| self.laws.iter().filter_map(move |law| quantile_line(law, shown));
         let head = [
-            "result", "law", "flights", "least", "5 %", "25 %", "median", "75 %", "95 %", "largest",
+            "result", "law", "flights", "smallest", "5 %", "25 %", "median", "75 %", "95 %", "largest",
         ];
-        TextTable::new("Results", &head, shown.iter().flat_map(of_result))
+        TextTable::new("Results", &head, shown.iter().flat_map(result_lines))
     }
 
     fn rates(&self) -> TextTable {
@@ -597,7 +596,7 @@ impl Report {
             "smaller / larger / equal",
             "sign test, p",
             "Wilcoxon, p",
-            "only it / only the reference failed",
+            "only this law / only the reference failed",
             "McNemar, p",
         ];
         let title = format!("Differences from `{reference}`, sample by sample");
@@ -626,7 +625,7 @@ impl Report {
             line
         });
         let title = format!(
-            "Who is best where: fewest flights without a result, then the median of {}",
+            "Best law by varied value: fewest flights without a result, then smallest median of {}",
             rank.title
         );
         TextTable::new(&title, &head, lines)
@@ -650,7 +649,7 @@ impl Report {
     }
 }
 
-/// The name of a varied value with its unit, if it is a key that has one.
+/// Returns the name of a varied value, with its unit if it is a key that has one.
 pub(crate) fn with_unit(name: &str) -> String {
     match unit_of_key(name) {
         Some(unit) => format!("{name}, {unit}"),
@@ -658,7 +657,7 @@ pub(crate) fn with_unit(name: &str) -> String {
     }
 }
 
-/// A number with as many digits as a person reads.
+/// Formats a number with few digits.
 pub(crate) fn digits(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         format!("{value:.2e}")
@@ -741,7 +740,7 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
                 .zip(reference.numbers[index].iter().copied());
             let pairs: Vec<(f64, f64)> = both.filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
             let paired = Paired::of(&pairs, seed);
-            // Losses are compared even if one of both never flew to the end: beside the first result.
+            // The first result is listed even without a pair, for its comparison of losses.
             if paired.is_none() && index > 0 {
                 continue;
             }
@@ -772,8 +771,7 @@ fn differences(plan: &Plan, results: &Results) -> Vec<Difference> {
     differences
 }
 
-/// Returns the number of samples in which the first alone did not survive, and in which the second alone did not, of
-/// those that both flew.
+/// Returns, of the samples that both flew, the numbers that only the first and only the second did not survive.
 fn failed_alone(one: &EntryResults, other: &EntryResults) -> [u64; 2] {
     // `survived` is the first criterion.
     let [survived, other_survived] = [one, other].map(|entry| entry.criteria[0].iter());
@@ -788,7 +786,7 @@ fn failed_alone(one: &EntryResults, other: &EntryResults) -> [u64; 2] {
     })
 }
 
-/// Returns a p-value, none of which is 0.
+/// Formats a p-value, never as 0.
 fn probability(p: f64) -> String {
     if p < f64::MIN_POSITIVE {
         "< 1e-300".to_owned()
@@ -800,23 +798,26 @@ fn probability(p: f64) -> String {
 fn winners(plan: &Plan, results: &Results) -> Vec<Winner> {
     let mut winners = Vec::new();
     for (column, name) in plan.columns().enumerate() {
-        let parts = Parts::of(results.varied(column), BINS);
+        let parts = Parts::new(results.varied(column), BINS);
         if parts.ranges().len() < 2 || !plan.is_drawn(column) {
             continue;
         }
         for (part, &range) in parts.ranges().iter().enumerate() {
-            let is_in = |value: f64| !value.is_nan() && parts.place(value) == part;
-            let of_entries = results.entries.iter().map(|entry| entry.of_part(column, is_in));
-            let (medians, without): (Vec<_>, Vec<_>) = of_entries.unzip();
-            let rank = |place: usize| Some((without[place], medians[place]?));
+            let is_in = |value: f64| !value.is_nan() && parts.index(value) == part;
+            let medians = results
+                .entries
+                .iter()
+                .map(|entry| entry.part_median(column, is_in));
+            let (medians, without): (Vec<_>, Vec<_>) = medians.unzip();
+            let rank = |index: usize| Some((without[index], medians[index]?));
             let ranks = (0..medians.len()).filter_map(rank);
             let best = ranks.min_by(|(few, a), (many, b)| few.cmp(many).then(a.total_cmp(b)));
             let Some(best) = best else {
-                // No flight with such a value was completed.
+                // No flight in this bin was completed.
                 continue;
             };
-            let best = (0..medians.len()).filter(|&place| rank(place) == Some(best));
-            let names: Vec<_> = best.map(|place| plan.entries[place].name.as_str()).collect();
+            let best = (0..medians.len()).filter(|&index| rank(index) == Some(best));
+            let names: Vec<_> = best.map(|index| plan.entries[index].name.as_str()).collect();
             winners.push(Winner {
                 varied: name.to_owned(),
                 range,

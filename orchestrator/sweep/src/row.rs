@@ -1,4 +1,4 @@
-//! A row of a sweep: one flight, lost or not.
+//! Rows of a sweep: one for each flight.
 
 use metrics::stretch::Metrics;
 use metrics::summary::{Phase, Summary};
@@ -8,7 +8,7 @@ use crate::definition::{Entry, KeptLogs};
 use crate::expression::{Expression, ExpressionError};
 use crate::plan::{Plan, Sample};
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Whole numbers.
@@ -17,16 +17,16 @@ pub enum Kind {
     Number,
     /// Text.
     Text,
-    /// `true` or `false`; missing of a flight that was refused.
+    /// `true` or `false`; missing for a refused flight.
     Flag,
 }
 
 /// A column.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// What it holds.
+    /// Type of its cells.
     pub kind: Kind,
 }
 
@@ -38,7 +38,7 @@ pub enum Cell {
     Flag(bool),
     /// Whole number.
     Integer(u64),
-    /// Number; none if it is missing.
+    /// Number; `None` if it is missing.
     Number(Option<f64>),
     /// Text.
     Text(String),
@@ -50,18 +50,18 @@ pub type Row = Vec<Cell>;
 /// End of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It was flown to its end.
+    /// Flown to the end.
     Completed,
     /// The vehicle was lost.
     Lost,
-    /// It could not go on for another reason: a plug-in failed.
+    /// Ended early for another reason, such as a failure of a plug-in.
     Failed,
-    /// The scenario's checks, or a requirement of the sweep, refuse the sample.
+    /// Refused by the scenario's checks or a requirement of the sweep.
     Refused,
 }
 
 impl Outcome {
-    /// Returns its name in the rows.
+    /// Returns the name in the rows.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -73,14 +73,13 @@ impl Outcome {
     }
 }
 
-/// What came of a flight.
+/// Result of a flight.
 #[derive(Clone, Debug)]
 pub struct Flown {
-    /// How it ended.
     pub outcome: Outcome,
-    /// Reason, if it was not completed.
+    /// Reason, if the flight was not completed.
     pub reason: String,
-    /// The results; none of a flight that was refused.
+    /// Metrics; `None` for a refused flight.
     pub summary: Option<Summary>,
     /// Mean of (T/(m g))^1.5.
     pub energy: Option<f64>,
@@ -90,7 +89,7 @@ pub struct Flown {
     pub steps: u64,
 }
 
-/// A result of a flight: its name, and how it follows from the summary.
+/// A result of a flight: its name and its computation from the summary.
 type FlightResult = (&'static str, fn(&Summary) -> Option<f64>);
 
 macro_rules! of_metrics {
@@ -103,7 +102,7 @@ macro_rules! of_part {
     };
 }
 
-/// Results of the last phase's steady state, and of the transient before it.
+/// Results of the steady state of the last phase and of the transient before it.
 const PARTS: [FlightResult; 6] = of_part![
     "steady_rmse": steady.rmse,
     "steady_p95": steady.p95,
@@ -113,7 +112,7 @@ const PARTS: [FlightResult; 6] = of_part![
     "transient_max": transient.max,
 ];
 
-/// Results over all of the flight.
+/// Results over the whole flight.
 const METRICS: [FlightResult; 10] = of_metrics![
     rmse,
     mean,
@@ -127,7 +126,7 @@ const METRICS: [FlightResult; 10] = of_metrics![
     body_rate_rms,
 ];
 
-/// Further results; those of the estimates are of the end.
+/// Further results; estimates are those at the end.
 const RESULTS: [FlightResult; 10] = [
     ("settling_time", |summary| {
         summary.phases.last()?.metrics?.settling_time
@@ -145,7 +144,7 @@ const RESULTS: [FlightResult; 10] = [
     ("gamma", |summary| summary.phases.last()?.gamma),
 ];
 
-/// Returns the present name of a column that earlier programs called otherwise.
+/// Returns the current name of a column that was renamed.
 #[must_use]
 pub(crate) fn present_name(name: &str) -> &str {
     match name {
@@ -156,10 +155,10 @@ pub(crate) fn present_name(name: &str) -> &str {
     }
 }
 
-/// A result of a phase: its name, and how it follows.
+/// A result of a phase: its name and its computation.
 type PhaseResult = (&'static str, fn(&Phase) -> Option<f64>);
 
-/// Results of each phase of a flight that has several.
+/// Results of each phase of a flight with several.
 const OF_PHASE: [PhaseResult; 5] = [
     ("steady_rmse", |phase| Some(phase.steady?.rmse)),
     ("rmse", |phase| Some(phase.metrics?.rmse)),
@@ -177,7 +176,7 @@ fn estimate(summary: &Summary, axis: usize) -> Option<f64> {
     Some(summary.phases.last()?.parameters.disturbance_estimate?[axis])
 }
 
-/// Columns of a sweep, and how a row follows from a flight.
+/// Columns of a sweep; makes rows of flights.
 #[derive(Debug)]
 pub struct Layout {
     /// The columns, in their order.
@@ -191,22 +190,22 @@ pub struct Layout {
 struct Criterion {
     name: String,
     expression: Expression,
-    /// `true` if it says itself what it means of a flight that was not completed.
+    /// `true` if the expression itself handles a flight that was not completed.
     judges_end: bool,
 }
 
-/// Columns that say how a flight ended. A criterion that uses none of them is about a flight that was flown to its end.
+/// Columns about the end of a flight. A criterion that uses none of them fails for a flight that was not completed.
 const OF_END: [&str; 3] = ["ended", "lost", "survived"];
 
 impl Criterion {
-    /// Judges a flight with this end by the numbers of its row; missing if nothing was flown.
+    /// Judges a flight by its outcome and the numbers of its row; missing for a refused flight.
     fn judge(&self, outcome: Outcome, numbers: &[f64]) -> Cell {
         let is_judged = outcome == Outcome::Completed || self.judges_end;
         flag_of(outcome, is_judged && self.expression.is_true(numbers))
     }
 }
 
-/// A flag of a flight with this end; missing if nothing was flown.
+/// Returns a flag of a flight; missing for a refused flight.
 fn flag_of(outcome: Outcome, is_true: bool) -> Cell {
     match outcome {
         Outcome::Refused => Cell::Number(None),
@@ -218,7 +217,7 @@ impl Layout {
     /// Makes the layout of a sweep.
     ///
     /// # Errors
-    /// [`ExpressionError`] if a criterion is none.
+    /// [`ExpressionError`] if a criterion is invalid.
     pub fn new(plan: &Plan) -> Result<Self, ExpressionError> {
         let definition = &plan.source.definition;
         let phases = plan.phases();
@@ -251,18 +250,18 @@ impl Layout {
         let numbers = numbers.into_iter().chain(results).chain(of_phases);
         columns.extend(numbers.map(|name| column(&name, Kind::Number)));
         columns.extend(["lost", "survived"].map(|name| column(name, Kind::Flag)));
-        let place = |name: &str| {
-            let is_it = |column: &Column| column.name == present_name(name) && column.kind != Kind::Text;
-            columns.iter().position(is_it)
+        let index = |name: &str| {
+            let matches = |column: &Column| column.name == present_name(name) && column.kind != Kind::Text;
+            columns.iter().position(matches)
         };
         let criteria = definition.judge.iter().map(|(name, text)| {
-            let expression = Expression::parse(text, place)?;
-            let used = expression.places();
+            let expression = Expression::parse(text, index)?;
+            let used = expression.indices();
             Ok(Criterion {
                 name: name.clone(),
                 judges_end: used
                     .iter()
-                    .any(|&place| OF_END.contains(&columns[place].name.as_str())),
+                    .any(|&column| OF_END.contains(&columns[column].name.as_str())),
                 expression,
             })
         });
@@ -280,9 +279,9 @@ impl Layout {
         })
     }
 
-    /// Returns the place of a column.
+    /// Returns the index of a column.
     #[must_use]
-    pub fn place(&self, name: &str) -> Option<usize> {
+    pub fn index(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
@@ -357,7 +356,7 @@ impl Layout {
     /// Returns a flag of a row.
     #[must_use]
     pub fn flag(&self, row: &Row, name: &str) -> Option<bool> {
-        match row.get(self.place(name)?)? {
+        match row.get(self.index(name)?)? {
             Cell::Flag(flag) => Some(*flag),
             _ => None,
         }
@@ -366,7 +365,7 @@ impl Layout {
     /// Returns a text of a row.
     #[must_use]
     pub fn text<'a>(&self, row: &'a Row, name: &str) -> Option<&'a str> {
-        match row.get(self.place(name)?)? {
+        match row.get(self.index(name)?)? {
             Cell::Text(text) => Some(text),
             _ => None,
         }
@@ -386,9 +385,9 @@ impl Cell {
         }
     }
 
-    /// Returns this cell as a column of a kind has it: JSON does not tell 1.0 from 1. None if the column cannot hold it.
+    /// Converts the cell to the type of a column: JSON does not distinguish 1.0 from 1. `None` if the types do not match.
     #[must_use]
-    pub fn of_kind(self, kind: Kind) -> Option<Self> {
+    pub fn into_kind(self, kind: Kind) -> Option<Self> {
         match (kind, self) {
             #[expect(clippy::cast_precision_loss, reason = "written as such a number")]
             (Kind::Number, Self::Integer(number)) => Some(Self::Number(Some(number as f64))),

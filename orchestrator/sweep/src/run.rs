@@ -11,13 +11,13 @@ use crate::prepared::Prepared;
 use crate::row::Row;
 use crate::shard::{self, Shard};
 
-/// What a shard's flights came to.
+/// Results of flying a shard.
 pub struct ShardFlown {
     /// Rows in the file.
     pub rows: u64,
-    /// Rows that the file is to have.
-    pub of: u64,
-    /// Rows that were there before.
+    /// Rows of the complete shard.
+    pub total: u64,
+    /// Rows from earlier runs.
     pub before: u64,
     /// Steps of the vehicle.
     pub steps: u64,
@@ -34,11 +34,11 @@ impl ShardFlown {
     }
 }
 
-/// Flies what a shard lacks. Calls `progress` with the number of its rows and the number that it is to have, before the first
-/// flight and after each.
+/// Flies the missing rows of a shard. Calls `progress` with the number of its rows and the total, before the first flight and
+/// after each.
 ///
 /// # Errors
-/// [`SweepError`] if nothing can be flown or written; a flight that is lost is a row.
+/// [`SweepError`] if a flight cannot begin or a row cannot be written; a lost flight is a row.
 pub fn fly_shard(
     prepared: &Prepared,
     shard: Shard,
@@ -53,25 +53,25 @@ pub fn fly_shard(
     let rows = samples.start * entries..samples.end * entries;
     let journal = shard::open(folder, &prepared.header(shard))?;
     let before = journal.results;
-    let of = rows.end - rows.start;
-    progress(before, of);
+    let total = rows.end - rows.start;
+    progress(before, total);
     let fly = |row: u64| fly_row(prepared, rows.start + row, folder, interrupt);
     let mut steps = 0;
     let begun = Instant::now();
-    let rows = journal.fill(of, threads, fly, |rows, _, of_row| {
-        steps += of_row;
-        progress(rows, of);
+    let rows = journal.fill(total, threads, fly, |rows, _, row_steps| {
+        steps += row_steps;
+        progress(rows, total);
     })?;
     Ok(ShardFlown {
         rows,
-        of,
+        total,
         before,
         steps,
         seconds: begun.elapsed().as_secs_f64(),
     })
 }
 
-/// Flies the row of a number, and returns it with the steps of its vehicle; none if the flight was interrupted.
+/// Flies a row and returns it with the number of steps of its vehicle. `None` if the flight was interrupted.
 fn fly_row(
     prepared: &Prepared,
     row: u64,

@@ -14,27 +14,27 @@ use crate::row::Row;
 /// Part of a sweep: number `index` of `count`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Shard {
-    /// Its number, from 0.
+    /// Index, from 0.
     pub index: u64,
     /// Number of shards.
     pub count: u64,
 }
 
 impl Shard {
-    /// All of a sweep.
+    /// The whole sweep.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
-    /// Returns its samples of so many.
+    /// Returns the shard's part of `total` samples.
     #[must_use]
-    pub fn samples(self, of: u64) -> Range<u64> {
+    pub fn samples(self, total: u64) -> Range<u64> {
         let begin = |index: u64| {
-            let place = u128::from(of) * u128::from(index) / u128::from(self.count);
-            u64::try_from(place).expect("no more than all samples")
+            let sample = u128::from(total) * u128::from(index) / u128::from(self.count);
+            u64::try_from(sample).expect("at most `total`")
         };
         begin(self.index)..begin(self.index + 1)
     }
 
-    /// Returns the path of its complete file in a folder.
+    /// Returns the path of the complete file in a folder.
     #[must_use]
     pub fn path(self, folder: &Path) -> PathBuf {
         folder.join(format!("shard-{:05}-of-{:05}.rows", self.index, self.count))
@@ -44,9 +44,9 @@ impl Shard {
         run_log::partial_path(&self.path(folder))
     }
 
-    /// Returns the shard of a file's name, and whether the file is complete.
+    /// Parses a file name; returns the shard and whether the file is complete.
     #[must_use]
-    pub fn of_file_name(name: &str) -> Option<(Self, bool)> {
+    pub fn from_file_name(name: &str) -> Option<(Self, bool)> {
         let rest = name.strip_prefix("shard-")?;
         let (rest, is_complete) = match rest.strip_suffix(".rows") {
             Some(rest) => (rest, true),
@@ -77,10 +77,10 @@ impl std::str::FromStr for Shard {
     }
 }
 
-/// First line of a shard's file: all that its rows depend on.
+/// First line of a shard's file: everything that its rows depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Version of the file's form.
+    /// Version of the file format.
     pub form: u32,
     /// The shard.
     pub shard: Shard,
@@ -88,11 +88,11 @@ pub struct Header {
     pub sweep: String,
     /// SHA-256 of the program.
     pub program: String,
-    /// SHA-256 of each file that flights read, such as a plug-in, by what it is.
+    /// SHA-256 of each file that flights read, such as a plug-in, by its purpose.
     pub files: BTreeMap<String, String>,
     /// Text of the sweep.
     pub sweep_text: String,
-    /// File of the scenario.
+    /// Path of the scenario.
     pub scenario_path: PathBuf,
     /// Text of the scenario.
     pub scenario_text: String,
@@ -100,7 +100,7 @@ pub struct Header {
     pub columns: Vec<String>,
 }
 
-/// Form of the files that this program writes.
+/// Version of the file format that this program writes.
 const FORM: u32 = 2;
 
 impl Header {
@@ -131,7 +131,7 @@ impl journal::Header for Header {
         } else if self.sweep != other.sweep {
             Some("it is of another sweep")
         } else if self.shard != other.shard {
-            Some("its name is that of another shard than it holds")
+            Some("its name does not match the shard that it holds")
         } else if self.program != other.program {
             Some("it was flown by another build of gerono, whose flights may differ in their bits")
         } else if self.columns != other.columns {
@@ -149,19 +149,19 @@ impl journal::Header for Header {
     }
 }
 
-/// Opens the file of a shard, and continues after its last whole row.
+/// Opens the file of a shard to continue after its last complete row.
 ///
 /// # Errors
-/// [`JournalError`] if the file is another's, or cannot be written.
+/// [`JournalError`] if the file belongs to something else or cannot be written.
 pub fn open(folder: &Path, header: &Header) -> Result<Journal, JournalError> {
     let is_whole = |row: Row| row.len() == header.columns.len();
     Journal::open(&header.shard.path(folder), header, is_whole)
 }
 
-/// Returns whether a shard is complete in a folder already.
+/// Returns whether a folder holds a complete shard.
 ///
 /// # Errors
-/// [`SweepError`] if it is damaged, or if the folder holds something else.
+/// [`SweepError`] if the shard is damaged, or the folder holds something else.
 pub fn is_complete(folder: &Path, expected: &Header) -> Result<bool, SweepError> {
     check_folder(folder, expected)?;
     let is_there = expected.shard.path(folder).exists();
@@ -171,7 +171,7 @@ pub fn is_complete(folder: &Path, expected: &Header) -> Result<bool, SweepError>
     Ok(is_there)
 }
 
-/// Refuses a folder that holds something else than this sweep, or its shards in another number.
+/// Refuses a folder that holds something other than this sweep, or a different division of it into shards.
 ///
 /// # Errors
 /// [`SweepError`] with the difference.
@@ -200,13 +200,13 @@ fn check_folder(folder: &Path, expected: &Header) -> Result<(), SweepError> {
             );
             return Err(JournalError::Foreign { path, reason }.into());
         }
-        // One that another process has only begun has no header yet.
+        // A shard that another process has just created has no header yet.
         let Ok(reader) = ShardReader::open(&path) else {
             continue;
         };
         let expected = Header {
             shard,
-            // `merge` is asked whether builds may be taken together.
+            // Mixed builds are checked by `merge`.
             program: reader.header().program.clone(),
             ..expected.clone()
         };
@@ -215,10 +215,10 @@ fn check_folder(folder: &Path, expected: &Header) -> Result<(), SweepError> {
     Ok(())
 }
 
-/// Checks a complete shard against what would be flown: its header and its rows.
+/// Checks header and rows of a complete shard.
 ///
 /// # Errors
-/// [`JournalError`] if it is of something else, or is not what was written.
+/// [`JournalError`] if the header differs or the file is damaged.
 fn check_complete(folder: &Path, expected: &Header) -> Result<(), JournalError> {
     let path = expected.shard.path(folder);
     let mut reader = ShardReader::open(&path)?;
@@ -235,21 +235,21 @@ impl ShardReader {
     /// Opens a shard.
     ///
     /// # Errors
-    /// [`JournalError`] if it cannot be read.
+    /// [`JournalError`] if the shard cannot be read.
     pub fn open(path: &Path) -> Result<Self, JournalError> {
         Ok(Self(JournalReader::open(path)?))
     }
 
-    /// Returns its header.
+    /// Returns the header of the shard.
     #[must_use]
     pub fn header(&self) -> &Header {
         &self.0.header
     }
 
-    /// Returns the next row as it was written; none after the last, which the footer confirms.
+    /// Returns the next row; `None` after the last one, which the footer confirms.
     ///
     /// # Errors
-    /// [`JournalError`] if the file is not what was written.
+    /// [`JournalError`] if the file is damaged.
     pub fn next_row(&mut self) -> Result<Option<Row>, JournalError> {
         let row = self.0.next_result()?;
         match row
@@ -264,7 +264,7 @@ impl ShardReader {
     }
 }
 
-/// Returns the shards in a folder, and whether each is complete, in their order.
+/// Returns the shards in a folder, sorted, each with whether it is complete.
 ///
 /// # Errors
 /// [`JournalError`] if the folder cannot be read.
@@ -276,7 +276,7 @@ pub fn shards_in(folder: &Path) -> Result<Vec<(Shard, bool)>, JournalError> {
     let mut shards = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name();
-        shards.extend(name.to_str().and_then(Shard::of_file_name));
+        shards.extend(name.to_str().and_then(Shard::from_file_name));
     }
     shards.sort_unstable();
     Ok(shards)

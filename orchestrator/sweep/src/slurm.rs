@@ -1,6 +1,6 @@
 //! The script that flies a sweep on a cluster.
 
-/// Returns a text as one word of a shell, whatever it contains.
+/// Quotes a text as one word of a shell.
 #[must_use]
 pub fn quoted(text: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-._/".contains(letter);
@@ -10,17 +10,17 @@ pub fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// The script: an array of shards that may be requeued, and a merge once all are complete. `sweep` is a word of a shell.
+/// Returns the script: a job array of shards that may be requeued, and a merge once all are complete. `sweep` is a quoted word.
 #[must_use]
 pub fn script(sweep: &str, shards: u64, cpus: u64) -> String {
     let last = shards - 1;
     format!(
         "#!/bin/sh\n\
          # Flies $SWEEP as a Slurm job array of {shards} shards, and merges them once all are complete.\n\
-         # A task that is killed and requeued goes on where it was; results are in $OUT, on a file system that all nodes share.\n\
-         # If a task fails, the merge is cancelled: run this script again, and shards that are complete are not repeated.\n\
+         # A task that is killed and requeued resumes; results are in $OUT, on a file system that all nodes share.\n\
+         # If a task fails, the merge is cancelled: run this script again; complete shards are not repeated.\n\
          set -eu\n\
-         # What $OUT holds must be of this sweep: shards of another one are refused.\n\
+         # $OUT must hold shards of this sweep only: others are refused.\n\
          SWEEP={sweep}\n\
          OUT=${{OUT:-results}}\n\
          export SWEEP OUT\n\

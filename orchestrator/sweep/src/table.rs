@@ -1,4 +1,4 @@
-//! The rows as a Parquet file, whose bytes are a function of the rows alone.
+//! The rows as a Parquet file. Its bytes are a function of the rows alone.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::row::{Cell, Column, Kind, Row};
 /// Rows of a row group.
 const GROUP: usize = 8192;
 
-/// Writes a table, group by group.
+/// Writes a table by row groups.
 pub struct TableWriter {
     columns: Vec<Column>,
     writer: SerializedFileWriter<ResultFile>,
@@ -26,7 +26,7 @@ pub struct TableWriter {
 }
 
 impl TableWriter {
-    /// Begins a table with these columns, and with texts about it.
+    /// Creates a table with these columns and metadata.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -97,7 +97,7 @@ impl TableWriter {
         Ok(())
     }
 
-    /// Ends the table; it is on the disk then, and has its name.
+    /// Completes the table, syncs it to the disk and gives it its name.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -1,4 +1,4 @@
-//! A flight of a sweep allocates before and after its ticks, and in none of them.
+//! A flight of a sweep does not allocate during its ticks.
 
 #[path = "../../../tests/common/allocations.rs"]
 mod allocations;
@@ -10,7 +10,7 @@ use sweep::definition::Source;
 use sweep::flight;
 use sweep::plan::Plan;
 
-/// Allocations of a judged flight of Fig. 1 over so many simulated seconds.
+/// Returns the number of allocations in a judged flight of Fig. 1 of this duration.
 fn allocations_of_a_flight(seconds: f64) -> u64 {
     let scenario_path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/fig1.toml");
     let scenario = std::fs::read_to_string(&scenario_path).unwrap();

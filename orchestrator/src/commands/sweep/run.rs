@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
             note(format_args!(
                 "{} of {} rows are kept in {}; the same command goes on from there",
                 flown.rows,
-                flown.of,
+                flown.total,
                 folder.display()
             ));
             return Ok(Exit::Signal(signal));

@@ -53,7 +53,7 @@ fn operators_bind_as_in_mathematics() {
 #[test]
 fn an_error_names_its_place() {
     let error = |text| Expression::parse(text, |_| None).unwrap_err();
-    for (text, place, reason) in [
+    for (text, offset, reason) in [
         ("1 +", 3, "a number, a name or a bracket"),
         ("(1", 2, "a `)`"),
         ("1 2", 2, "should end"),
@@ -62,7 +62,7 @@ fn an_error_names_its_place() {
         ("max(1)", 0, "has 2 arguments, not 1"),
     ] {
         let error = error(text);
-        assert_eq!(error.place, place, "{error}");
+        assert_eq!(error.offset, offset, "{error}");
         assert!(error.reason.contains(reason), "{error}");
     }
 }
