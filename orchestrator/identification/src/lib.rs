@@ -1,7 +1,7 @@
-//! What a laboratory is, from the log of a flight.
+//! Identification of a laboratory from the log of a flight.
 //!
-//! * [`model`]: what the estimator should believe of markers, delay and noise;
-//! * [`link`]: what the channels of a radio link meant.
+//! * [`model`]: marker offset, delay and noise, for the estimator;
+//! * [`link`]: calibration of a radio link's channels.
 
 pub mod link;
 pub mod model;

@@ -1,14 +1,14 @@
-//! The calibration of a radio link from a log: what the travel of each stick meant, as the paper found it for its vehicle.
+//! Calibration of a radio link from a log, as the paper did it for its vehicle.
 //!
-//! Each stick is fitted: thrust or body rate = offset + slope · travel, where the travel is taken when it
-//! acted and lags as the model believes (`history`). Thrust and rates are measured (`measured`) from the captured poses,
-//! which every laboratory has, or taken from the simulated truth.
+//! For each stick, thrust or body rate = offset + slope · travel is fitted. The travel is taken at the time at which it acts, with
+//! the model's lag (`history`). Thrust and rates are measured from the captured poses (`measured`), which every laboratory has,
+//! or taken from the simulated truth.
 //!
-//! A stick that hardly moved tells nothing, which shows in how much of what was measured it explains; below [`EXPLAINS`] a fit
-//! is not to be used. Nor does a short log: gusts last for seconds, and an interval rests on how far some stretches of the
-//! flight contradict each other (`fit`). A controller moves the thrust stick against pushes from outside, so that more thrust goes with gusts
-//! downwards and not with acceleration upwards: it is fitted by the thrust that the path asks for (`fit`). A flight up and
-//! down and around both axes is good.
+//! A stick that hardly moves is not identifiable: it explains little of the measured variance, and below [`EXPLAINS`] a fit must
+//! not be used. A short log is not sufficient either: gusts last for seconds, and the intervals are based on the differences
+//! between stretches of the flight (`fit`). A controller moves the thrust stick against disturbances, which correlates the stick
+//! with them: the desired thrust of the path is the instrument of its fit (`fit`). A flight up and down and around both axes
+//! suits well.
 
 mod fit;
 mod history;
@@ -26,20 +26,20 @@ pub use fit::Fit;
 
 use fit::Point;
 use history::{Frame, History};
-use measured::{Asked, Pose, Truth};
+use measured::{DesiredAcceleration, Pose, Truth};
 use metrics::read;
 use run_log::{LogReadError, LogReader};
 
-/// Share of what was measured that a stick must explain for its fit to be used.
+/// Minimum share of the variance that a stick must explain for its fit to be used.
 pub const EXPLAINS: f64 = 0.8;
 
-/// Share of a slope by which a calibration may be wrong before it matters.
+/// Relevance threshold for an error of the calibration, as a share of the slope.
 pub const MATTERS: f64 = 0.03;
 
 /// Names of the sticks in the order of a frame's channels.
 pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
 
-/// Reason why nothing can be fitted.
+/// Reason why a link cannot be calibrated.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The log cannot be read.
@@ -48,58 +48,58 @@ pub enum IdentifyError {
     /// The link had no channels.
     #[error("the flight had no radio link with channels; add `[rc_output]` to its scenario")]
     NoLink,
-    /// The log has nothing of a topic that the fit needs.
-    #[error("the log has nothing of `{topic}`{}: {remedy}", if *is_left_out { ", which `record.leave_out` of its scenario left out" } else { "" })]
+    /// The log lacks a topic that the fit needs.
+    #[error("the log has no samples of `{topic}`{}: {remedy}", if *is_left_out { ", which `record.leave_out` of its scenario left out" } else { "" })]
     Missing {
         /// The topic.
         topic: Topic,
-        /// Whether the scenario has left it out of the log.
+        /// Whether the scenario excludes it from the log.
         is_left_out: bool,
-        /// What to do instead.
+        /// The fix.
         remedy: &'static str,
     },
 }
 
-/// The measure of thrust and rates.
+/// Source of the measured thrust and rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameSource {
-    /// The poses that the cameras captured.
+    /// The captured poses.
     #[default]
     Poses,
     /// The simulated truth.
     Truth,
 }
 
-/// A stick's calibration: as configured, and as it was.
+/// A stick's calibration, as configured and as fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Name of the stick.
     pub stick: &'static str,
-    /// Value at a travel of 0, and value per unit of travel, as the scenario states: N or rad/s.
+    /// The scenario's offset and slope per unit of travel, N or rad/s.
     pub stated: [f64; 2],
-    /// As fitted; `None` if the stick had too little to say.
+    /// The fit; `None` if the stick is not identifiable.
     pub fitted: Option<Fit>,
-    /// Time in the air that a fit of the stick needs, s; only if the log has less.
+    /// Flight time that a fit of the stick needs, s; only if the log is shorter.
     pub needed: Option<f64>,
 }
 
 impl Calibration {
-    /// Returns whether the flight shows another calibration than the stated one: by more than chance, which is
-    /// outside of the 99.9 % interval, and by more than [`MATTERS`] of what the stick commands.
+    /// Returns whether the fit differs from the stated calibration: significantly, outside of the 99.9 % interval, and by more than
+    /// [`MATTERS`] of the slope.
     #[must_use]
     pub fn differs(&self) -> bool {
         self.usable().is_some_and(|fit| {
             let [offset, slope] = self.stated;
             let beyond = |by: f64, error: f64| by.abs() > error.max(MATTERS * slope.abs());
             let [of_offset, of_slope] = fit.certain;
-            // A rate of 0 at the middle is no key of a scenario.
+            // Scenarios have no offset of the rates.
             let has_offset = self.stick == STICKS[0];
             beyond(fit.slope - slope, of_slope) || has_offset && beyond(fit.offset - offset, of_offset)
         })
     }
 
-    /// The fit, if the stick explains enough of what was measured.
+    /// Returns the fit if the stick explains enough of the variance.
     #[must_use]
     pub fn usable(&self) -> Option<Fit> {
         self.fitted.filter(|fit| fit.explained >= EXPLAINS)
@@ -109,15 +109,15 @@ impl Calibration {
 /// The calibration of all sticks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
-    /// The source of the measurement.
+    /// Source of the measurement.
     pub source: FrameSource,
-    /// Mass that accelerations were multiplied with, kg; only with poses.
+    /// Mass for the conversion of accelerations to thrust, kg; only with poses.
     pub mass: Option<f64>,
     /// Thrust, roll, pitch and yaw.
     pub sticks: [Calibration; 4],
 }
 
-/// Gathers what a log has to say.
+/// Collects the samples of a log for the fit.
 #[derive(Debug)]
 pub struct Gatherer {
     link: RcLink,
@@ -128,11 +128,11 @@ pub struct Gatherer {
     frames: Vec<Frame>,
     poses: Vec<Pose>,
     truths: Vec<Truth>,
-    asked: Vec<Asked>,
+    desired: Vec<DesiredAcceleration>,
 }
 
 impl Gatherer {
-    /// For a flight of a scenario. `mass` is in kg; the scenario's unless given.
+    /// Starts a flight of a scenario. `mass` is in kg, by default the scenario's.
     ///
     /// # Errors
     /// [`IdentifyError::NoLink`].
@@ -146,11 +146,11 @@ impl Gatherer {
             frames: Vec::new(),
             poses: Vec::new(),
             truths: Vec::new(),
-            asked: Vec::new(),
+            desired: Vec::new(),
         })
     }
 
-    /// Takes a sample.
+    /// Records a sample.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         match (topic, self.source) {
             (Topic::RcFrame, _) => {
@@ -159,7 +159,8 @@ impl Gatherer {
                 self.frames.push(Frame::new(&frame, &self.link, acts_at));
             }
             (Topic::PathReference, FrameSource::Poses) => {
-                self.asked.push(Asked::new(&read::<PathReference>(bytes)));
+                self.desired
+                    .push(DesiredAcceleration::new(&read::<PathReference>(bytes)));
             }
             (Topic::MocapPose, FrameSource::Poses) => {
                 let pose = read::<MocapPose>(bytes);
@@ -186,7 +187,7 @@ impl Gatherer {
         ];
         let history = History::new(&self.frames, lags);
         let points = match self.source {
-            FrameSource::Poses => measured::by_poses(&self.poses, &self.asked, self.mass, &history),
+            FrameSource::Poses => measured::by_poses(&self.poses, &self.desired, self.mass, &history),
             FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
         Ok(Identification {
@@ -202,7 +203,7 @@ impl Gatherer {
         let needed: &[(Topic, bool, &'static str)] = match self.source {
             FrameSource::Poses => &[
                 (Topic::MocapPose, self.poses.is_empty(), by_truth),
-                (Topic::PathReference, self.asked.is_empty(), by_truth),
+                (Topic::PathReference, self.desired.is_empty(), by_truth),
             ],
             FrameSource::Truth => &[(
                 Topic::VehicleTruth,
@@ -214,10 +215,10 @@ impl Gatherer {
         let mut all = needed.iter().copied().chain([frames]);
         let missing = all.find(|&(_, is_missing, _)| is_missing);
         missing.map_or(Ok(()), |(topic, _, remedy)| {
-            let place = Topic::ALL.iter().position(|&other| other == topic);
+            let index = Topic::ALL.iter().position(|&other| other == topic);
             Err(IdentifyError::Missing {
                 topic,
-                is_left_out: place.is_some_and(|place| self.recorded[place] == Recorded::Nothing),
+                is_left_out: index.is_some_and(|index| self.recorded[index] == Recorded::Nothing),
                 remedy,
             })
         })
@@ -225,21 +226,21 @@ impl Gatherer {
 
     fn calibration(&self, stick: usize, points: &[Point]) -> Calibration {
         let cluster = measured::DEPENDENT[stick];
-        let fewest = Fit::fewest(cluster);
-        let needed = measured::needed(fewest, measured::spacings(self.source)[stick]);
+        let min_points = Fit::min_points(cluster);
+        let needed = measured::needed(min_points, measured::spacings(self.source)[stick]);
         Calibration {
             stick: STICKS[stick],
             stated: match stick {
                 0 => [self.link.thrust_offset, self.link.thrust_slope],
                 rate => [0.0, self.link.rate_slope[rate - 1]],
             },
-            fitted: Fit::of(points, cluster),
-            needed: (points.len() < fewest).then_some(needed),
+            fitted: Fit::new(points, cluster),
+            needed: (points.len() < min_points).then_some(needed),
         }
     }
 }
 
-/// Fits the calibration of the link that a log was flown with.
+/// Fits the calibration of the link that a log was recorded with.
 ///
 /// # Errors
 /// [`IdentifyError`].

@@ -1,13 +1,13 @@
-//! What the estimator should believe of the markers, the delay and the cameras' noise, from a log.
+//! Identification of the estimator's marker offset, delay and camera noise from a log.
 //!
-//! These three break a laboratory soonest: markers that do not sit in the centre of mass, frames that act later than
-//! believed, and cameras that scatter more than stated. None of them shows in the vehicle's own state.
+//! Errors of these three are the most critical in a laboratory: markers away from the centre of mass, frames that act later than
+//! modelled, and cameras noisier than stated. None of them is visible in the estimated state.
 //!
-//! * [`recording`]: the poses and frames of a log, in the order in which the estimator has them;
-//! * [`noise`]: the scatter of the captures, from their third differences, which smooth motion hardly has;
-//! * [`delay`]: roughly, the time from the sending of a frame to its acting that makes the filter's innovations smallest;
-//! * [`refine`]: from there the marker offset and the delay, with intervals;
-//! * [`report`]: what was found beside what the scenario states, and the lines to put into it.
+//! * [`recording`]: the poses and frames of a log, in their order of arrival at the estimator;
+//! * [`noise`]: noise of the captures, from their third differences, in which smooth motion is negligible;
+//! * [`delay`]: coarse search for the delay from sending a frame to its effect that minimises the filter's innovations;
+//! * [`refine`]: marker offset and delay from that start, with intervals;
+//! * [`report`]: the found values beside the stated ones, and the lines to put into the scenario.
 
 pub mod delay;
 pub mod noise;
@@ -20,13 +20,13 @@ use run_log::LogReadError;
 use recording::Recording;
 use report::{Identification, MARKER_OFFSET_DEVIATION, Quantity};
 
-/// Reason why nothing can be identified.
+/// Reason why a laboratory cannot be identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The log cannot be read.
     #[error("{0}")]
     Log(#[from] LogReadError),
-    /// The flight had no filter.
+    /// The flight had no Kalman filter.
     #[error(
         "the flight had no `[estimator.kalman]`: its cameras were ideal, and there is nothing to identify; fly a \
          laboratory's scenario such as scenarios/fig3_6.toml"
@@ -42,17 +42,17 @@ pub enum IdentifyError {
         /// Frames of the radio link.
         frames: usize,
     },
-    /// Too little of the flight counts.
+    /// The usable part of the flight is too short.
     #[error(
-        "only {counted} s of the flight count, and intervals that hold need twelve: fly for longer; the first two do not \
+        "only {counted} s of the flight are usable, and valid intervals need twelve: fly for longer; the first two do not \
          count, nor do the five around a change of mass"
     )]
     TooFewSeconds {
-        /// Seconds with captures, without those that the filter settles in.
+        /// Seconds with captures, without the settling time of the filter.
         counted: usize,
     },
-    /// The scenario of the log gives no filter.
-    #[error("the scenario of the log gives no filter: {0}")]
+    /// The filter cannot be made from the scenario of the log.
+    #[error("the filter cannot be made from the scenario of the log: {0}")]
     Scenario(scenario::Problem),
 }
 
@@ -61,22 +61,22 @@ pub enum IdentifyError {
 /// # Errors
 /// [`IdentifyError`].
 pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> {
-    let stated = recording.believed();
-    let [position, attitude] = noise::of_captures(recording.poses());
-    let mut believed = stated.clone();
-    believed.kalman.position_deviation = position.found;
-    believed.kalman.attitude_deviation = attitude.found;
-    believed.kalman.marker_offset_deviation = MARKER_OFFSET_DEVIATION;
-    believed.kalman.marker_offset_drift = 0.0;
-    let delay = delay::search(recording, &believed)?;
-    believed.model.radio_latency = delay;
-    let filter = recording.filtered(&believed)?.filter;
+    let stated = recording.stated_settings();
+    let [position, attitude] = noise::from_captures(recording.poses());
+    let mut settings = stated.clone();
+    settings.kalman.position_deviation = position.found;
+    settings.kalman.attitude_deviation = attitude.found;
+    settings.kalman.marker_offset_deviation = MARKER_OFFSET_DEVIATION;
+    settings.kalman.marker_offset_drift = 0.0;
+    let delay = delay::search(recording, &settings)?;
+    settings.model.radio_latency = delay;
+    let filter = recording.filtered(&settings)?.filter;
     let state = filter.state().ok_or(IdentifyError::TooShort {
         captures: 0,
         frames: 0,
     })?;
-    believed.model.marker_offset = state.nominal.marker_offset_body.into();
-    let (marker_offset, radio_latency) = refine::beside(&stated, &refine::refine(recording, &believed)?);
+    settings.model.marker_offset = state.nominal.marker_offset_body.into();
+    let (marker_offset, radio_latency) = refine::beside(&stated, &refine::refine(recording, &settings)?);
     Ok(Identification {
         marker_offset,
         radio_latency,

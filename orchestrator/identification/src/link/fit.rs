@@ -1,8 +1,8 @@
-//! A line through points, by least squares or by an instrument.
+//! Linear regression by least squares or with an instrumental variable.
 //!
-//! A controller that moves a stick against pushes makes the stick depend on them, and least squares then take their answer for
-//! that of the stick. An instrument goes with the stick and not with the pushes: slope = Σ(z − z̄)(y − ȳ) / Σ(z − z̄)(x − x̄).
-//! With z = x these are least squares.
+//! A controller that moves a stick against disturbances correlates the stick with them, which biases least squares. An
+//! instrument z is correlated with the stick and not with the disturbances: slope = Σ(z − z̄)(y − ȳ) / Σ(z − z̄)(x − x̄).
+//! With z = x this is least squares.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ use nalgebra::Vector6;
 use serde::Serialize;
 use statistics::student;
 
-/// Clusters below which there is no fit. Intervals hold with fewer as well, and are so wide then that they say nothing.
+/// Minimum number of clusters for a fit. Intervals hold with fewer as well, but are too wide to be useful.
 const CLUSTERS: usize = 5;
 
-/// Share of what a stick moved below which the rest is the rounding of the sums.
+/// Relative covariance of travel and instrument below which it is a rounding error of the sums.
 const ROUNDING: f64 = 1e-9;
 
-/// Parameters of a line.
+/// Number of parameters of a line.
 const PARAMETERS: usize = 2;
 
 /// value = offset + slope · travel.
@@ -27,18 +27,18 @@ pub struct Fit {
     pub offset: f64,
     /// Value per unit of travel, N or rad/s.
     pub slope: f64,
-    /// Half-widths of the 95 % intervals of offset and slope: of independent residuals, or of clusters of neighbours where these
-    /// are wider, because windows overlap and gusts last.
+    /// Half-widths of the 95 % intervals of offset and slope: for independent residuals or for clustered ones, whichever is wider.
+    /// Residuals are clustered because windows overlap and gusts last.
     pub errors: [f64; 2],
-    /// The same of the 99.9 % intervals.
+    /// Half-widths of the 99.9 % intervals.
     pub certain: [f64; 2],
-    /// Standard deviation of what the line does not explain, N or rad/s.
+    /// Standard deviation of the residuals, N or rad/s.
     pub residual: f64,
     /// Share of the variance that the line explains.
     pub explained: f64,
     /// Standard deviation of the travel.
     pub travel_deviation: f64,
-    /// Points.
+    /// Number of points.
     pub points: usize,
 }
 
@@ -47,23 +47,23 @@ pub struct Fit {
 pub struct Point {
     /// Travel of the stick.
     pub travel: f64,
-    /// What was measured, N or rad/s.
+    /// Measured value, N or rad/s.
     pub value: f64,
-    /// The instrument, in any unit: the travel itself for least squares.
+    /// Instrument, in any unit; the travel itself for least squares.
     pub instrument: f64,
 }
 
 impl Fit {
-    /// Returns the number of points below which there is no fit, with this many neighbours in a cluster.
-    pub(super) const fn fewest(cluster: usize) -> usize {
+    /// Returns the minimum number of points for a fit, with `cluster` neighbours in a cluster.
+    pub(super) const fn min_points(cluster: usize) -> usize {
         CLUSTERS * cluster
     }
 
-    /// The line through points; `None` if they are fewer than `Fit::fewest`, or if without one of the clusters their travels
-    /// or instruments are all the same. `cluster` is the number of neighbours whose residuals may depend on each other.
+    /// Fits a line to points. Returns `None` if there are fewer than `Fit::min_points`, or if travel or instrument vary in a single
+    /// cluster only. `cluster` is the number of neighbours whose residuals may be correlated.
     #[must_use]
-    pub fn of(points: &[Point], cluster: usize) -> Option<Self> {
-        if points.len() < Self::fewest(cluster) {
+    pub fn new(points: &[Point], cluster: usize) -> Option<Self> {
+        if points.len() < Self::min_points(cluster) {
             return None;
         }
         let count = points.len() as f64;
@@ -129,7 +129,7 @@ impl Fit {
 }
 
 impl Point {
-    /// Returns a point of least squares.
+    /// Returns a point for least squares.
     #[must_use]
     pub fn new(travel: f64, value: f64) -> Self {
         Self {
@@ -148,15 +148,14 @@ impl Point {
     }
 }
 
-/// Returns the variances of the value at the centre and of the slope, and their covariance, if the residuals of a cluster of
-/// neighbours depend on each other, by the jackknife: (G − 1)/G Σ d dᵀ, where d is the change of the line without one of G equal
-/// clusters.
+/// Returns the variances of the value at the centre and of the slope, and their covariance, for residuals correlated within
+/// clusters of neighbours, by the jackknife: (G − 1)/G Σ d dᵀ, where d is the change of the line without one of G equal clusters.
 ///
-/// The sandwich estimate is too small with few clusters, because the line follows those that move the stick most. Of the
-/// jackknife it is the other way round: J. G. MacKinnon, M. Ø. Nielsen and M. D. Webb, Cluster-robust inference: a guide to
+/// With few clusters the sandwich estimate is too small, because the line follows the clusters with the largest travel; the
+/// jackknife is conservative instead: J. G. MacKinnon, M. Ø. Nielsen and M. D. Webb, Cluster-robust inference: a guide to
 /// empirical practice, Journal of Econometrics 232 (2023), 272–299.
 ///
-/// `None` if the stick moved in one of the clusters alone.
+/// Returns `None` if the stick moved in a single cluster only.
 fn jackknife(centered: &[Point], clusters: usize) -> Option<[f64; 3]> {
     let all = sums(centered);
     let [_, slope] = line(&all);
@@ -164,7 +163,7 @@ fn jackknife(centered: &[Point], clusters: usize) -> Option<[f64; 3]> {
     let mut variances = [0.0; 3];
     for index in 0..clusters {
         let rest = all - sums(&centered[part(centered.len(), clusters, index)]);
-        if moved(&rest).abs() <= ROUNDING * moved(&all).abs() {
+        if covariation(&rest).abs() <= ROUNDING * covariation(&all).abs() {
             return None;
         }
         let [value, other_slope] = line(&rest);
@@ -175,29 +174,29 @@ fn jackknife(centered: &[Point], clusters: usize) -> Option<[f64; 3]> {
     Some(variances)
 }
 
-/// One of equal parts of as many neighbours.
+/// Returns the range of one of `parts` parts of equal size.
 fn part(count: usize, parts: usize, index: usize) -> Range<usize> {
     index * count / parts..(index + 1) * count / parts
 }
 
-/// Sums over points: 1, x, y, z, zx and zy.
+/// Returns the sums over points of 1, x, y, z, zx and zy.
 fn sums(points: &[Point]) -> Vector6<f64> {
-    let of_point = |point: &Point| {
+    let terms = |point: &Point| {
         let (x, y, z) = (point.travel, point.value, point.instrument);
         Vector6::new(1.0, x, y, z, z * x, z * y)
     };
-    points.iter().map(of_point).sum()
+    points.iter().map(terms).sum()
 }
 
-/// Value at 0 and slope of the line through points of these sums.
+/// Returns the value at 0 and the slope of the line for these sums.
 fn line(sums: &Vector6<f64>) -> [f64; 2] {
     let [count, x, y, z, _, zy] = (*sums).into();
-    let slope = (zy - z * y / count) / moved(sums);
+    let slope = (zy - z * y / count) / covariation(sums);
     [(y - slope * x) / count, slope]
 }
 
-/// How far travel and instrument moved together: Σ(z − z̄)(x − x̄).
-fn moved(sums: &Vector6<f64>) -> f64 {
+/// Returns Σ(z − z̄)(x − x̄) of travel and instrument.
+fn covariation(sums: &Vector6<f64>) -> f64 {
     let [count, x, _, z, zx, _] = (*sums).into();
     zx - z * x / count
 }
@@ -213,7 +212,7 @@ mod tests {
         fn points_on_a_line_give_the_line(offset in -5.0..5.0f64, slope in -20.0..20.0f64) {
             prop_assume!(slope.abs() > 0.1);
             let points: Vec<_> = (0..50).map(|x| f64::from(x) / 25.0 - 1.0).map(|x| Point::new(x, offset + slope * x)).collect();
-            let fit = Fit::of(&points, 10).unwrap();
+            let fit = Fit::new(&points, 10).unwrap();
             prop_assert!((fit.offset - offset).abs() < 1e-9 && (fit.slope - slope).abs() < 1e-9);
             prop_assert!(fit.residual < 1e-6 && fit.explained > 1.0 - 1e-9);
         }
@@ -221,14 +220,14 @@ mod tests {
 
     #[test]
     fn a_stick_that_never_moved_has_no_line() {
-        assert_eq!(Fit::of(&[Point::new(0.5, 1.0); 100], 10), None);
-        assert_eq!(Fit::of(&[Point::new(0.0, 0.0), Point::new(1.0, 1.0)], 10), None);
+        assert_eq!(Fit::new(&[Point::new(0.5, 1.0); 100], 10), None);
+        assert_eq!(Fit::new(&[Point::new(0.0, 0.0), Point::new(1.0, 1.0)], 10), None);
     }
 
     #[test]
     fn a_stick_that_moved_in_one_cluster_alone_has_no_line() {
         let point = |at: i32| Point::new(if at < 10 { f64::from(at) } else { 4.5 }, f64::from(at % 3));
-        assert_eq!(Fit::of(&(0..100).map(point).collect::<Vec<_>>(), 10), None);
+        assert_eq!(Fit::new(&(0..100).map(point).collect::<Vec<_>>(), 10), None);
     }
 
     #[test]
@@ -236,8 +235,8 @@ mod tests {
         let points: Vec<_> = (0..50)
             .map(|at| Point::new(f64::from(at % 7), f64::from(at % 5)))
             .collect();
-        assert!(Fit::of(&points, 10).is_some());
-        assert_eq!(Fit::of(&points[1..], 10), None);
+        assert!(Fit::new(&points, 10).is_some());
+        assert_eq!(Fit::new(&points[1..], 10), None);
     }
 
     proptest! {
@@ -254,7 +253,7 @@ mod tests {
                 let points: Vec<_> = (0..10 * clusters)
                     .map(|at| Point::new(draws.normal_pair()[0] + 0.1 * (at / 10) as f64, gusts[at / 10] + 0.1 * draws.normal_pair()[0]))
                     .collect();
-                let fit = Fit::of(&points, 10).unwrap();
+                let fit = Fit::new(&points, 10).unwrap();
                 missed[0] += u32::from(fit.slope.abs() > fit.errors[1]);
                 missed[1] += u32::from(fit.slope.abs() > fit.certain[1]);
             }
@@ -272,7 +271,7 @@ mod tests {
                 Point::new(f64::from(at / 2) / 100.0 - 0.995, value)
             })
             .collect();
-        let fit = Fit::of(&points, 10).unwrap();
+        let fit = Fit::new(&points, 10).unwrap();
         let xx: f64 = points.iter().map(|point| point.travel * point.travel).sum();
         assert!(fit.slope.abs() < 1e-9 && (fit.errors[1] * xx.sqrt() - 1.966).abs() < 0.01);
     }
@@ -291,7 +290,7 @@ mod tests {
             }
         };
         let points: Vec<_> = (0..2000).map(point).collect();
-        let fit = Fit::of(&points, 10).unwrap();
+        let fit = Fit::new(&points, 10).unwrap();
         assert!(
             (fit.slope - 2.0).abs() < fit.errors[1] && fit.errors[1] < 0.3,
             "{fit:?}"
@@ -300,6 +299,6 @@ mod tests {
             .iter()
             .map(|point| Point::new(point.travel, point.value))
             .collect();
-        assert!((Fit::of(&squares, 10).unwrap().slope - 1.0).abs() < 0.05);
+        assert!((Fit::new(&squares, 10).unwrap().slope - 1.0).abs() < 0.05);
     }
 }

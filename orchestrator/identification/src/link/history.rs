@@ -1,4 +1,4 @@
-//! Where the sticks were, as the vehicle follows them: held from frame to frame, and behind a lag.
+//! History of the stick travels with the vehicle's response: zero-order hold between frames and a first-order lag.
 
 use scenario::RcLink;
 use shared_types::samples::RcFrame;
@@ -7,14 +7,14 @@ use vehicle_model::lag::{Lag, between};
 /// Step of the history, s.
 const STEP: f64 = 0.001;
 
-/// Time for which the sticks must have been known for what the vehicle follows to be known, s.
+/// Time for which the sticks must be known before the lagged travels are valid, s.
 const SETTLING: f64 = 0.2;
 
-/// The sticks of a frame, and from when on they act.
+/// The sticks of a frame, and the time at which they begin to act.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     acts_at: f64,
-    /// Travels of thrust, roll, pitch and yaw; none while the motors rest.
+    /// Travels of thrust, roll, pitch and yaw; `None` while the motors are stopped.
     travels: Option<[f64; 4]>,
 }
 
@@ -30,18 +30,19 @@ impl Frame {
     }
 }
 
-/// Lagging travels at every step, and sums of them.
+/// Lagged travels at every step, and their cumulative sums.
 #[derive(Debug)]
 pub(super) struct History {
     begins_at: f64,
     travels: Vec<[f64; 4]>,
-    /// Of all steps before one: the sum of the travels, and how many are not known.
+    /// Sum of the travels over all earlier steps.
     sums: Vec<[f64; 4]>,
+    /// Number of earlier steps with unknown travels.
     unknown: Vec<usize>,
 }
 
 impl History {
-    /// The history of frames in the order of time, behind lags of these time constants, s.
+    /// Makes the history of frames in the order of time, with lags of these time constants, s.
     pub(super) fn new(frames: &[Frame], lags: [f64; 4]) -> Self {
         let begins_at = frames.first().map_or(0.0, |frame| frame.acts_at);
         let mut history = Self {
@@ -50,7 +51,7 @@ impl History {
             sums: vec![[0.0; 4]],
             unknown: vec![0],
         };
-        let keeps = lags.map(|time_constant| Lag::new(time_constant).left(STEP));
+        let decays = lags.map(|time_constant| Lag::new(time_constant).left(STEP));
         let mut lagging = frames.iter().find_map(|frame| frame.travels).unwrap_or_default();
         for (index, frame) in frames.iter().enumerate() {
             let ends_at = frames.get(index + 1).map_or(frame.acts_at, |next| next.acts_at);
@@ -58,7 +59,7 @@ impl History {
                 history.push(lagging, frame.travels.is_some());
                 if let Some(travels) = frame.travels {
                     for stick in 0..4 {
-                        lagging[stick] = between(travels[stick], lagging[stick], keeps[stick]);
+                        lagging[stick] = between(travels[stick], lagging[stick], decays[stick]);
                     }
                 }
             }
@@ -79,7 +80,7 @@ impl History {
         self.unknown.push(unknown);
     }
 
-    /// The step of a time, if the sticks are known from well before it to a second one.
+    /// Returns the steps of two times, if the sticks are known from [`SETTLING`] before the first to the second.
     fn steps(&self, from: f64, to: f64) -> Option<[usize; 2]> {
         let step = |time: f64| {
             let step = libm::round((time - self.begins_at) / STEP);
@@ -90,12 +91,12 @@ impl History {
         (self.unknown[settled] == self.unknown[steps[1] + 1]).then_some(steps)
     }
 
-    /// Returns what the vehicle follows at a time, s; `None` where that is not known.
+    /// Returns the lagged travels at a time, s; `None` where unknown.
     pub(super) fn at(&self, time: f64) -> Option<[f64; 4]> {
         self.steps(time, time).map(|[step, _]| self.travels[step])
     }
 
-    /// The mean of what the vehicle follows between two times, s.
+    /// Returns the mean of the lagged travels between two times, s; `None` where unknown.
     pub(super) fn mean(&self, from: f64, to: f64) -> Option<[f64; 4]> {
         let [first, last] = self.steps(from, to)?;
         let count = (last > first).then(|| (last - first) as f64)?;

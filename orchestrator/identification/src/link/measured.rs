@@ -1,12 +1,12 @@
-//! Thrust and body rates as they were, beside the sticks that made them: points (travel, value) a stick.
+//! Measured thrust and body rates with the sticks that commanded them: points (travel, value) for each stick.
 //!
-//! * By poses, the rates are those of the rotation from one capture to one a tenth of a second later. For the thrust the
-//!   acceleration is wanted, which nobody should take from noisy positions by differences: with a smooth weight φ that
-//!   vanishes at the ends of a window, ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. With a fixed direction n,
-//!   m ∫φ (g − p̈)·n = ∫φ T n·R e₃: the thrust that acts is weighted by the angle between n and its axis, which turns meanwhile.
-//!   What pushes along the thrust axis besides is taken for thrust, and a controller moves the stick against it. The thrust
-//!   that the path asks for goes with the stick and not with the pushes, and is the instrument of the fit.
-//! * By truth, both are read off.
+//! * From poses, the rates follow from the rotation between captures a tenth of a second apart. The thrust needs the acceleration,
+//!   and differences of noisy positions are too coarse for it: with a smooth weight φ that vanishes at the ends of a window,
+//!   ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. With a fixed direction n, m ∫φ (g − p̈)·n = ∫φ T n·R e₃: the
+//!   thrust is weighted by the angle between n and the turning thrust axis. A disturbance along the thrust axis counts as
+//!   thrust, and the controller moves the stick against it. The desired thrust of the path is correlated with the stick and not
+//!   with disturbances, and is the instrument of the fit.
+//! * From the truth, both are read directly.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::GRAVITY;
@@ -24,20 +24,20 @@ const TURN: f64 = 0.1;
 /// Half the window of an acceleration, s.
 const HALF_WINDOW: f64 = 0.15;
 
-/// Fewest captures in a window.
-const FEWEST: usize = 12;
+/// Minimum number of captures in a window.
+const MIN_CAPTURES: usize = 12;
 
-/// Time between two points by truth, s.
+/// Time between two points from the truth, s.
 const TRUTH_STEP: f64 = 0.01;
 
-/// Neighbouring points of each stick whose residuals may depend on each other: gusts along the thrust axis last for seconds,
+/// Number of neighbouring points of each stick whose residuals may be correlated: gusts along the thrust axis last for seconds,
 /// and rates follow their commands at once.
 pub(super) const DEPENDENT: [usize; 4] = [27, 10, 10, 10];
 
-/// Time from the first frame in the air to that of the first point, and what jitters, s.
+/// Time from the first frame in the air to the first point, with a margin for jitter, s.
 const BEFORE: f64 = 1.0;
 
-/// Returns the times from a point of each stick to the next, s.
+/// Returns the time between points of each stick, s.
 pub(super) const fn spacings(source: FrameSource) -> [f64; 4] {
     match source {
         FrameSource::Poses => [HALF_WINDOW, TURN, TURN, TURN],
@@ -45,7 +45,7 @@ pub(super) const fn spacings(source: FrameSource) -> [f64; 4] {
     }
 }
 
-/// Returns the time in the air that gives a number of points, whole s.
+/// Returns the flight time that gives a number of points, rounded up to whole s.
 pub(super) fn needed(points: usize, spacing: f64) -> f64 {
     (points as f64 * spacing + BEFORE).ceil()
 }
@@ -53,14 +53,14 @@ pub(super) fn needed(points: usize, spacing: f64) -> f64 {
 /// Points of each stick.
 pub(super) type Points = [Vec<Point>; 4];
 
-/// Acceleration of the path, from a time on.
+/// Desired acceleration, valid from a time on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Asked {
+pub(super) struct DesiredAcceleration {
     time: f64,
     acceleration: Vector3<f64>,
 }
 
-impl Asked {
+impl DesiredAcceleration {
     pub(super) fn new(reference: &PathReference) -> Self {
         let [d1, d2] = [reference.derivative1_world, reference.derivative2_world].map(Vector3::from);
         Self {
@@ -69,10 +69,10 @@ impl Asked {
         }
     }
 
-    /// The newest at a time, of those in the order of time.
+    /// Returns the newest acceleration at a time; `all` is in the order of time.
     fn at(all: &[Self], time: f64) -> Option<Vector3<f64>> {
-        let place = all.partition_point(|asked| asked.time <= time);
-        Some(all[place.checked_sub(1)?].acceleration)
+        let next = all.partition_point(|desired| desired.time <= time);
+        Some(all[next.checked_sub(1)?].acceleration)
     }
 }
 
@@ -94,7 +94,7 @@ impl Pose {
     }
 }
 
-/// The true values.
+/// True thrust and rates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Truth {
     time: f64,
@@ -111,7 +111,7 @@ impl Truth {
     }
 }
 
-/// Returns the true values.
+/// Returns the points from the truth.
 pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
     let mut points = Points::default();
     let mut next = f64::NEG_INFINITY;
@@ -129,8 +129,13 @@ pub(super) fn by_truth(truths: &[Truth], history: &History) -> Points {
     points
 }
 
-/// Returns what poses in the order of time say of a vehicle of this mass, kg.
-pub(super) fn by_poses(poses: &[Pose], asked: &[Asked], mass: f64, history: &History) -> Points {
+/// Returns the points from poses in the order of time, for a vehicle of this mass, kg.
+pub(super) fn by_poses(
+    poses: &[Pose],
+    desired: &[DesiredAcceleration],
+    mass: f64,
+    history: &History,
+) -> Points {
     let mut points = Points::default();
     let [mut turn, mut window] = [0, 0];
     for (index, pose) in poses.iter().enumerate() {
@@ -147,20 +152,25 @@ pub(super) fn by_poses(poses: &[Pose], asked: &[Asked], mass: f64, history: &His
             }
         }
         if pose.time - poses[window].time >= 2.0 * HALF_WINDOW * (1.0 - 1e-6) {
-            points[0].extend(thrust_point(&poses[window..=index], asked, mass, history));
+            points[0].extend(thrust_point(&poses[window..=index], desired, mass, history));
             window = usize::midpoint(window, index);
         }
     }
     points
 }
 
-/// The weighted means of the thrust stick and of the thrust over a window.
-fn thrust_point(window: &[Pose], asked: &[Asked], mass: f64, history: &History) -> Option<Point> {
+/// Returns the weighted means of the thrust stick and of the thrust over a window.
+fn thrust_point(
+    window: &[Pose],
+    desired: &[DesiredAcceleration],
+    mass: f64,
+    history: &History,
+) -> Option<Point> {
     let (first, last) = (window.first()?, window.last()?);
     let half = (last.time - first.time) / 2.0;
     let widest = 4.0 * half / window.len() as f64;
     let has_gap = window.windows(2).any(|pair| pair[1].time - pair[0].time > widest);
-    if window.len() < FEWEST || has_gap {
+    if window.len() < MIN_CAPTURES || has_gap {
         return None;
     }
     history.mean(first.time, last.time)?;
@@ -170,9 +180,9 @@ fn thrust_point(window: &[Pose], asked: &[Asked], mass: f64, history: &History) 
         .fold(Vector3::zeros(), |sum, pose| sum + pose.rotation.column(2));
     let direction: Vector3<f64> = axes.normalize();
     let (mut weights, mut thrusts, mut travel) = (0.0, 0.0, 0.0);
-    let (mut acceleration, mut wanted) = (0.0, 0.0);
+    let (mut acceleration, mut desired_acceleration) = (0.0, 0.0);
     for (index, pose) in window.iter().enumerate() {
-        // What a capture stands for: half the way to its neighbours.
+        // Integration weight by the trapezoidal rule.
         let before = window[index.saturating_sub(1)].time;
         let after = window[(index + 1).min(window.len() - 1)].time;
         let share = (after - before) / 2.0;
@@ -185,17 +195,17 @@ fn thrust_point(window: &[Pose], asked: &[Asked], mass: f64, history: &History) 
         thrusts += along;
         travel += along * history.at(pose.time)?[0];
         acceleration += bend * direction.dot(&(pose.position - first.position));
-        wanted += weight * direction.dot(&Asked::at(asked, pose.time)?);
+        desired_acceleration += weight * direction.dot(&DesiredAcceleration::at(desired, pose.time)?);
     }
     let weight_along = GRAVITY * direction.z * weights;
     Some(Point {
         travel: travel / thrusts,
         value: mass * (weight_along - acceleration) / thrusts,
-        instrument: (weight_along - wanted) / thrusts,
+        instrument: (weight_along - desired_acceleration) / thrusts,
     })
 }
 
-/// Axis times angle of a rotation below half a turn, rad.
+/// Returns the rotation vector of a rotation below half a turn, rad.
 fn logarithm(rotation: &Matrix3<f64>) -> Vector3<f64> {
     let twice = Vector3::new(
         rotation[(2, 1)] - rotation[(1, 2)],

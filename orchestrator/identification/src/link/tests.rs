@@ -1,4 +1,4 @@
-//! Known values come back: the calibration of simulated vehicles that are not as their links believe.
+//! Known values are recovered: the calibration of simulated vehicles that differ from the stated one.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -17,7 +17,7 @@ impl TickSink for Gatherer {
     }
 }
 
-/// A vehicle that thrusts a tenth less than asked for, and turns otherwise about every axis.
+/// A vehicle with a tenth less thrust than commanded, and other gains about every axis.
 const OTHERWISE: [&str; 3] = [
     "vehicle.actuators.thrust_factor=0.9",
     "vehicle.actuators.rate_factor=[0.9, 1.1, 0.95]",
@@ -33,7 +33,7 @@ const TRUE: [[f64; 2]; 4] = [
     [0.02, -0.95 * 8.0],
 ];
 
-/// Flies a scenario with the vehicle that is otherwise.
+/// Flies a scenario with that vehicle.
 fn flown(name: &str, changes: &[&str], source: FrameSource) -> Identification {
     let changes: Vec<&str> = OTHERWISE.iter().chain(changes).copied().collect();
     gathered(name, &changes, source).finish().unwrap()
@@ -81,7 +81,7 @@ fn the_poses_of_figure_7_give_the_sticks_back_that_moved_and_say_which_did_not()
         assert!((fit.offset - offset).abs() < 2.0 * fit.errors[0], "{fit:?}");
         assert!(fit.errors[1] < 0.04 * slope.abs());
     }
-    // In hover the yaw stick rests, and the thrust stick moves against gusts.
+    // In hover the yaw stick is centred, and the thrust stick moves against gusts.
     assert_eq!([thrust.usable(), yaw.usable()], [None, None]);
 }
 
@@ -238,7 +238,8 @@ fn the_intervals_of_flights_with_a_wrong_link_hold_the_truth() {
     );
 }
 
-/// Says what of a flight with a right link is missed by its intervals, offset and slope of each stick, of how many.
+/// Returns which true values of a flight with a correct link are outside their intervals, for offset and slope of each stick, with
+/// the number of intervals.
 fn missed_of_a_right_link(found: &Identification) -> (Vec<String>, usize) {
     let fits = || {
         found
@@ -273,7 +274,7 @@ fn short_flights_with_a_right_link_are_unusable_or_as_stated() {
                 "{changes:?}: {found:#?}"
             );
             for stick in &found.sticks {
-                // A stick that needs more time has no advice, and needs more than was flown.
+                // A stick that needs more time is not corrected, and needs more than was flown.
                 assert_eq!(
                     stick.needed.is_none(),
                     stick.fitted.is_some(),

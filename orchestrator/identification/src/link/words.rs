@@ -1,4 +1,4 @@
-//! A calibration in words: beside what the scenario states, and the lines to put into it.
+//! A calibration as text: a table beside the stated values, and the lines to put into the scenario.
 
 use std::fmt::{self, Display, Formatter, Write};
 
@@ -31,7 +31,7 @@ fn table(found: &Identification) -> String {
         let fitted = calibration.fitted.map_or_else(
             || {
                 vec![calibration.needed.map_or_else(
-                    || "too little moved".to_owned(),
+                    || "too little travel".to_owned(),
                     |needed| format!("too short, needs {needed:.0} s"),
                 )]
             },
@@ -51,11 +51,11 @@ fn table(found: &Identification) -> String {
     }
     let mass = found
         .mass
-        .map_or_else(String::new, |mass| format!("; thrusts are those of {mass} kg"));
+        .map_or_else(String::new, |mass| format!("; thrusts for a mass of {mass} kg"));
     format!("{table}\n\nvalue = offset + slope · travel s, N and rad/s{mass}\n\n")
 }
 
-/// The part of a scenario that states what differs, and which sticks tell nothing.
+/// Returns the lines of a scenario for the values that differ, and the sticks that are not identifiable.
 fn snippet(found: &Identification) -> String {
     let [thrust, rates @ ..] = found.sticks;
     let mut text = String::new();
@@ -80,9 +80,9 @@ fn snippet(found: &Identification) -> String {
     if text.is_empty() {
         let is_any_usable = found.sticks.iter().any(|stick| stick.usable().is_some());
         text += if is_any_usable {
-            "Nothing differs from what is stated.\n"
+            "All identified values are as stated.\n"
         } else {
-            "The flight tells nothing of any stick.\n"
+            "No stick can be identified from this flight.\n"
         };
     } else {
         text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
@@ -90,20 +90,20 @@ fn snippet(found: &Identification) -> String {
     text + &too_short(found) + &unmoved(found)
 }
 
-/// Which sticks need a longer flight, if there are any.
+/// Lists the sticks that need a longer flight, if there are any.
 fn too_short(found: &Identification) -> String {
-    let of_stick = |stick: &Calibration| Some(format!("{} needs {:.0} s", stick.stick, stick.needed?));
-    let short: Vec<_> = found.sticks.iter().filter_map(of_stick).collect();
+    let needed = |stick: &Calibration| Some(format!("{} needs {:.0} s", stick.stick, stick.needed?));
+    let short: Vec<_> = found.sticks.iter().filter_map(needed).collect();
     if short.is_empty() {
         return String::new();
     }
     format!(
-        "\nAs stated, because the flight is too short for intervals that hold: {}.\n",
+        "\nKept as stated, because the flight is too short for valid intervals: {}.\n",
         short.join(", ")
     )
 }
 
-/// Which sticks moved too little, if there are any.
+/// Lists the sticks that moved too little, if there are any.
 fn unmoved(found: &Identification) -> String {
     let unmoved = found
         .sticks
@@ -114,8 +114,8 @@ fn unmoved(found: &Identification) -> String {
         return String::new();
     }
     format!(
-        "\nAs stated, because the stick explains less than {:.0} % of what was measured: {}. Fly a path that moves it, up and \
-         down or around.\n",
+        "\nKept as stated, because the stick explains less than {:.0} % of the measured variance: {}. Fly a path that moves it, \
+         up and down or around.\n",
         100.0 * EXPLAINS,
         unmoved.join(", ")
     )

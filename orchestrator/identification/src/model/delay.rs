@@ -1,36 +1,36 @@
-//! The time from the sending of a frame to its acting, roughly.
+//! Coarse search for the delay from sending a frame to its effect.
 //!
-//! The filter knows the commands, and each capture tells how far the vehicle is from where they should have brought it.
-//! The sum of the squared Mahalanobis distances of the captures is smallest at the true delay. Captures that are later
-//! than their stamps make the same difference: what is found is the delay between both,
-//! and with it all lag of thrust and body rates beyond what the model states: an effective delay.
+//! The filter predicts with the commands, and the innovations of the captures measure the error of the prediction. The sum of
+//! their squared Mahalanobis distances is smallest at the true delay. Captures that are later than their stamps have the same
+//! effect: the result is an effective delay, which includes this lateness and all lag of thrust and body rates beyond the
+//! model's.
 
 use flight::many;
 
 use super::IdentifyError;
-use super::recording::{Believed, Recording};
+use super::recording::{FilterSettings, Recording};
 
-/// Longest delay that is tried, s.
+/// Upper end of the search, s.
 const LONGEST: f64 = 0.06;
 
-/// Distances between the delays that are tried, s: over the whole range, then around the best.
+/// Resolution of the search, s: over the whole range, then around the best delay.
 const STEPS: [f64; 2] = [4e-3, 1e-3];
 
-/// Returns the delay with the smallest squared distances.
+/// Returns the delay with the smallest sum of squared distances.
 ///
 /// # Errors
-/// [`IdentifyError::Scenario`] if no delay can be tried.
-pub fn search(recording: &Recording, believed: &Believed) -> Result<f64, IdentifyError> {
+/// [`IdentifyError::Scenario`] if no filter can be made.
+pub fn search(recording: &Recording, settings: &FilterSettings) -> Result<f64, IdentifyError> {
     let score = |latency: f64| {
-        let mut believed = believed.clone();
-        believed.model.radio_latency = latency;
+        let mut settings = settings.clone();
+        settings.model.radio_latency = latency;
         recording
-            .filtered(&believed)
+            .filtered(&settings)
             .map(|filtered| filtered.squared_distances)
     };
     let (mut from, mut to) = (0.0, LONGEST);
-    let mut best = believed.model.radio_latency;
-    // The longest delays may be more than a filter remembers; one that cannot be tried at all tells why.
+    let mut best = settings.model.radio_latency;
+    // The longest delays may exceed the filter's history and are skipped below; the stated one must work.
     score(best)?;
     for step in STEPS {
         let latencies = grid(from, to, step);

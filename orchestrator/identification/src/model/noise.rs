@@ -1,8 +1,8 @@
-//! Scatter of the captures.
+//! Noise of the captures.
 //!
-//! The third difference of equally spaced positions is that of their noise, of variance (1 + 9 + 9 + 1) σ², and of the
-//! motion, jerk times the cube of the spacing, which is a tenth of a millimetre at most at 100 Hz. The median of its
-//! magnitude is no matter of single wrong captures. Attitudes are treated alike, as rotation vectors between captures.
+//! The third difference of equally spaced positions consists of that of their noise, of variance (1 + 9 + 9 + 1) σ², and that of
+//! the motion, jerk times the cube of the spacing, which is at most a tenth of a millimetre at 100 Hz. The median of its
+//! magnitude is robust against single wrong captures. Attitudes are treated alike, as rotation vectors between captures.
 
 use estimator::kalman::attitude::log;
 use metrics::{CERTAIN, CONFIDENCE};
@@ -13,28 +13,28 @@ use statistics::student;
 
 use super::report::Quantity;
 
-/// Median of the magnitude of a normal variable of deviation 1.
+/// Median of the magnitude of a standard normal variable.
 const MEDIAN_MAGNITUDE: f64 = 0.674_489_750_196_081_7;
 
 /// Variance of a third difference of independent variables of variance 1.
 const OF_THIRD_DIFFERENCE: f64 = 20.0;
 
-/// Parts of a flight whose medians are compared.
+/// Number of parts of a flight whose medians are compared.
 const PARTS: usize = 16;
 
-/// Share of the deviation that the motion of a vehicle may add or hide: it bends within a capture's spacing.
+/// Relative error of the deviation due to the vehicle's motion within the spacing of captures.
 const BY_MOTION: f64 = 0.05;
 
-/// Part by which intervals between captures may differ and count as equal.
+/// Relative tolerance within which intervals between captures count as equal.
 const EQUAL: f64 = 0.2;
 
-/// Returns the deviation of a position's components (m) and of the attitude about each axis (rad), each without what is
-/// stated.
+/// Returns the standard deviation of a position's components (m) and of the attitude about each axis (rad), without the stated
+/// values.
 #[must_use]
-pub fn of_captures<'a>(poses: impl Iterator<Item = &'a MocapPose>) -> [Quantity; 2] {
-    let seen: Vec<&MocapPose> = poses.filter(|pose| pose.is_whole()).collect();
+pub fn from_captures<'a>(poses: impl Iterator<Item = &'a MocapPose>) -> [Quantity; 2] {
+    let tracked: Vec<&MocapPose> = poses.filter(|pose| pose.is_whole()).collect();
     let (mut positions, mut attitudes) = (Vec::new(), Vec::new());
-    for captures in seen
+    for captures in tracked
         .array_windows::<4>()
         .filter(|captures| are_equally_spaced(captures))
     {
@@ -57,19 +57,19 @@ fn are_equally_spaced(captures: &[&MocapPose; 4]) -> bool {
         && mean > 0.0
 }
 
-/// Returns the deviation of what third differences were taken of, with its 95 % interval.
+/// Returns the standard deviation of the variable whose third differences are given, with its intervals.
 ///
-/// The flight is divided into parts, each with a median of its own: their scatter tells how well the median of all is known,
-/// however far neighbours depend on each other. Beside it stands what the motion may add.
+/// The scatter of the medians of parts of the flight gives the uncertainty of the overall median, even if neighbours are
+/// correlated. The possible influence of the motion is added to it.
 fn deviation(differences: Vec<f64>) -> Quantity {
     let sizes: Vec<f64> = differences.into_iter().map(f64::abs).collect();
-    let found = of_median(&sizes);
+    let found = deviation_by_median(&sizes);
     let parts: Vec<f64> = sizes
         .chunks(sizes.len().div_ceil(PARTS).max(1))
-        .map(of_median)
+        .map(deviation_by_median)
         .collect();
     let half_width = |confidence: f64| {
-        let by_chance = of_mean(&parts, confidence);
+        let by_chance = half_width_of_mean(&parts, confidence);
         (by_chance * by_chance + BY_MOTION * BY_MOTION * found * found).sqrt()
     };
     Quantity {
@@ -80,8 +80,8 @@ fn deviation(differences: Vec<f64>) -> Quantity {
     }
 }
 
-/// Returns the half-width of the interval of the mean of independent values; infinite of a single one.
-fn of_mean(values: &[f64], confidence: f64) -> f64 {
+/// Returns the half-width of the interval of the mean of independent values; infinite for a single one.
+fn half_width_of_mean(values: &[f64], confidence: f64) -> f64 {
     if values.len() < 2 {
         return f64::INFINITY;
     }
@@ -91,8 +91,8 @@ fn of_mean(values: &[f64], confidence: f64) -> f64 {
     student::two_sided(confidence, values.len() - 1) * (squares / (count * (count - 1.0))).sqrt()
 }
 
-/// Returns the deviation that the median of the magnitudes of third differences tells.
-fn of_median(sizes: &[f64]) -> f64 {
+/// Returns the standard deviation by the median of the magnitudes of third differences.
+fn deviation_by_median(sizes: &[f64]) -> f64 {
     let mut sorted = sizes.to_vec();
     sorted.sort_by(f64::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);

@@ -14,25 +14,25 @@ use shared_types::{ServiceId, Topic};
 
 use super::IdentifyError;
 
-/// Captures and frames with which a flight has enough to say: those of ten seconds of slow ones.
+/// Minimum number of captures and of frames: those of ten seconds at slow rates.
 const ENOUGH: usize = 200;
 
-/// Time between the first and the last of them with which it has, ns: that of a flight of twenty seconds.
+/// Minimum time between the first and the last of them, ns: that of a flight of twenty seconds.
 const LONG_ENOUGH_NS: u64 = 19_500_000_000;
 
-/// What the filter believes.
+/// Parameters of the filter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Believed {
-    /// The vehicle and its links.
+pub struct FilterSettings {
+    /// Model of the vehicle and its links.
     pub model: Model,
-    /// The weights.
+    /// Noise and gates.
     pub kalman: Kalman,
 }
 
 /// Innovation of a capture.
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation {
-    /// Of unit covariance if the filter is right: position and attitude.
+    /// Whitened innovation of position and attitude, of unit covariance if the filter is consistent.
     pub whitened: SVector<f64, 6>,
     /// Logarithm of the determinant of its covariance.
     pub log_determinant: f64,
@@ -47,17 +47,16 @@ enum Arrival {
 /// The captures and frames of a flight in the order of their arrival at the estimator.
 pub struct Recording {
     scenario: Scenario,
-    believed: Believed,
-    /// Of poses and of frames, ns.
+    settings: FilterSettings,
+    /// Latencies of poses and of frames, ns.
     latencies_ns: [u64; 2],
     arrivals: Vec<(u64, Arrival)>,
 }
 
-/// A filter after the whole recording.
+/// The filter after the whole recording.
 pub struct Filtered {
-    /// The filter.
     pub filter: KalmanFilter,
-    /// Sum of the squared Mahalanobis distances of the captures; a refused one counts as the filter's gate.
+    /// Sum of the squared Mahalanobis distances of the captures; a refused capture counts with the filter's gate.
     pub squared_distances: f64,
 }
 
@@ -73,7 +72,7 @@ impl Recording {
             .map_err(|mut problems| IdentifyError::Scenario(problems.swap_remove(0)))?;
         let latency_ns = |input| schedule.time_ns(schedule.latency(ServiceId::Estimator, input));
         Ok(Self {
-            believed: Believed {
+            settings: FilterSettings {
                 model: scenario.model.clone().unwrap_or_default(),
                 kalman: estimator.kalman.clone(),
             },
@@ -96,7 +95,7 @@ impl Recording {
         recording.complete()
     }
 
-    /// Takes a sample.
+    /// Records a sample.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let [poses_late, frames_late] = self.latencies_ns;
         let (late, arrival) = match topic {
@@ -113,7 +112,7 @@ impl Recording {
     /// # Errors
     /// [`IdentifyError::TooShort`].
     pub fn complete(mut self) -> Result<Self, IdentifyError> {
-        // A step hears frames before it sees poses.
+        // A step of the estimator processes frames before poses.
         self.arrivals
             .sort_by_key(|(at_ns, arrival)| (*at_ns, matches!(arrival, Arrival::Pose(_))));
         let (captures, frames) = (self.captures(), self.frames());
@@ -124,10 +123,10 @@ impl Recording {
         Ok(self)
     }
 
-    /// Returns what the filter of the flight believed.
+    /// Returns the filter settings of the flight.
     #[must_use]
-    pub fn believed(&self) -> Believed {
-        self.believed.clone()
+    pub fn stated_settings(&self) -> FilterSettings {
+        self.settings.clone()
     }
 
     /// Returns the captures.
@@ -156,18 +155,18 @@ impl Recording {
         [self.arrivals.first(), self.arrivals.last()].map(|arrival| arrival.map_or(0, |(at_ns, _)| *at_ns))
     }
 
-    /// Runs a filter that begins at a time over the arrivals up to another one, and returns for each capture that shows the
-    /// vehicle its arrival and its innovation; none of one that the filter begins with or refuses.
+    /// Runs a filter over the arrivals between two times. Returns for each capture that shows the vehicle its arrival and its
+    /// innovation, which is `None` if the filter starts with the capture or refuses it.
     ///
     /// # Errors
-    /// [`IdentifyError::Scenario`] if more frames are under way than a filter remembers.
+    /// [`IdentifyError::Scenario`] if more frames are in flight than the filter can store.
     pub fn innovations(
         &self,
-        believed: &Believed,
+        settings: &FilterSettings,
         from_ns: u64,
         to_ns: u64,
     ) -> Result<Vec<(u64, Option<Innovation>)>, IdentifyError> {
-        let (mut filter, later_ns) = self.filter(believed)?;
+        let (mut filter, later_ns) = self.filter(settings)?;
         let from = self.arrivals.partition_point(|(at_ns, _)| *at_ns < from_ns);
         let arrivals = self.arrivals[from..].iter();
         let mut innovations = Vec::new();
@@ -178,7 +177,7 @@ impl Recording {
                     let innovation = match filter.add_capture(*at_ns, pose) {
                         Outcome::Used(whitened) => Some(Innovation {
                             whitened,
-                            log_determinant: log_determinant(&filter, &believed.kalman),
+                            log_determinant: log_determinant(&filter, &settings.kalman),
                         }),
                         Outcome::Refused | Outcome::Started | Outcome::Ignored => None,
                     };
@@ -190,25 +189,25 @@ impl Recording {
         Ok(innovations)
     }
 
-    /// Returns the filter of these beliefs, and what is to be added to the stamps of its frames, ns: a scenario's latency is a
-    /// whole number of ticks, and that of a radio need not be.
-    fn filter(&self, believed: &Believed) -> Result<(KalmanFilter, u64), IdentifyError> {
+    /// Returns a filter with these settings, and the time to add to the stamps of its frames, ns: a scenario's latency is a whole
+    /// number of ticks, that of a radio need not be.
+    fn filter(&self, settings: &FilterSettings) -> Result<(KalmanFilter, u64), IdentifyError> {
         let mut scenario = self.scenario.clone();
-        let mut model = believed.model.clone();
+        let mut model = settings.model.clone();
         let latency_ns = nanoseconds(model.radio_latency);
         let rest_ns = latency_ns % nanoseconds(scenario.schedule.tick);
         model.radio_latency = seconds(latency_ns - rest_ns);
         scenario.model = Some(model);
-        let filter = KalmanFilter::new(&scenario, &believed.kalman).map_err(IdentifyError::Scenario)?;
+        let filter = KalmanFilter::new(&scenario, &settings.kalman).map_err(IdentifyError::Scenario)?;
         Ok((filter, rest_ns))
     }
 
-    /// Runs a filter with other beliefs over the recording.
+    /// Runs a filter with other settings over the recording.
     ///
     /// # Errors
-    /// [`IdentifyError::Scenario`] if more frames are under way than a filter remembers.
-    pub fn filtered(&self, believed: &Believed) -> Result<Filtered, IdentifyError> {
-        let (mut filter, later_ns) = self.filter(believed)?;
+    /// [`IdentifyError::Scenario`] if more frames are in flight than the filter can store.
+    pub fn filtered(&self, settings: &FilterSettings) -> Result<Filtered, IdentifyError> {
+        let (mut filter, later_ns) = self.filter(settings)?;
         let mut squared_distances = 0.0;
         for (at_ns, arrival) in &self.arrivals {
             match arrival {
@@ -216,7 +215,7 @@ impl Recording {
                 Arrival::Pose(pose) => {
                     squared_distances += match filter.add_capture(*at_ns, pose) {
                         Outcome::Used(whitened) => whitened.norm_squared(),
-                        Outcome::Refused => believed.kalman.gate,
+                        Outcome::Refused => settings.kalman.gate,
                         Outcome::Started | Outcome::Ignored => 0.0,
                     };
                 }
@@ -229,8 +228,8 @@ impl Recording {
     }
 }
 
-/// Returns the logarithm of the determinant of the covariance Z of the innovation that has just corrected the state. The pose of
-/// that state has the covariance V − V Z⁻¹ V, where V is that of the captures.
+/// Returns the logarithm of the determinant of the covariance Z of the last innovation. After its correction the pose of the state
+/// has the covariance V − V Z⁻¹ V, where V is that of the captures.
 fn log_determinant(filter: &KalmanFilter, kalman: &Kalman) -> f64 {
     let variances =
         [kalman.position_deviation, kalman.attitude_deviation].map(|deviation| deviation * deviation);

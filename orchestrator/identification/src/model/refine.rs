@@ -1,11 +1,11 @@
-//! Marker offset and delay by the method of prediction errors, with intervals that rest on what the flight shows.
+//! Marker offset and delay by the prediction-error method, with empirical intervals.
 //!
-//! The whitened innovations of the captures are a function of what the filter believes. Gauss–Newton makes the sum of their
-//! squares smallest, and the noise of the process is that of greatest likelihood. The mass is estimated along with it for every block of some seconds, because it may change in flight
-//! and a wrong one looks like an offset: both make the vehicle's acceleration another multiple of its tilt.
+//! The whitened innovations of the captures are a function of the filter settings. Gauss–Newton minimises the sum of their squares,
+//! and the process noise is chosen by maximum likelihood. The mass is estimated as well, for every block of some seconds: it may
+//! change in flight, and a wrong mass resembles an offset, because both scale the acceleration by tilt.
 //!
-//! An interval is the sandwich estimate of the covariance, from the sums of the gradient over a second each: it holds with
-//! turbulence, a quantised link and a filter that is wrong about its noise, where the curvature alone promises too much.
+//! Intervals are based on the sandwich estimate of the covariance, from sums of the gradient over one second each. They hold with
+//! turbulence, a quantised link and wrong noise parameters of the filter, where the curvature alone is too optimistic.
 
 use std::collections::VecDeque;
 
@@ -15,57 +15,55 @@ use nalgebra::{SMatrix, SVector};
 use statistics::student;
 
 use super::IdentifyError;
-use super::recording::{Believed, Innovation, Recording};
+use super::recording::{FilterSettings, Innovation, Recording};
 use super::report::Quantity;
 
-/// Parameters: three components of the offset, m, and the delay, s.
+/// Number of parameters: three components of the offset, m, and the delay, s.
 const PARAMETERS: usize = 4;
 
-/// Parameters and the mass, kg.
+/// Number of parameters with the mass, kg.
 const ALL: usize = PARAMETERS + 1;
 
 /// Steps of the difference quotients.
 const STEPS: [f64; ALL] = [2e-3, 2e-3, 2e-3, 1e-3, 2e-3];
 
-/// Length of a block with a mass of its own, ns.
+/// Duration of a block with a separate mass, ns.
 const BLOCK_NS: u64 = 5_000_000_000;
 
 /// Time for which a filter runs before the captures of a block count, ns.
 const WARM_UP_NS: u64 = 2_000_000_000;
 
-/// Length of a cluster whose innovations may depend on each other, ns.
+/// Duration of a cluster whose innovations may be correlated, ns.
 const CLUSTER_NS: u64 = 1_000_000_000;
 
-/// Degrees of freedom below which nothing is identified. A second has one, and takes it from the parameters and from the masses of
-/// the blocks: twelve seconds have five.
+/// Minimum degrees of freedom. Every second adds one, the parameters and the masses of the blocks take one each: twelve seconds
+/// have five.
 const FREEDOM: usize = 5;
 
-/// Longest delay, s.
+/// Maximum delay, s.
 const LONGEST: f64 = 0.1;
 
-/// The least that the flight's own contradictions do not show, as half-widths, m and s: the drift of the disturbance is no
-/// random walk.
+/// Minimum systematic error, as half-widths, m and s: the disturbance is not exactly a random walk.
 const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
 
-/// The same with the confidence of [`CERTAIN`], as the ratio of both half-widths of a normal error.
+/// Factor on [`SYSTEMATIC`] for the confidence [`CERTAIN`]: the ratio of both half-widths of a normal error.
 const SYSTEMATIC_CERTAIN: f64 = 1.7;
 
-/// Shares of the stated noise of the body rates, and of the stated drift of the disturbance, that are tried; and the place of
-/// the first one.
+/// Factors on the stated noise of the body rates and on the stated drift of the disturbance, with the index of the start value.
 const RATE_FACTORS: (&[f64], usize) = (&[1.0, 0.1, 0.01, 0.001], 0);
 const DRIFT_FACTORS: (&[f64], usize) = (&[3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001], 3);
 
-/// Share of the half-range of the estimates with the neighbouring drifts that an interval holds at least: the likeliest drift
-/// is known to a factor of 1.5, the neighbours are apart by 3.
+/// Minimum half-width of an interval, as a share of the half-range of the estimates with the neighbouring drifts: the likeliest
+/// drift is known to a factor of 1.5, and the neighbours are a factor of 3 apart.
 const OF_NEIGHBOURS: f64 = 0.37;
 
-/// Ratio to the median of the blocks' mean squares from which on a block is left out: the mass changed in it, or the
-/// vehicle was taken hold of.
-const STRANGE: f64 = 2.0;
+/// Maximum ratio of a block's mean square to the median of all blocks; blocks above it are outliers: the mass changed, or the
+/// vehicle was touched.
+const OUTLIER: f64 = 2.0;
 
 type Row = SMatrix<f64, 6, ALL>;
 
-/// A block of the flight: its time, and the mass that goes with the beliefs.
+/// A block of the flight with its mass.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     from_ns: u64,
@@ -73,13 +71,13 @@ struct Block {
     mass: f64,
 }
 
-/// Normal equations of a block for the parameters, once the mass has been eliminated.
+/// Normal equations of a block for the parameters, with the mass eliminated.
 struct NormalEquations {
     /// JᵀJ.
     information: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Jᵀr of every cluster.
     gradients: Vec<SVector<f64, PARAMETERS>>,
-    /// Change of the mass: for a given change of the parameters, and by itself.
+    /// Change of the mass: per change of the parameters, and independent of it.
     mass: (SMatrix<f64, 1, PARAMETERS>, f64),
     mean_square: f64,
 }
@@ -91,7 +89,7 @@ pub struct Refined {
     certain: [f64; PARAMETERS],
 }
 
-/// Parameters with their standard errors and the degrees of freedom of these, and the masses of the blocks.
+/// Parameters with their standard errors, the degrees of freedom, and the masses of the blocks.
 #[derive(Clone)]
 struct Estimate {
     parameters: SVector<f64, PARAMETERS>,
@@ -100,42 +98,42 @@ struct Estimate {
     blocks: Vec<Block>,
 }
 
-/// An estimate with a share of a stated noise of the process.
+/// An estimate with a factor on a stated process noise.
 #[derive(Clone)]
 struct Tried {
     factor: f64,
     estimate: Estimate,
-    /// Of every block; `None` of a strange one.
+    /// Deviance of every block; `None` for an outlier.
     deviances: Vec<Option<f64>>,
 }
 
-/// Returns marker offset and delay, from beliefs that are near them.
+/// Returns marker offset and delay, from settings that are near them.
 ///
-/// The noise of the body rates and the drift of the disturbance are the likeliest ones. A filter that expects more of them than
-/// there is takes measuring noise for pushes. The controller acts on that noise, so that commands go with it, and a smaller mass
-/// and an offset along the thrust seem to be there: −1, −4, −6 and −9 mm with 2, 6, 20 and 60 times the drift.
+/// The noise of the body rates and the drift of the disturbance are chosen by maximum likelihood. Too large values make the
+/// filter attribute measurement noise to disturbances. The controller acts on that noise, which correlates the commands with it
+/// and biases the mass down and the offset along the thrust: by −1, −4, −6 and −9 mm with 2, 6, 20 and 60 times the drift.
 ///
 /// # Errors
-/// [`IdentifyError`] if the scenario gives no filter, or too few captures count.
-pub fn refine(recording: &Recording, believed: &Believed) -> Result<Refined, IdentifyError> {
-    let mut estimate = Estimate::at(recording, believed);
-    estimate.descend(recording, believed)?;
+/// [`IdentifyError`] if no filter can be made, or too few captures are usable.
+pub fn refine(recording: &Recording, settings: &FilterSettings) -> Result<Refined, IdentifyError> {
+    let mut estimate = Estimate::new(recording, settings);
+    estimate.descend(recording, settings)?;
     let rates = |factor, _: &Estimate| {
-        let tried = with_rate_noise(believed, factor);
+        let tried = with_rate_noise(settings, factor);
         Tried::new(recording, &tried, factor, estimate.clone())
     };
     let (tried, likeliest) = scan(RATE_FACTORS, &estimate, rates)?;
-    let believed = with_rate_noise(believed, tried[likeliest].factor);
+    let settings = with_rate_noise(settings, tried[likeliest].factor);
     let drifts = |factor, from: &Estimate| {
-        let (tried, mut estimate) = (with_drift(&believed, factor), from.clone());
+        let (tried, mut estimate) = (with_drift(&settings, factor), from.clone());
         estimate.descend(recording, &tried)?;
         Tried::new(recording, &tried, factor, estimate)
     };
     let (tried, likeliest) = scan(DRIFT_FACTORS, &estimate, drifts)?;
-    let believed = with_drift(&believed, between(&tried, likeliest));
+    let settings = with_drift(&settings, between(&tried, likeliest));
     let mut estimate = tried[likeliest].estimate.clone();
-    estimate.descend(recording, &believed)?;
-    estimate.descend(recording, &believed)?;
+    estimate.descend(recording, &settings)?;
+    estimate.descend(recording, &settings)?;
     let beside = &tried[likeliest.saturating_sub(1)..tried.len().min(likeliest + 2)];
     Ok(Refined {
         found: estimate.parameters.into(),
@@ -144,21 +142,21 @@ pub fn refine(recording: &Recording, believed: &Believed) -> Result<Refined, Ide
     })
 }
 
-fn with_rate_noise(believed: &Believed, factor: f64) -> Believed {
-    let mut believed = believed.clone();
-    believed.kalman.rate_noise *= factor;
-    believed.kalman.rate_bias_drift *= factor;
-    believed
+fn with_rate_noise(settings: &FilterSettings, factor: f64) -> FilterSettings {
+    let mut settings = settings.clone();
+    settings.kalman.rate_noise *= factor;
+    settings.kalman.rate_bias_drift *= factor;
+    settings
 }
 
-fn with_drift(believed: &Believed, factor: f64) -> Believed {
-    let mut believed = believed.clone();
-    believed.kalman.disturbance_drift *= factor;
-    believed
+fn with_drift(settings: &FilterSettings, factor: f64) -> FilterSettings {
+    let mut settings = settings.clone();
+    settings.kalman.disturbance_drift *= factor;
+    settings
 }
 
-/// Tries factors, each from the estimate of its neighbour: down from the first one until the flight becomes less likely, and up
-/// if it does so at once. Returns what was tried, in the order of the factors, and the place of the likeliest.
+/// Scans factors, each from the estimate of its neighbour: down from the start value until the likelihood decreases, and up if it
+/// decreases at once. Returns the attempts in the order of the factors, and the index of the likeliest.
 fn scan(
     (factors, first): (&[f64], usize),
     begin: &Estimate,
@@ -183,11 +181,11 @@ fn scan(
     Ok((tried.into(), likeliest))
 }
 
-/// Returns the factor at the vertex of the parabola through the likeliest and its neighbours, over the factor's logarithm.
+/// Returns the likeliest factor by parabolic interpolation through the best and its neighbours, over the factor's logarithm.
 fn between(tried: &[Tried], likeliest: usize) -> f64 {
     let best = &tried[likeliest];
     let beside = (
-        likeliest.checked_sub(1).map(|place| &tried[place]),
+        likeliest.checked_sub(1).map(|index| &tried[index]),
         tried.get(likeliest + 1),
     );
     let (Some(above), Some(below)) = beside else {
@@ -201,11 +199,11 @@ fn between(tried: &[Tried], likeliest: usize) -> f64 {
 impl Tried {
     fn new(
         recording: &Recording,
-        believed: &Believed,
+        settings: &FilterSettings,
         factor: f64,
         estimate: Estimate,
     ) -> Result<Self, IdentifyError> {
-        let deviances = estimate.deviances(recording, believed)?;
+        let deviances = estimate.deviances(recording, settings)?;
         Ok(Self {
             factor,
             estimate,
@@ -213,8 +211,8 @@ impl Tried {
         })
     }
 
-    /// Returns by how much the deviance, −2 times the logarithm of the likelihood, is above another one, in the blocks that are
-    /// strange in neither.
+    /// Returns the excess of the deviance, −2 times the log-likelihood, over another one, in the blocks that are outliers in
+    /// neither.
     fn above(&self, other: &Self) -> f64 {
         let pairs = self.deviances.iter().zip(&other.deviances);
         pairs.filter_map(|(own, other)| Some((*own)? - (*other)?)).sum()
@@ -222,28 +220,27 @@ impl Tried {
 }
 
 impl Estimate {
-    fn at(recording: &Recording, believed: &Believed) -> Self {
+    fn new(recording: &Recording, settings: &FilterSettings) -> Self {
         let [begin_ns, end_ns] = recording.span_ns();
         let begins = (begin_ns.saturating_add(WARM_UP_NS)..end_ns)
             .step_by(usize::try_from(BLOCK_NS).unwrap_or(usize::MAX));
-        let [x, y, z] = believed.model.marker_offset;
+        let [x, y, z] = settings.model.marker_offset;
         Self {
-            parameters: SVector::from([x, y, z, believed.model.radio_latency]),
+            parameters: SVector::from([x, y, z, settings.model.radio_latency]),
             deviations: SVector::zeros(),
             freedom: FREEDOM,
             blocks: begins
                 .map(|from_ns| Block {
                     from_ns,
                     to_ns: (from_ns + BLOCK_NS).min(end_ns),
-                    mass: believed.model.mass,
+                    mass: settings.model.mass,
                 })
                 .collect(),
         }
     }
 
-    /// Returns the half-widths of the intervals: what the flight's own contradictions show, and beside that what they do not,
-    /// which is at least a share of the range of the estimates with the neighbouring drifts.
-    /// `wider` is the ratio of the half-width of what is systematic to the one of 95 %.
+    /// Returns the half-widths of the intervals from the random error and the systematic one, which is at least a share of the
+    /// range of the estimates with the neighbouring drifts. `wider` is the ratio of the systematic half-width to that of 95 %.
     fn half_widths(&self, beside: &[Tried], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
         let quantile = student::two_sided(confidence, self.freedom);
         std::array::from_fn(|index| {
@@ -255,12 +252,12 @@ impl Estimate {
         })
     }
 
-    /// Takes a step of Gauss–Newton.
-    fn descend(&mut self, recording: &Recording, believed: &Believed) -> Result<(), IdentifyError> {
+    /// Makes a Gauss–Newton step.
+    fn descend(&mut self, recording: &Recording, settings: &FilterSettings) -> Result<(), IdentifyError> {
         let equations = self
             .blocks
             .iter()
-            .map(|block| block.equations(recording, believed, &self.parameters))
+            .map(|block| block.equations(recording, settings, &self.parameters))
             .collect::<Result<Vec<_>, _>>()?;
         let usable = usable(equations.iter().map(|equations| equations.mean_square));
         let used = || {
@@ -291,18 +288,18 @@ impl Estimate {
         Ok(())
     }
 
-    /// Returns the deviance of every block, and none of a strange one.
+    /// Returns the deviance of every block; `None` for an outlier.
     fn deviances(
         &self,
         recording: &Recording,
-        believed: &Believed,
+        settings: &FilterSettings,
     ) -> Result<Vec<Option<f64>>, IdentifyError> {
         let runs = many::map(&self.blocks, many::cores(), |block| {
-            let run = block.innovations(recording, believed, &self.parameters, None)?;
+            let run = block.innovations(recording, settings, &self.parameters, None)?;
             let counting = run.iter().filter(|(at_ns, _)| *at_ns >= block.from_ns);
-            Ok(Deviance::of(
+            Ok(Deviance::new(
                 counting.map(|(_, innovation)| *innovation),
-                believed.kalman.gate,
+                settings.kalman.gate,
             ))
         });
         let found = runs.into_iter().collect::<Result<Vec<_>, IdentifyError>>()?;
@@ -316,14 +313,14 @@ impl Estimate {
 
 /// Misfit of the captures of a block.
 struct Deviance {
-    /// −2 times the logarithm of their likelihood, up to a constant.
+    /// −2 times the log-likelihood, up to a constant.
     sum: f64,
     mean_square: f64,
 }
 
 impl Deviance {
-    /// A capture that is refused counts as one at the gate.
-    fn of(innovations: impl Iterator<Item = Option<Innovation>>, gate: f64) -> Self {
+    /// Sums the misfit. A refused capture counts with the filter's gate.
+    fn new(innovations: impl Iterator<Item = Option<Innovation>>, gate: f64) -> Self {
         let (mut squares, mut determinants, mut used, mut all) = (0.0, 0.0, 0.0, 0.0);
         for innovation in innovations {
             all += 1.0;
@@ -340,19 +337,20 @@ impl Deviance {
     }
 }
 
+/// Returns for each block whether it is no outlier.
 fn usable(mean_squares: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
     let mut sizes: Vec<f64> = mean_squares.clone().collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN);
-    mean_squares.map(|size| size <= STRANGE * median).collect()
+    mean_squares.map(|size| size <= OUTLIER * median).collect()
 }
 
 impl Block {
-    /// Returns the innovations of the block with these parameters, one of which may be changed by a step.
+    /// Returns the innovations of the block with these parameters, with one of them optionally changed by a step.
     fn innovations(
         &self,
         recording: &Recording,
-        believed: &Believed,
+        settings: &FilterSettings,
         parameters: &SVector<f64, PARAMETERS>,
         step: Option<(usize, f64)>,
     ) -> Result<Vec<(u64, Option<Innovation>)>, IdentifyError> {
@@ -361,71 +359,72 @@ impl Block {
         if let Some((index, by)) = step {
             values[index] += by;
         }
-        let mut believed = believed.clone();
-        believed.model.marker_offset = [values[0], values[1], values[2]];
-        believed.model.radio_latency = values[3].max(0.0);
-        believed.model.mass = values[4];
-        believed.kalman.marker_offset_deviation = 0.0;
+        let mut settings = settings.clone();
+        settings.model.marker_offset = [values[0], values[1], values[2]];
+        settings.model.radio_latency = values[3].max(0.0);
+        settings.model.mass = values[4];
+        settings.kalman.marker_offset_deviation = 0.0;
         let from_ns = self.from_ns.saturating_sub(WARM_UP_NS);
-        recording.innovations(&believed, from_ns, self.to_ns)
+        recording.innovations(&settings, from_ns, self.to_ns)
     }
 
     fn equations(
         &self,
         recording: &Recording,
-        believed: &Believed,
+        settings: &FilterSettings,
         parameters: &SVector<f64, PARAMETERS>,
     ) -> Result<NormalEquations, IdentifyError> {
         let mut runs: Vec<Option<(usize, f64)>> = vec![None];
         runs.extend((0..ALL).flat_map(|index| [STEPS[index], -STEPS[index]].map(|step| Some((index, step)))));
         let runs = many::map(&runs, many::cores(), |&step| {
-            self.innovations(recording, believed, parameters, step)
+            self.innovations(recording, settings, parameters, step)
         });
         let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
         let [base, steps @ ..] = &runs[..] else {
-            unreachable!("the first run is there");
+            unreachable!("there is a first run");
         };
         let mut rows: Vec<(u64, SVector<f64, 6>, Row)> = Vec::new();
-        for (place, (time_ns, innovation)) in base.iter().enumerate() {
-            let of_run = |run: &Vec<(u64, Option<Innovation>)>| {
-                run.get(place)
+        for (index, (time_ns, innovation)) in base.iter().enumerate() {
+            let whitened = |run: &Vec<(u64, Option<Innovation>)>| {
+                run.get(index)
                     .and_then(|(_, innovation)| innovation.map(|found| found.whitened))
             };
-            let stepped: Option<Vec<_>> = steps.iter().map(of_run).collect();
+            let stepped: Option<Vec<_>> = steps.iter().map(whitened).collect();
             if *time_ns < self.from_ns {
                 continue;
             }
             if let (Some(innovation), Some(stepped)) = (innovation, stepped) {
-                let row = Row::from_fn(|of, index| {
-                    // A delay cannot be negative, so that its lower step may be shorter.
+                let row = Row::from_fn(|component, index| {
+                    // The delay cannot become negative: its lower step may be shorter.
                     let lower = if index == 3 {
                         STEPS[3].min(parameters[3])
                     } else {
                         STEPS[index]
                     };
-                    (stepped[2 * index][of] - stepped[2 * index + 1][of]) / (STEPS[index] + lower)
+                    (stepped[2 * index][component] - stepped[2 * index + 1][component])
+                        / (STEPS[index] + lower)
                 });
                 rows.push((*time_ns, innovation.whitened, row));
             }
         }
-        Ok(NormalEquations::of(&rows, self.from_ns))
+        Ok(NormalEquations::new(&rows, self.from_ns))
     }
 }
 
 impl NormalEquations {
-    fn of(rows: &[(u64, SVector<f64, 6>, Row)], from_ns: u64) -> Self {
+    fn new(rows: &[(u64, SVector<f64, 6>, Row)], from_ns: u64) -> Self {
         let information: SMatrix<f64, ALL, ALL> = rows.iter().map(|(_, _, row)| row.transpose() * row).sum();
         let gradient: SVector<f64, ALL> = rows
             .iter()
             .map(|(_, residual, row)| row.transpose() * residual)
             .sum();
-        let of_mass = information[(PARAMETERS, PARAMETERS)].max(f64::MIN_POSITIVE);
-        let cross = information.fixed_view::<1, PARAMETERS>(PARAMETERS, 0) / of_mass;
+        let mass_information = information[(PARAMETERS, PARAMETERS)].max(f64::MIN_POSITIVE);
+        let cross = information.fixed_view::<1, PARAMETERS>(PARAMETERS, 0) / mass_information;
         let mut equations = Self {
             information: information.fixed_view::<PARAMETERS, PARAMETERS>(0, 0)
                 - information.fixed_view::<PARAMETERS, 1>(0, PARAMETERS) * cross,
             gradients: Vec::new(),
-            mass: (-cross, -gradient[PARAMETERS] / of_mass),
+            mass: (-cross, -gradient[PARAMETERS] / mass_information),
             mean_square: rows
                 .iter()
                 .map(|(_, residual, _)| residual.norm_squared())
@@ -446,9 +445,9 @@ impl NormalEquations {
     }
 }
 
-/// Returns the offset and the delay beside what is stated.
+/// Returns the offset and the delay beside the stated values.
 #[must_use]
-pub fn beside(stated: &Believed, refined: &Refined) -> ([Quantity; 3], Quantity) {
+pub fn beside(stated: &FilterSettings, refined: &Refined) -> ([Quantity; 3], Quantity) {
     let quantity = |index: usize, stated: f64| Quantity {
         stated,
         found: refined.found[index],

@@ -1,43 +1,42 @@
-//! What was found beside what the scenario states.
+//! The found values beside those that the scenario states.
 
 use std::fmt;
 
 use comfy_table::{Table, presets};
 use serde::Serialize;
 
-/// Deviation of the marker offset with which it is identified, m: markers are glued within three of it.
+/// Prior standard deviation of the marker offset in the identification, m: markers are within three of it.
 pub const MARKER_OFFSET_DEVIATION: f64 = 0.02;
 
 /// Half-width of an interval above which an offset counts as unknown, m.
 const OFFSET_UNKNOWN: f64 = 0.01;
 
-/// The same of a delay, s.
+/// Half-width of an interval above which a delay counts as unknown, s.
 const DELAY_UNKNOWN: f64 = 0.01;
 
-/// What is said of a delay that is not as stated.
+/// Note on a delay that is not as stated.
 const EFFECTIVE: &str = "The radio_latency is an effective delay: the radio's own, and all lag of thrust and body rates beyond \
-                         what [model] states. The flight does not tell them apart: check thrust_lag and rate_lag, too.";
+                         what [model] states. The flight cannot distinguish them: check thrust_lag and rate_lag as well.";
 
-/// A number of the scenario.
+/// An identified parameter of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantity {
-    /// As the scenario states it.
+    /// Value in the scenario.
     pub stated: f64,
-    /// As the flight shows it.
+    /// Identified value.
     pub found: f64,
-    /// Half-width of its 95 % interval; infinite if the flight does not show it.
+    /// Half-width of the 95 % interval; infinite if the parameter is not identifiable.
     pub error: f64,
-    /// Half-width of its 99.9 % interval.
+    /// Half-width of the 99.9 % interval.
     pub certain: f64,
 }
 
-/// The result of an identification.
+/// Result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
-    /// Point that the cameras track, seen from the centre of mass, in {B}, m.
+    /// Tracked point relative to the centre of mass, in {B}, m.
     pub marker_offset: [Quantity; 3],
-    /// Time from the sending of a frame to its acting, as captures show it, s: an effective delay, with all lag beyond what the
-    /// model states.
+    /// Effective delay from sending a frame to its effect in the captures, s, with all lag beyond the model's.
     pub radio_latency: Quantity,
     /// Standard deviation of a captured position, each component, m.
     pub position_deviation: Quantity,
@@ -45,14 +44,14 @@ pub struct Identification {
     pub attitude_deviation: Quantity,
 }
 
-/// Judgement of a number.
+/// Verdict on a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
-    /// The interval holds the stated value.
+    /// The 95 % interval contains the stated value.
     AsStated,
-    /// The interval does not hold it, and it is wrong by too little to matter.
+    /// The 95 % interval excludes the stated value, but the difference is irrelevant.
     Close,
-    /// The interval does not hold it, and the one of 99.9 % does.
+    /// The 95 % interval excludes the stated value, but the 99.9 % interval contains it.
     NotCertain,
     Differs,
     Unknown,
@@ -69,25 +68,25 @@ impl Verdict {
         }
     }
 
-    /// Returns what is said below the table of a word that needs it.
+    /// Returns the explanation below the table; empty if the word needs none.
     fn meaning(self) -> String {
         match self {
             Self::AsStated | Self::Differs => String::new(),
-            Self::Close => "Close: the stated value is outside of the interval, by too little to matter: 2 mm, 2 ms or half of a \
+            Self::Close => "Close: the stated value is outside of the interval, but the difference is irrelevant: 2 mm, 2 ms or half of a \
                             stated noise."
                 .to_owned(),
             Self::NotCertain => "Not certain: the stated value is outside of the interval, but within the one of 99.9 %, which \
                                  may be chance; fly for longer."
                 .to_owned(),
-            Self::Unknown => "Unknown: the flight does not show it; fly a figure such as the eight, for longer or with more \
-                              turns."
+            Self::Unknown => "Unknown: this flight does not determine it; fly a figure such as the eight, for longer or with \
+                              more turns."
                 .to_owned(),
         }
     }
 }
 
 impl Quantity {
-    /// Returns the judgement of a number that matters if it is wrong by more than `matters`.
+    /// Returns the verdict, where differences up to `matters` are irrelevant and half-widths above `unknown` too wide.
     fn verdict(&self, matters: f64, unknown: f64) -> Verdict {
         let by = (self.found - self.stated).abs();
         if self.error > unknown || !self.error.is_finite() {
@@ -105,7 +104,7 @@ impl Quantity {
 }
 
 impl Identification {
-    /// Returns the lines of a table: key, number, unit in which it is shown with its size, and judgement.
+    /// Returns the rows of the table: key, parameter, display unit with its size, and verdict.
     fn lines(&self) -> Vec<(String, Quantity, &'static str, f64, Verdict)> {
         let mut lines = Vec::new();
         for (axis, quantity) in ["x", "y", "z"].into_iter().zip(self.marker_offset) {
@@ -145,10 +144,10 @@ impl Identification {
         lines
     }
 
-    /// Returns the lines of a scenario that state what differs, and no others.
+    /// Returns the lines of a scenario for the values that differ.
     fn snippet(&self) -> String {
         let lines = self.lines();
-        let differs = |place: usize| lines[place].4 == Verdict::Differs;
+        let differs = |line: usize| lines[line].4 == Verdict::Differs;
         let mut model = Vec::new();
         if (0..3).any(differs) {
             let offset = [0, 1, 2].map(|axis| {
@@ -161,11 +160,11 @@ impl Identification {
             model.push(format!("radio_latency = {:.5}", self.radio_latency.found));
         }
         let mut kalman = Vec::new();
-        for (place, key, quantity) in [
+        for (line, key, quantity) in [
             (4, "position_deviation", self.position_deviation),
             (5, "attitude_deviation", self.attitude_deviation),
         ] {
-            if differs(place) {
+            if differs(line) {
                 kalman.push(format!("{key} = {:.2e}", quantity.found));
             }
         }

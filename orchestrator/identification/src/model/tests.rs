@@ -1,4 +1,4 @@
-//! Known values come back: markers, delay and noise of simulated laboratories that are not as believed.
+//! Known values are recovered: markers, delay and noise of simulated laboratories that differ from the model.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -17,7 +17,7 @@ impl TickSink for Recording {
     }
 }
 
-/// Flies the eight for 25 s, unless changed, in a laboratory with these changes, which no service knows of.
+/// Flies the eight for 25 s, unless changed, in a laboratory with these changes, which are not stated to any service.
 fn flown(changes: &[&str]) -> Recording {
     recorded(changes).complete().unwrap()
 }
@@ -109,7 +109,7 @@ fn an_offset_that_no_turn_has_shown_stays_as_stated() {
         "{told}"
     );
     assert!(told.contains("close") && !told.contains("as stated"), "{told}");
-    // Nothing is advised of what is close.
+    // A close value is not corrected.
     assert!(
         !told.contains("radio_latency =") && !told.contains("[estimator.kalman]\n"),
         "{told}"
@@ -216,7 +216,7 @@ fn missed(found: &Identification, truth: [f64; 6]) -> Vec<String> {
         .collect()
 }
 
-/// Says what was missed, and demands that it is no more than chance.
+/// Prints the misses, and asserts that they are not more than chance allows.
 #[track_caller]
 fn assert_covered(missed: &[String], intervals: u64) {
     println!("{} of {intervals} intervals miss: {missed:#?}", missed.len());
@@ -304,7 +304,7 @@ fn the_intervals_of_flights_with_everything_wrong_hold_the_truth() {
 
 #[test]
 fn a_drift_that_is_much_too_large_makes_no_offset() {
-    // Seeds with which such a drift made innovations white whose correlations had opposite signs: −8.9 and −5.6 mm were told.
+    // Seeds with which such a drift made innovations white whose correlations had opposite signs: −8.9 and −5.6 mm were found.
     for (seed, offset) in [(8, 0.0), (7, -0.01)] {
         let changes = [
             format!("seed={seed}"),
