@@ -350,7 +350,7 @@ impl Here {
             ..MocapPose::new_zeroed()
         };
         let now_ns = monotonic_ns();
-        self.cameras.take(&seen, now_ns);
+        self.cameras.schedule(&seen, now_ns);
         self.cameras.send(now_ns);
         now_ns
     }

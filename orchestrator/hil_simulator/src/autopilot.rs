@@ -1,4 +1,4 @@
-//! The autopilot on board the vehicle, by which the commands of a flight become forces.
+//! The onboard autopilot, which turns the commands of a flight into actuator commands.
 
 use shared_types::samples::{RcFrame, VehicleTruth};
 
@@ -6,38 +6,38 @@ use super::betaflight::Betaflight;
 use super::radio::Radio;
 use super::receiver_input::ReceiverInput;
 
-/// The autopilot on board.
+/// The onboard autopilot.
 #[derive(Debug)]
 pub enum Autopilot {
-    /// The scenario's own rate loop, behind a receiver.
+    /// The scenario's rate loop with a receiver.
     RateLoop(ReceiverInput, Box<Radio>),
-    /// Betaflight, which has the receiver, in a process of its own.
+    /// Betaflight in a separate process, which contains the receiver.
     Betaflight(Betaflight),
 }
 
-/// The commands that it has received.
+/// Counts of received commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AutopilotCommands {
-    /// Frames or packets that asked for something.
+    /// Frames or packets with commands.
     pub frames: u64,
-    /// Bytes that belonged to none.
+    /// Bytes outside of valid frames.
     pub skipped: u64,
-    /// Number of times that nothing came for so long that the motors were let rest.
+    /// Link losses, after which the motors were stopped.
     pub losses: u64,
 }
 
 impl Autopilot {
-    /// Listens until a time has come, ns of `CLOCK_MONOTONIC`.
+    /// Receives commands until a time, ns of `CLOCK_MONOTONIC`.
     pub(super) fn listen_until(&mut self, until_ns: u64) {
         match self {
             Self::RateLoop(line, radio) => {
-                line.listen_until(until_ns, &mut |bytes, now_ns| radio.hear(bytes, now_ns));
+                line.listen_until(until_ns, &mut |bytes, now_ns| radio.receive(bytes, now_ns));
             }
             Self::Betaflight(betaflight) => betaflight.listen_until(until_ns),
         }
     }
 
-    /// Returns the frame that begins to act at a time, if one does.
+    /// Returns the frame that begins to act at a time, if any.
     pub(super) fn acting(&mut self, at_ns: u64) -> Option<RcFrame> {
         match self {
             Self::RateLoop(_, radio) => radio.acting(at_ns),
@@ -45,20 +45,20 @@ impl Autopilot {
         }
     }
 
-    /// Returns what its sensors feel.
-    pub(super) fn feel(&mut self, truth: &VehicleTruth) {
+    /// Updates the sensor readings of Betaflight.
+    pub(super) fn update_sensors(&mut self, truth: &VehicleTruth) {
         if let Self::Betaflight(betaflight) = self {
-            betaflight.feel(truth);
+            betaflight.update_sensors(truth);
         }
     }
 
-    /// The commands that it has received.
+    /// Returns the counts of received commands.
     #[must_use]
-    pub fn heard(&self) -> AutopilotCommands {
+    pub fn received(&self) -> AutopilotCommands {
         match self {
             Self::RateLoop(_, radio) => AutopilotCommands {
-                frames: radio.heard().frames,
-                skipped: radio.heard().skipped,
+                frames: radio.received().frames,
+                skipped: radio.received().skipped,
                 losses: radio.losses(),
             },
             Self::Betaflight(betaflight) => {

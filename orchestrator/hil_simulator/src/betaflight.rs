@@ -1,16 +1,16 @@
-//! A quadcopter that Betaflight flies: its firmware, built for simulation, reads a gyro and turns four motors.
+//! A quadcopter flown by Betaflight: its firmware, built for simulation, reads a gyro and commands four motors.
 //!
 //! Its simulator interface is UDP on the loopback, little-endian, as `src/platform/SIMULATOR` of its source (4.6) has it:
 //!
-//! * 9003, to it: 18 × f64: time, ω (3), specific force (3), attitude (w, x, y, z), velocity (3), position (3), pressure; axes
-//!   forward, right, down, as ours;
-//! * 9002, from it: 4 × f32, motors front right, rear left, front left, rear right, 0 to 1.
+//! * 9003, to Betaflight: 18 × f64: time, ω (3), specific force (3), attitude (w, x, y, z), velocity (3), position (3), pressure;
+//!   axes forward, right, down, as in {B};
+//! * 9002, from Betaflight: 4 × f32, motors front right, rear left, front left, rear right, 0 to 1.
 //!
-//! The radio link does not come this way: a flight sends its frames to Betaflight itself.
+//! The radio link bypasses this interface: a flight sends its frames to Betaflight directly.
 //!
-//! **Time.** Betaflight computes from the time stamps of successive packets how much faster than the system's clock the
-//! simulator's runs, and follows that rate: packets that arrive together would advance its clock too far. Here both are
-//! the system's clock, so every packet has the same stamp, from which it computes no rate.
+//! **Time.** Betaflight estimates the ratio of the simulator's clock to the system's from the stamps of successive packets, and
+//! scales its clock by it: packets that arrive together would advance its clock too far. Here both clocks are the system's:
+//! every packet has the same stamp, from which Betaflight computes no ratio.
 //!
 //! ```text
 //! Fi = T_max/4 ui     u̇i = (ui* − ui)/τT
@@ -34,15 +34,15 @@ use super::receiver_input::{ReceiverInput, ReceiverInputError};
 
 use vehicle_model::rotors::{Rotor, Rotors, Spin};
 
-/// Motors of its packets.
+/// Number of motors in a packet.
 const MOTORS: usize = 4;
 
-/// Address to which it sends the commands of its motors.
+/// Address to which Betaflight sends motor commands.
 const MOTORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9002);
-/// Address at which it receives the readings of its sensors.
+/// Address at which Betaflight receives sensor readings.
 const SENSORS_AT: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 9003);
 
-/// Pressure of the air at the ground, Pa.
+/// Air pressure at the ground, Pa.
 const PRESSURE: f64 = 101_325.0;
 
 /// Betaflight and its motors.
@@ -52,22 +52,22 @@ pub struct Betaflight {
     sensors: UdpSocket,
     rotors: Box<[Rotor; MOTORS]>,
     mixer: Box<Rotors>,
-    /// Share of the way to its command that a motor goes in a tick.
+    /// Response of a motor within a tick, as a share of the step to its command.
     share: f64,
-    /// Commands of the motors, 0 to 1.
-    asked: [f64; MOTORS],
-    /// Their state after the lag, 0 to 1.
+    /// Motor commands, 0 to 1.
+    commands: [f64; MOTORS],
+    /// Motor states after the lag, 0 to 1.
     motors: [f64; MOTORS],
-    silence: LinkLossTimer,
+    link_loss: LinkLossTimer,
     packets: u64,
 }
 
 impl Betaflight {
-    /// Opens the sockets of the simulator that it expects, for the vehicle of a scenario whose rotors have this arm and
-    /// this reaction torque per force, m; neither is 0.
+    /// Opens the sockets of Betaflight's simulator interface, for the vehicle of a scenario whose rotors have this arm and this
+    /// reaction torque per force, m; neither is 0.
     ///
     /// # Errors
-    /// [`ReceiverInputError`] if another process has these ports.
+    /// [`ReceiverInputError`] if another process uses these ports.
     pub fn open(scenario: &Scenario, arm: f64, torque_per_force: f64) -> Result<Self, ReceiverInputError> {
         let actuators = scenario.vehicle.actuators.clone().unwrap_or_default();
         let rotors = rotors(arm, torque_per_force, actuators.thrust_max);
@@ -84,26 +84,26 @@ impl Betaflight {
             rotors: Box::new(rotors),
             mixer: Box::new(mixer),
             share: Lag::new(actuators.thrust_lag).gone(scenario.schedule.tick),
-            asked: [0.0; MOTORS],
+            commands: [0.0; MOTORS],
             motors: [0.0; MOTORS],
-            silence: LinkLossTimer::default(),
+            link_loss: LinkLossTimer::default(),
             packets: 0,
         })
     }
 
-    /// Receives commands of the motors until a time, ns of `CLOCK_MONOTONIC`.
+    /// Receives motor commands until a time, ns of `CLOCK_MONOTONIC`.
     pub fn listen_until(&mut self, until_ns: u64) {
         let Self {
             line,
-            asked,
-            silence,
+            commands,
+            link_loss,
             packets,
             ..
         } = self;
         line.listen_until(until_ns, &mut |packet, now_ns| {
             if let Some(motors) = motors_of(packet) {
-                *asked = motors;
-                silence.ends_at(now_ns);
+                *commands = motors;
+                link_loss.restart(now_ns);
                 *packets += 1;
             }
         });
@@ -111,16 +111,16 @@ impl Betaflight {
 
     /// Returns the commands that act in the tick before a time.
     pub fn acting(&mut self, at_ns: u64) -> RcFrame {
-        if self.silence.becomes_too_long(at_ns) {
-            self.asked = [0.0; MOTORS];
+        if self.link_loss.expires(at_ns) {
+            self.commands = [0.0; MOTORS];
         }
-        for (motor, asked) in self.motors.iter_mut().zip(self.asked) {
-            *motor = between(*motor, asked, self.share);
+        for (motor, command) in self.motors.iter_mut().zip(self.commands) {
+            *motor = between(*motor, command, self.share);
         }
         let mut frame = RcFrame::new_zeroed();
         frame.header.seq = self.packets;
         frame.mode = RcFrame::MODE_TORQUE;
-        frame.thrust = self.wrench(&self.asked).thrust;
+        frame.thrust = self.wrench(&self.commands).thrust;
         frame.torque_body = self.wrench(&self.motors).torque_body.into();
         frame
     }
@@ -133,20 +133,19 @@ impl Betaflight {
     }
 
     /// Sends the readings of the sensors; a missing Betaflight is not an error.
-    pub fn feel(&mut self, truth: &VehicleTruth) {
+    pub fn update_sensors(&mut self, truth: &VehicleTruth) {
         let packet = sensors_of(truth);
         let _sent = self.sensors.send_to(&packet, SENSORS_AT);
     }
 
-    /// Returns the number of packets of motors, and of their losses.
+    /// Returns the numbers of motor packets and of link losses.
     #[must_use]
     pub fn counts(&self) -> [u64; 2] {
-        [self.packets, self.silence.losses()]
+        [self.packets, self.link_loss.losses()]
     }
 }
 
-/// Returns the rotors in the order of its motors, of a vehicle with this thrust at full speed, N: four in an X between the
-/// axes of {B}.
+/// Returns the rotors in Betaflight's order, in an X between the axes of {B}; `thrust_max` is the total at full speed, N.
 fn rotors(arm: f64, torque_per_force: f64, thrust_max: f64) -> [Rotor; MOTORS] {
     let l = arm * std::f64::consts::FRAC_1_SQRT_2;
     [
@@ -163,7 +162,7 @@ fn rotors(arm: f64, torque_per_force: f64, thrust_max: f64) -> [Rotor; MOTORS] {
     })
 }
 
-/// Returns the commands of a packet to the motors, if it is one.
+/// Returns the motor commands of a packet, if it is valid.
 fn motors_of(packet: &[u8]) -> Option<[f64; MOTORS]> {
     let packet: &[u8; 4 * MOTORS] = packet.try_into().ok()?;
     let motors: [f32; MOTORS] =
@@ -172,11 +171,11 @@ fn motors_of(packet: &[u8]) -> Option<[f64; MOTORS]> {
     are_finite.then(|| motors.map(|motor| f64::from(motor).clamp(0.0, 1.0)))
 }
 
-/// Returns the packet of the sensors' readings.
+/// Returns a packet with sensor readings.
 fn sensors_of(truth: &VehicleTruth) -> [u8; 144] {
     let world_from_body = from_row_major(&truth.world_from_body);
     let [x, y, z, w] = quaternion(&world_from_body);
-    // It flies by its gyro alone: the specific force is that of a hover.
+    // Betaflight flies by its gyro alone: the specific force is that of a hover.
     let force_body = world_from_body.row(2) * -scenario::GRAVITY;
     let stamp = 0.0;
     let numbers = [stamp]
@@ -199,7 +198,7 @@ mod tests {
     use nalgebra::Matrix3;
     use shared_types::rotation::to_row_major;
 
-    /// Front right and rear left turn to the left, and the body to the right.
+    /// Front right and rear left spin left, and their reaction turns the body right.
     #[test]
     fn each_motor_of_a_packet_is_the_rotor_of_its_place() {
         use std::cmp::Ordering::{Greater, Less};

@@ -1,7 +1,7 @@
-//! Simulated cameras: they send the vehicle's poses over the network, as one of the motion-capture systems.
+//! Simulated cameras, which send the vehicle's poses over the network in the protocol of a motion-capture system.
 //!
-//! A pose is sent a stated time after its exposure. Its stamp is that of the system: Motive stamps the exposure, a VRPN
-//! server the end of the computation, Vicon's stream nothing.
+//! A pose is sent a stated latency after its exposure. The stamp is that of the system: Motive stamps the exposure, a VRPN server
+//! the end of the computation; Vicon's stream has none.
 
 use std::collections::VecDeque;
 use std::io;
@@ -18,18 +18,18 @@ use scenario::{CaptureSystem, MotionCapture, Problem};
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
 
-/// Version of the `NatNet` bit stream that is sent.
+/// Version of the `NatNet` bit stream.
 const NATNET: Version = Version { major: 4, minor: 1 };
 
 /// Error of cameras that could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum CamerasError {
-    /// The stated address is none.
+    /// The stated address is invalid.
     #[error("{0}")]
     Stated(Problem),
     /// The scenario selects the body by its number.
     #[error(
-        "a simulated system knows bodies by their names only; state `motion_capture.object` without a number"
+        "a simulated system identifies bodies by name only; state `motion_capture.object` without a number"
     )]
     Numbered,
     /// The socket could not be opened.
@@ -54,12 +54,12 @@ pub struct CameraSender {
     /// Ticks between two captures.
     period: u64,
     latency_ns: u64,
-    /// Captures that are not sent yet, oldest first.
-    coming: VecDeque<Capture>,
+    /// Captures to be sent, oldest first.
+    pending: VecDeque<Capture>,
     sent: u64,
 }
 
-/// Capture; its pose is `None` if the body was not seen. Times are ns of `CLOCK_MONOTONIC`.
+/// A capture; its pose is `None` if the body is not visible. Times are ns of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug)]
 struct Capture {
     exposed_ns: u64,
@@ -68,8 +68,8 @@ struct Capture {
 }
 
 impl CameraSender {
-    /// Serves the system of a scenario at the address that the flight listens to. It captures every `period` ticks and
-    /// sends `latency_ns` later.
+    /// Serves the system of a scenario at the address that the flight reads from. Captures are made every `period` ticks and sent
+    /// `latency_ns` later.
     ///
     /// # Errors
     /// [`CamerasError`].
@@ -99,42 +99,42 @@ impl CameraSender {
             object: object.to_owned(),
             period,
             latency_ns,
-            coming: VecDeque::new(),
+            pending: VecDeque::new(),
             sent: 0,
         })
     }
 
     /// Returns whether the cameras capture at a tick.
     #[must_use]
-    pub fn see_at(&self, tick: u64) -> bool {
+    pub fn captures_at(&self, tick: u64) -> bool {
         tick.is_multiple_of(self.period)
     }
 
-    /// Takes a capture that was exposed at a time, ns of `CLOCK_MONOTONIC`.
-    pub fn take(&mut self, seen: &MocapPose, exposed_ns: u64) {
-        let pose = seen.tracked.is_set().then(|| {
+    /// Schedules a capture that was exposed at a time, ns of `CLOCK_MONOTONIC`.
+    pub fn schedule(&mut self, captured: &MocapPose, exposed_ns: u64) {
+        let pose = captured.tracked.is_set().then(|| {
             self.calibration.capture_pose(&WorldPose {
-                position_world: seen.position_world.into(),
-                world_from_body: from_row_major(&seen.world_from_body),
+                position_world: captured.position_world.into(),
+                world_from_body: from_row_major(&captured.world_from_body),
             })
         });
-        self.coming.push_back(Capture {
+        self.pending.push_back(Capture {
             exposed_ns,
             due_ns: exposed_ns + self.latency_ns,
             pose,
         });
     }
 
-    /// Returns when the next pose is to be sent, ns of `CLOCK_MONOTONIC`.
+    /// Returns the time at which the next pose is due, ns of `CLOCK_MONOTONIC`.
     #[must_use]
     pub fn due_ns(&self) -> u64 {
-        self.coming.front().map_or(u64::MAX, |capture| capture.due_ns)
+        self.pending.front().map_or(u64::MAX, |capture| capture.due_ns)
     }
 
     /// Sends the captures that are due, and accepts new clients.
     pub fn send(&mut self, now_ns: u64) {
         self.server.serve(&[&self.object]);
-        while let Some(capture) = self.coming.pop_front_if(|capture| capture.due_ns <= now_ns) {
+        while let Some(capture) = self.pending.pop_front_if(|capture| capture.due_ns <= now_ns) {
             let frame = SentFrame {
                 number: u32::try_from(self.sent % (1 << 31)).unwrap_or(0),
                 exposed_ns: capture.exposed_ns,
@@ -146,7 +146,7 @@ impl CameraSender {
         }
     }
 
-    /// Returns the number of poses that were sent.
+    /// Returns the number of poses sent.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent

@@ -1,4 +1,4 @@
-//! Where a flight's frames arrive: a pseudo-terminal in place of a serial device, or a socket.
+//! The port at which a flight's frames arrive: a pseudo-terminal in place of a serial device, or a socket.
 
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
@@ -16,47 +16,47 @@ use rustix::termios::ioctl_tiocnxcl;
 /// Idle time after which the serial line counts as free, ns.
 const FREE_AFTER_NS: u64 = 50_000_000;
 
-/// Most that is read at once, bytes.
+/// Maximum size of a read, bytes.
 const PIECE: usize = 4096;
 
-/// Reason why frames cannot arrive there.
+/// Reason why the port cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum ReceiverInputError {
-    /// There is something already where the device should be.
+    /// The path of the device exists already.
     #[error(
-        "there is something at {} already; give a path that is free as `rc_output.transmitter.device`, or remove what a world \
-         that was killed has left", .0.display()
+        "{} exists already; give a path that is free as `rc_output.transmitter.device`, or remove the leftover of a killed \
+         `gerono world`", .0.display()
     )]
     Taken(PathBuf),
-    /// The name of the device cannot be made.
+    /// The name of the device cannot be created.
     #[error("cannot make the device {}: {source}; give a path in a folder of yours as `rc_output.transmitter.device`", .path.display())]
     Name {
-        /// Its path.
+        /// Path of the device.
         path: PathBuf,
         /// The error of the system.
         source: std::io::Error,
     },
     /// There are no pseudo-terminals.
-    #[error("cannot have a pseudo-terminal: {0}; see whether /dev/pts is there")]
+    #[error("cannot open a pseudo-terminal: {0}; check that /dev/pts exists")]
     Terminal(#[source] std::io::Error),
-    /// The socket cannot be had.
+    /// The socket cannot be opened.
     #[error("cannot listen at {at}: {source}; give a free port of this machine in `rc_output.transmitter`")]
     Socket {
-        /// Where.
+        /// Its address.
         at: SocketAddr,
         /// The error of the system.
         source: std::io::Error,
     },
 }
 
-/// Place where frames arrive.
+/// Port at which frames arrive.
 #[derive(Debug)]
 pub enum ReceiverInput {
     /// A pseudo-terminal under the name of a serial device.
     Serial(Serial),
-    /// A TCP server, and its last client.
+    /// A TCP server and its last client.
     Tcp(TcpListener, Option<TcpStream>),
-    /// A socket that takes datagrams.
+    /// A UDP socket.
     Udp(UdpSocket),
 }
 
@@ -64,14 +64,14 @@ pub enum ReceiverInput {
 #[derive(Debug)]
 pub struct Serial {
     receiver: OwnedFd,
-    /// The transmitter's end once more: as long as it is open the line never hangs up.
+    /// A second handle of the transmitter's end: while it is open, the line does not hang up.
     transmitter: OwnedFd,
     name: PathBuf,
-    heard_ns: u64,
+    last_read_ns: u64,
 }
 
 impl ReceiverInput {
-    /// Opens the end of a link that a transmitter will look for.
+    /// Opens the receiving end of a link.
     ///
     /// # Errors
     /// [`ReceiverInputError`].
@@ -92,22 +92,22 @@ impl ReceiverInput {
         }
     }
 
-    /// Hands on what arrives, with the time at which it was found, until a time has come; both in ns of `CLOCK_MONOTONIC`.
-    /// What is there by then is handed on in any case.
+    /// Passes incoming bytes with their time of reading to `sink` until a time, both in ns of `CLOCK_MONOTONIC`. Reads at least
+    /// once, even if the time has passed.
     pub fn listen_until(&mut self, until_ns: u64, sink: &mut dyn FnMut(&[u8], u64)) {
         loop {
             let now_ns = monotonic_ns();
-            self.take(now_ns, sink);
+            self.receive(now_ns, sink);
             if now_ns >= until_ns {
                 return;
             }
-            let patience = deadline(until_ns - now_ns);
+            let timeout = deadline(until_ns - now_ns);
             let (first, second) = self.descriptors();
             let waits_for = |descriptor| PollFd::from_borrowed_fd(descriptor, PollFlags::IN);
-            // Whatever ends the wait, what has arrived is looked for next.
+            // The port is read next, whatever ends the wait.
             let _ended = match second {
-                None => poll(&mut [waits_for(first)], Some(&patience)),
-                Some(second) => poll(&mut [waits_for(first), waits_for(second)], Some(&patience)),
+                None => poll(&mut [waits_for(first)], Some(&timeout)),
+                Some(second) => poll(&mut [waits_for(first), waits_for(second)], Some(&timeout)),
             };
         }
     }
@@ -120,15 +120,15 @@ impl ReceiverInput {
         }
     }
 
-    fn take(&mut self, now_ns: u64, sink: &mut dyn FnMut(&[u8], u64)) {
+    fn receive(&mut self, now_ns: u64, sink: &mut dyn FnMut(&[u8], u64)) {
         let mut piece = [0; PIECE];
         match self {
             Self::Serial(serial) => {
                 if let Ok(count @ 1..) = rustix::io::read(&serial.receiver, &mut piece) {
-                    serial.heard_ns = now_ns;
+                    serial.last_read_ns = now_ns;
                     sink(&piece[..count], now_ns);
-                } else if now_ns.saturating_sub(serial.heard_ns) > FREE_AFTER_NS {
-                    serial.heard_ns = now_ns;
+                } else if now_ns.saturating_sub(serial.last_read_ns) > FREE_AFTER_NS {
+                    serial.last_read_ns = now_ns;
                     serial.release();
                 }
             }
@@ -178,12 +178,12 @@ impl Serial {
             receiver,
             transmitter,
             name: path.to_owned(),
-            heard_ns: monotonic_ns(),
+            last_read_ns: monotonic_ns(),
         })
     }
 
-    /// Lets another process open the line that one had for itself. A device does so by itself once no process has it
-    /// open, but a pseudo-terminal only when this end is closed as well.
+    /// Ends exclusive use of the line, so that another process can open it. A device does so once no process has it open, but a
+    /// pseudo-terminal only when this end is closed as well.
     fn release(&self) {
         let _is_free = ioctl_tiocnxcl(&self.transmitter);
     }
@@ -215,20 +215,20 @@ mod tests {
         }
     }
 
-    /// Listens until so many bytes have come.
-    fn heard(line: &mut ReceiverInput, count: usize) -> Vec<u8> {
-        let mut heard = Vec::new();
+    /// Receives until `count` bytes have come.
+    fn received(line: &mut ReceiverInput, count: usize) -> Vec<u8> {
+        let mut received = Vec::new();
         let give_up_ns = monotonic_ns() + 10_000_000_000;
-        while heard.len() < count && monotonic_ns() < give_up_ns {
+        while received.len() < count && monotonic_ns() < give_up_ns {
             line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| {
-                heard.extend_from_slice(bytes);
+                received.extend_from_slice(bytes);
             });
         }
-        heard
+        received
     }
 
     #[test]
-    fn what_a_transmitter_sends_is_heard_wherever_it_sends_it_to() {
+    fn frames_arrive_through_every_kind_of_port() {
         let folder = tempfile::tempdir().unwrap();
         let device = folder.path().join("radio");
         for target in [
@@ -241,14 +241,14 @@ mod tests {
             let frame = [0xc8, 10, 13, 3, 0];
             for _ in 0..2 {
                 assert_eq!(port.send(&frame, monotonic_ns()), Sent::Whole);
-                assert_eq!(heard(&mut line, frame.len()), frame);
+                assert_eq!(received(&mut line, frame.len()), frame);
             }
         }
         assert!(!device.exists(), "the name of the device is gone with it");
     }
 
     #[test]
-    fn who_waits_is_woken_by_what_comes_and_by_the_time() {
+    fn waiting_ends_with_a_frame_and_with_the_deadline() {
         let target = Target::Udp(free_address());
         let mut line = ReceiverInput::open(&target).unwrap();
         let mut port = Port::open(target).unwrap();
@@ -267,28 +267,28 @@ mod tests {
         for byte in 0..3 {
             let mut port = Port::open(target.clone()).unwrap();
             port.send(&[byte], monotonic_ns());
-            assert_eq!(heard(&mut line, 1), [byte]);
+            assert_eq!(received(&mut line, 1), [byte]);
         }
     }
 
     #[test]
-    fn a_line_is_free_again_for_the_successor_of_who_had_it_for_himself() {
+    fn an_exclusive_line_is_free_again_once_it_is_idle() {
         let folder = tempfile::tempdir().unwrap();
         let target = serial(&folder.path().join("radio"));
         let mut line = ReceiverInput::open(&target).unwrap();
         for byte in 0..2 {
             let mut port = Port::open(target.clone()).unwrap();
             port.send(&[byte], monotonic_ns());
-            assert_eq!(heard(&mut line, 1), [byte]);
+            assert_eq!(received(&mut line, 1), [byte]);
             drop(port);
             line.listen_until(monotonic_ns() + 2 * FREE_AFTER_NS, &mut |_, _| {
-                panic!("nobody sends")
+                panic!("there is no transmitter")
             });
         }
     }
 
     #[test]
-    fn what_cannot_be_had_is_named_with_the_fix() {
+    fn a_port_that_cannot_be_opened_is_an_error_with_the_fix() {
         let folder = tempfile::tempdir().unwrap();
         let taken = folder.path().join("taken");
         std::fs::write(&taken, "").unwrap();

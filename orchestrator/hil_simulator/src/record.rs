@@ -1,7 +1,7 @@
-//! The truth, kept in the logs of a run: `run.mcap` with the truth, what the cameras saw and the frames as they
-//! began to act, `host.mcap` with the moment at which it began.
+//! Log of the simulation: `run.mcap` with the truth, the captured poses and the frames as they began to act, `host.mcap` with the
+//! start time.
 //!
-//! A thread of its own writes, so that a slow disk does not hold the world.
+//! A separate thread writes, so that a slow disk does not delay the simulation.
 
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
@@ -14,71 +14,70 @@ use zerocopy::IntoBytes;
 use run_log::run_folder::RunFolder;
 use run_log::{Compression, HostLogWriter, LogError, Manifest, RunLogWriter, flight_start};
 
-/// The samples of a tick: the truth, a pose if cameras looked, a frame if one began to act.
+/// The samples of a tick.
 #[derive(Clone, Debug)]
 pub struct RecordedTick {
-    /// The truth.
     pub truth: VehicleTruth,
-    /// The pose that cameras saw.
+    /// Pose, if the cameras captured at the tick.
     pub pose: Option<MocapPose>,
-    /// The frame.
+    /// Frame, if one began to act.
     pub frame: Option<RcFrame>,
 }
 
-/// Keeps moments. What cannot be written is told when it is finished.
+/// Records ticks. `finish` reports write errors.
 #[derive(Debug)]
 pub struct Record {
-    moments: Sender<RecordedTick>,
+    ticks: Sender<RecordedTick>,
     writer: JoinHandle<Result<(), LogError>>,
 }
 
 impl Record {
-    /// Begins the logs of a world of a scenario, whose tick 0 begins at a time of `CLOCK_MONOTONIC`, ns.
+    /// Creates the logs of a scenario's simulation, whose tick 0 begins at `start_ns` of `CLOCK_MONOTONIC`.
     ///
     /// # Errors
-    /// [`LogError`] if they cannot be made.
+    /// [`LogError`] if they cannot be created.
     pub fn begin(folder: &RunFolder, scenario: &Scenario, start_ns: u64) -> Result<Self, LogError> {
         let mut host = HostLogWriter::create(&folder.host_log(), Compression::Zstd)?;
         flight_start::write(&mut host, start_ns)?;
         host.finish()?;
         let manifest = Manifest::new(scenario);
         let mut log = RunLogWriter::create(&folder.run_log(), &manifest, Compression::Zstd)?;
-        let (moments, received) = channel::<RecordedTick>();
+        let (ticks, received) = channel::<RecordedTick>();
         let writer = std::thread::spawn(move || {
-            for moment in received {
-                write(&mut log, &moment)?;
+            for tick in received {
+                write(&mut log, &tick)?;
             }
             log.finish().map(drop)
         });
-        Ok(Self { moments, writer })
+        Ok(Self { ticks, writer })
     }
 
-    /// Keeps a moment.
-    pub fn keep(&self, moment: RecordedTick) {
-        // A writer that has failed takes nothing any more, and says why at the end.
-        let _kept = self.moments.send(moment);
+    /// Records a tick.
+    pub fn push(&self, tick: RecordedTick) {
+        // A failed writer accepts no more ticks; `finish` returns its error.
+        let _sent = self.ticks.send(tick);
     }
 
     /// Completes the logs.
     ///
     /// # Errors
-    /// The first [`LogError`] that came up.
+    /// The first [`LogError`] of the writer.
     ///
     /// # Panics
     /// If the writer has panicked.
     pub fn finish(self) -> Result<(), LogError> {
-        drop(self.moments);
+        drop(self.ticks);
         self.writer.join().expect("the writer does not panic")
     }
 }
 
-fn write(log: &mut RunLogWriter, moment: &RecordedTick) -> Result<(), LogError> {
-    let header = moment.truth.header;
-    log.write(Topic::VehicleTruth, moment.truth.as_bytes())?;
-    if let Some(pose) = &moment.pose {
+fn write(log: &mut RunLogWriter, tick: &RecordedTick) -> Result<(), LogError> {
+    let header = tick.truth.header;
+    log.write(Topic::VehicleTruth, tick.truth.as_bytes())?;
+    if let Some(pose) = &tick.pose {
         log.write(Topic::MocapPose, pose.as_bytes())?;
     }
-    if let Some(frame) = &moment.frame {
+    if let Some(frame) = &tick.frame {
         let mut frame = *frame;
         (frame.header.tick, frame.header.stamp_ns) = (header.tick, header.stamp_ns);
         log.write(Topic::RcFrame, frame.as_bytes())?;

@@ -1,4 +1,4 @@
-//! The plant, stepped tick by tick.
+//! The simulated vehicle: the plant, stepped tick by tick.
 
 use scenario::Scenario;
 use shared_types::samples::{MocapPose, RcFrame, VehicleTruth};
@@ -10,7 +10,7 @@ use zerocopy::{FromZeros, IntoBytes};
 /// The plant of a scenario.
 pub(super) struct SimulatedVehicle {
     plant: Box<dyn ErasedService>,
-    /// The frame that acts, with the header of the tick from which on it does.
+    /// The acting frame.
     frame: Option<RcFrame>,
     captures: u64,
 }
@@ -24,17 +24,17 @@ impl SimulatedVehicle {
         })
     }
 
-    /// Returns the samples of a tick, with a pose if cameras look, when the frame before it has acted. `begins_to_act`
-    /// takes the place of that frame from the tick before on.
+    /// Steps the plant over the time since the previous tick with `new_frame`, or else with the last frame. Returns the truth, and a
+    /// pose if `is_captured`.
     pub(super) fn step(
         &mut self,
         tick: u64,
         tick_ns: u64,
-        begins_to_act: Option<&RcFrame>,
-        cameras_look: bool,
+        new_frame: Option<&RcFrame>,
+        is_captured: bool,
     ) -> (VehicleTruth, Option<MocapPose>) {
-        let is_fresh = begins_to_act.is_some();
-        self.frame = begins_to_act.copied().or(self.frame);
+        let is_fresh = new_frame.is_some();
+        self.frame = new_frame.copied().or(self.frame);
         let header = |seq| Header {
             tick,
             stamp_ns: tick * tick_ns,
@@ -44,11 +44,11 @@ impl SimulatedVehicle {
             header: header(tick),
             ..VehicleTruth::new_zeroed()
         };
-        let mut pose = cameras_look.then(|| MocapPose {
+        let mut pose = is_captured.then(|| MocapPose {
             header: header(self.captures),
             ..MocapPose::new_zeroed()
         });
-        self.captures += u64::from(cameras_look);
+        self.captures += u64::from(is_captured);
         let now = Now {
             tick,
             time_ns: tick * tick_ns,

@@ -32,11 +32,11 @@ const COUNTDOWN: Duration = Duration::from_millis(20);
 pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     schedule_of(&scenario)?;
-    let believed = Timing::believed(&scenario);
+    let nominal = Timing::nominal(&scenario);
     let timing = Timing {
-        capture_rate: arguments.capture_rate.unwrap_or(believed.capture_rate),
-        capture_latency: arguments.capture_latency.unwrap_or(believed.capture_latency),
-        radio_latency: arguments.radio_latency.unwrap_or(believed.radio_latency),
+        capture_rate: arguments.capture_rate.unwrap_or(nominal.capture_rate),
+        capture_latency: arguments.capture_latency.unwrap_or(nominal.capture_latency),
+        radio_latency: arguments.radio_latency.unwrap_or(nominal.radio_latency),
     };
     let cameras = cameras(&scenario, &timing)?;
     let onboard = onboard(arguments, &scenario, &timing)?;
@@ -172,9 +172,9 @@ impl Summary {
         Self {
             seconds: seconds(report.ticks * tick_ns),
             poses: report.poses,
-            frames: report.heard.frames,
-            skipped: report.heard.skipped,
-            losses: report.heard.losses,
+            frames: report.received.frames,
+            skipped: report.received.skipped,
+            losses: report.received.losses,
             late: [late(0.5), late(0.99), late(1.0)],
         }
     }
