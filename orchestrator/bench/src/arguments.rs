@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand};
 
 use scenario_file::values::between;
 
-/// Measures what developers of Gerono need to know of it: costs beside their floors, on this machine.
+/// Benchmarks for developers of Gerono: costs on this machine, with the floor of each.
 ///
 /// Flights are those of the program `gerono` beside this one.
 #[derive(Debug, Parser)]
@@ -20,36 +20,35 @@ pub struct GeronoBench {
 /// The measurements of `gerono-bench`.
 #[derive(Debug, Subcommand)]
 pub enum Measurement {
-    /// Measure what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+    /// Measure the cost of recording a sample, compared with the MCAP library alone, and the growth of memory.
     ///
     /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed. Shown are
-    /// medians of the repetitions, and the median of the ratios of CPU time, pair by pair. Then as many minutes of flight as
-    /// asked for are recorded to nowhere, and the process's memory after a tenth of them stands beside that at their end.
+    /// medians of the repetitions, and the median of the pairwise ratios of CPU time. Then MIN minutes of flight are recorded to
+    /// /dev/null, and the process's memory after a tenth of them is compared with that at the end.
     #[command(after_help = BenchRecorder::EXAMPLES)]
     Recorder(BenchRecorder),
-    /// Measure what the deaths of services cost a flight in real time, and the others in it.
+    /// Measure the effect of crashing services on a flight in real time and on the other services.
     ///
-    /// Flies the paper's laboratory in hover twice: undisturbed, and with each service in its turn killing itself in the
-    /// middle of a step (SIGKILL), 0.3 s apart. Says how soon another process flew in the dead one's place, how far the vehicle was
-    /// from its point, and whether the other services kept their periods: those within 0.1 s of another's death beside all
-    /// others of the same flight.
+    /// Flies the paper's laboratory in hover twice: undisturbed, and with each service in turn killing itself in the middle of a
+    /// step (SIGKILL), 0.3 s apart. Shows the restart times, the largest distance of the vehicle from its point, and the periods
+    /// of the other services within 0.1 s of a crash, compared with all others of the same flight.
     ///
     /// Takes 2 × (4 + 0.3 × DEATHS) s.
     Deaths(BenchDeaths),
-    /// Measure how long it is from a capture's packet on a socket to the serial frame that rests on it, in real time.
+    /// Measure the latency from a capture's packet on a socket to the serial frame that responds to it, in real time.
     ///
-    /// Is a VRPN server and a receiver on a pseudo-terminal, and lets a flight take off between them that sees the vehicle as the
-    /// server shows it, at 1 kHz. Then the vehicle seems to tilt by a little, to and fro, eight times a second: the first frame that
-    /// answers a tilt rests on the capture in which it was seen. The bare hops beside it do nothing but hand bytes on: through TCP, four
-    /// times from process to process, and through a pseudo-terminal.
+    /// Runs a VRPN server and a receiver on a pseudo-terminal, and between them a flight at 1 kHz that takes off by the poses of the
+    /// server. Then the poses tilt slightly to and fro, eight times a second: the first frame that responds to a tilt is the response
+    /// to its capture. The bare hops for comparison only pass bytes on: through TCP, four times from process to process, and
+    /// through a pseudo-terminal.
     ///
     /// Takes SECONDS and some 20 s.
     Laboratory(BenchLaboratory),
-    /// Measure how many vehicle steps a second the flights of a sweep make, beside other simulators.
+    /// Measure the vehicle steps per second of a sweep's flights, compared with other simulators.
     ///
-    /// Flies Fig. 1 for 60 s at 1 kHz, on one core and on all: the five step functions called in a row, the same in the host of one
-    /// process, and judged, which is all of a sweep's row but its text. With `--beside` other simulators run in turn with them: any
-    /// command whose last line of output is the steps that it has made a second. tests/peers/run.sh brings two.
+    /// Flies Fig. 1 for 60 s at 1 kHz, on one core and on all: by calling the five step functions in a row, in the in-process host,
+    /// and judged, which is a sweep's row without its text. With `--beside` other simulators run in turn with them: any command
+    /// whose last line of output is its number of steps per second. tests/peers/run.sh provides two.
     #[command(after_help = BenchSweep::EXAMPLES)]
     Sweep(BenchSweep),
 }
@@ -60,10 +59,10 @@ pub struct BenchSweep {
     /// Repetitions of each measurement; medians are shown.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
-    /// Another simulator: its name, and the command that measures it.
+    /// Another simulator: its name and the command that measures it.
     #[arg(long, value_name = "NAME=COMMAND", value_parser = str::parse::<Peer>)]
     pub beside: Vec<Peer>,
-    /// Write the figures as JSON to this file as well.
+    /// Also write the results as JSON to this file.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
 }
@@ -78,9 +77,8 @@ impl BenchSweep {
 /// Another simulator.
 #[derive(Clone, Debug)]
 pub struct Peer {
-    /// Its name.
     pub name: String,
-    /// The command that prints its steps a second.
+    /// Command that prints its steps per second.
     pub command: String,
 }
 
@@ -102,10 +100,10 @@ impl std::str::FromStr for Peer {
 /// Arguments of `gerono-bench laboratory`.
 #[derive(Debug, Args)]
 pub struct BenchLaboratory {
-    /// For how long the vehicle tilts, s.
+    /// Duration of the tilts, s.
     #[arg(long, value_name = "S", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub seconds: u32,
-    /// Write the figures as JSON to this file as well: times in s.
+    /// Also write the results as JSON to this file: times in s.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
 }
@@ -116,10 +114,10 @@ pub struct BenchRecorder {
     /// Repetitions of each measurement of time; medians are shown.
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
-    /// Length of the flight over which memory is watched, min at 1 kHz.
+    /// Duration of the flight for the memory measurement, min at 1 kHz.
     #[arg(long, value_name = "MIN", default_value = "10", value_parser = between(0.1, 1440.0, "min"))]
     pub minutes: f64,
-    /// Write the figures as JSON to this file as well: times in s, memory in bytes.
+    /// Also write the results as JSON to this file: times in s, memory in bytes.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
 }
@@ -134,13 +132,13 @@ impl BenchRecorder {
 /// Arguments of `gerono-bench deaths`.
 #[derive(Debug, Args)]
 pub struct BenchDeaths {
-    /// The number of processes that die.
+    /// Number of crashes.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub deaths: u32,
     /// Fly under SCHED_FIFO (docs/deployment.md).
     #[arg(long)]
     pub fifo: bool,
-    /// Write the figures as JSON to this file as well: times in s.
+    /// Also write the results as JSON to this file: times in s.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! The ports of one service through iceoryx2's own API: what a floor of lock-step flight receives and publishes.
+//! The ports of one service through iceoryx2's own API, for the floor of lock-step flight.
 
 use std::error::Error;
 
@@ -22,18 +22,18 @@ pub(super) struct BarePorts {
 
 struct Input {
     port: Box<dyn Subscribe>,
-    /// `true` if its sample is one of the round before.
+    /// `true` if its sample is that of the previous round.
     is_late: bool,
 }
 
 impl BarePorts {
-    /// Opens the topics that a service publishes or looks at in a flight of this schedule.
-    pub(super) fn open(member: &RunNode, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
+    /// Opens the topics that a service publishes or reads in a flight of this schedule.
+    pub(super) fn open(node: &RunNode, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
         let inputs = schedule.inputs_read(service).map(|(input, spec)| {
             let buffer = usize::try_from(schedule.buffer_size(spec.topic))?;
             Ok(Input {
                 port: spec.topic.dispatch(Subscriptions {
-                    member,
+                    node,
                     topic: spec.topic,
                     buffer,
                 })?,
@@ -42,7 +42,7 @@ impl BarePorts {
         });
         let outputs = schedule.outputs(service).map(|output| {
             let topic = output.topic;
-            topic.dispatch(Publications { member, topic })
+            topic.dispatch(Publications { node, topic })
         });
         Ok(Self {
             inputs: inputs.collect::<Outcome<_>>()?,
@@ -57,7 +57,8 @@ impl BarePorts {
         self.outputs.iter_mut().try_for_each(|output| output.connect())
     }
 
-    /// Receives one sample of each input, and holds it until the next one; in the first round those of it only.
+    /// Receives one sample of each input and holds it until the next one. `late_too` is `false` in the first round, in which late
+    /// inputs have no sample yet.
     #[inline]
     pub(super) fn receive(&mut self, late_too: bool) -> Outcome<()> {
         for input in &mut self.inputs {
@@ -99,7 +100,7 @@ impl<T: Published> Subscribe for Held<T> {
     fn receive(&mut self) -> Outcome<()> {
         self.sample = self.subscriber.receive()?;
         if self.sample.is_none() {
-            return Err(format!("no sample of {} has come", T::TOPIC).into());
+            return Err(format!("no sample of {} was received", T::TOPIC).into());
         }
         Ok(())
     }
@@ -118,14 +119,14 @@ impl<T: Published> Publish for Publisher<ipc::Service, Wire<T>, ()> {
     }
 }
 
-fn topic<T: Published>(member: &RunNode, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
+fn topic<T: Published>(node: &RunNode, topic: Topic) -> Outcome<PortFactory<ipc::Service, Wire<T>, ()>> {
     let name = ServiceName::new(topic.name())?;
-    let builder = member.node().service_builder(&name);
+    let builder = node.node().service_builder(&name);
     Ok(builder.publish_subscribe::<Wire<T>>().open()?)
 }
 
 struct Subscriptions<'a> {
-    member: &'a RunNode,
+    node: &'a RunNode,
     topic: Topic,
     buffer: usize,
 }
@@ -134,7 +135,7 @@ impl TopicVisitor for Subscriptions<'_> {
     type Result = Outcome<Box<dyn Subscribe>>;
 
     fn visit<T: Published>(self) -> Self::Result {
-        let service = topic::<T>(self.member, self.topic)?;
+        let service = topic::<T>(self.node, self.topic)?;
         let subscriber = service.subscriber_builder().buffer_size(self.buffer).create()?;
         let sample = None;
         Ok(Box::new(Held { sample, subscriber }))
@@ -142,7 +143,7 @@ impl TopicVisitor for Subscriptions<'_> {
 }
 
 struct Publications<'a> {
-    member: &'a RunNode,
+    node: &'a RunNode,
     topic: Topic,
 }
 
@@ -150,7 +151,7 @@ impl TopicVisitor for Publications<'_> {
     type Result = Outcome<Box<dyn Publish>>;
 
     fn visit<T: Published>(self) -> Self::Result {
-        let service = topic::<T>(self.member, self.topic)?;
+        let service = topic::<T>(self.node, self.topic)?;
         let publisher = service
             .publisher_builder()
             .max_loaned_samples(2)

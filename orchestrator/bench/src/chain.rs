@@ -1,9 +1,9 @@
-//! A bare chain: five processes on one core that hand on an iceoryx2 event, four hops from the first to the last. The
-//! floor of flight in real time.
+//! A bare chain: five processes on one core that pass on an iceoryx2 event, four hops from the first to the last. The floor of
+//! flight in real time.
 //!
-//! The first sleeps to absolute deadlines and sends; nobody else ever looks at the clock but the last, which measures. When
-//! the first sent is handed on beside the event, in a word of the shared page: if two events become one, it is the newer
-//! that is measured, as the newest sample wins in flight.
+//! The first process sleeps to absolute deadlines and sends; the last one measures, and no other reads the clock. The sending
+//! time is passed on beside the event, in a word of the shared page: if two events merge, the newer one is measured, as in a
+//! flight the newest sample counts.
 
 use std::error::Error;
 use std::io::Read;
@@ -34,19 +34,19 @@ use run_client::run_root::RunRoot;
 const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
 
-/// Time between two rounds, ns: that of the flight beside which the chain stands.
+/// Period of the rounds, ns: that of the flight for comparison.
 const PERIOD_NS: u64 = 1_000_000;
 
-/// From the arrival of all until the first round.
+/// Time from the arrival of all processes to the first round.
 const COUNTDOWN: Duration = Duration::from_millis(5);
 
-/// Longest wait for an event before the next check.
+/// Maximum wait for an event before the next check.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
-/// The value handed on in place of a time once there is nothing more to come.
+/// The value passed on in place of a time at the end.
 const THE_END: u64 = u64::MAX;
 
-/// Returns how long it is from the first to the last of a bare chain on `core`, of so many rounds.
+/// Measures the latency from the first to the last process of a bare chain on `core`.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -55,8 +55,8 @@ pub(super) fn four_hops(core: usize, fifo: bool, rounds: u64) -> std::io::Result
     let page = SharedPage::create()?;
     let block = page.control_block();
     let mut members = Members(Vec::new());
-    for place in 0..MEMBERS {
-        let member = spawn(place, core, fifo, rounds, &root.configuration(), &page)?;
+    for index in 0..MEMBERS {
+        let member = spawn(index, core, fifo, rounds, &root.configuration(), &page)?;
         members.0.push(member);
         // Each creates the event that the next one opens.
         while block.misses.load(Ordering::Acquire) < u32::try_from(members.0.len()).expect("few members") {
@@ -66,16 +66,17 @@ pub(super) fn four_hops(core: usize, fifo: bool, rounds: u64) -> std::io::Result
     }
     let clock = FlightClock::starting_in(COUNTDOWN, PERIOD_NS);
     block.start_ns.store(clock.start_ns, Ordering::Release);
-    let told = members.0.last_mut().and_then(|last| last.stdout.take());
+    let output = members.0.last_mut().and_then(|last| last.stdout.take());
     members.wait()?;
     let mut text = String::new();
-    told.expect("the last one's output is piped")
+    output
+        .expect("the output of the last process is piped")
         .read_to_string(&mut text)?;
     Ok(serde_json::from_str(&text)?)
 }
 
 fn spawn(
-    place: usize,
+    index: usize,
     core: usize,
     fifo: bool,
     rounds: u64,
@@ -85,7 +86,7 @@ fn spawn(
     let mut command = member::command();
     command
         .arg("chain-member")
-        .args([place.to_string(), rounds.to_string(), core.to_string()])
+        .args([index.to_string(), rounds.to_string(), core.to_string()])
         .arg(configuration)
         .args(fifo.then_some("--fifo"))
         .stdin(Stdio::null())
@@ -96,15 +97,15 @@ fn spawn(
     command.spawn()
 }
 
-/// Sends, hands on, or measures, by its place.
+/// Runs a process of the chain: sends, passes on or measures, by its index.
 ///
 /// # Errors
 /// [`Failure`].
 pub(super) fn chain_member(arguments: &ChainMember) -> Result<(), Failure> {
-    take_part(arguments).map_err(Failure::trouble)
+    run_member(arguments).map_err(Failure::trouble)
 }
 
-fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>> {
+fn run_member(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>> {
     deployment::die_with_parent()?;
     let settings = ServiceDeployment {
         core: Some(arguments.core),
@@ -116,40 +117,35 @@ fn take_part(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync>
         return Err(refusal.to_string().into());
     }
     let page = SharedPage::open(inherited(PAGE_FD)?)?;
-    let member = RunNode::join(&arguments.configuration, "chain-member")?;
+    let node = RunNode::join(&arguments.configuration, "chain-member")?;
     let block = page.control_block();
-    let me = arguments.place;
+    let me = arguments.index;
     match (me, me + 1) {
-        (0, _) => send(&hop(&member, 0)?.create()?, block, arguments.rounds)?,
+        (0, _) => send(&hop(&node, 0)?.create()?, block, arguments.rounds)?,
         (_, MEMBERS) => {
-            let times = measure(&hop(&member, me - 1)?.open()?, block)?;
-            let quantiles = Quantiles::of(&times).ok_or("no event has come to the end of the chain")?;
+            let times = measure(&hop(&node, me - 1)?.open()?, block)?;
+            let quantiles = Quantiles::of(&times).ok_or("no event has reached the end of the chain")?;
             print(serde_json::to_string(&quantiles)?);
         }
-        _ => pass_on(
-            &hop(&member, me - 1)?.open()?,
-            &hop(&member, me)?.create()?,
-            block,
-            me,
-        )?,
+        _ => pass_on(&hop(&node, me - 1)?.open()?, &hop(&node, me)?.create()?, block, me)?,
     }
     Ok(())
 }
 
 type Event = PortFactory<ipc::Service>;
 
-/// Returns the builder of the event from the member at a place to the next.
-fn hop(member: &RunNode, place: usize) -> Result<Builder<ipc::Service>, Box<dyn Error + Send + Sync>> {
-    let name = ServiceName::new(&format!("hop/{place}"))?;
-    Ok(member.node().service_builder(&name).event())
+/// Returns the builder of the event from the member of an index to the next one.
+fn hop(node: &RunNode, index: usize) -> Result<Builder<ipc::Service>, Box<dyn Error + Send + Sync>> {
+    let name = ServiceName::new(&format!("hop/{index}"))?;
+    Ok(node.node().service_builder(&name).event())
 }
 
-/// Returns when the round began that has come as far as a member, or that there is none any more.
-fn newest(block: &ControlBlock, place: usize) -> &AtomicU64 {
-    &block.cells[place].steps_until
+/// Returns the sending time of the newest round that has reached a member, or [`THE_END`].
+fn newest(block: &ControlBlock, index: usize) -> &AtomicU64 {
+    &block.cells[index].steps_until
 }
 
-/// The first: sends an event every period.
+/// Runs the first member: sends an event every period.
 fn send(to: &Event, block: &ControlBlock, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
     let notifier = to.notifier_builder().create()?;
     block.misses.fetch_add(1, Ordering::AcqRel);
@@ -176,7 +172,7 @@ fn sleep_until(at_ns: u64) {
     }
 }
 
-/// One between the first and the last: hands on what comes.
+/// Runs a member in the middle: passes events on.
 fn pass_on(
     from: &Event,
     to: &Event,
@@ -186,12 +182,12 @@ fn pass_on(
     let listener = from.listener_builder().create()?;
     let notifier = to.notifier_builder().create()?;
     block.misses.fetch_add(1, Ordering::AcqRel);
-    let mut seen = 0;
-    while seen != THE_END {
+    let mut last = 0;
+    while last != THE_END {
         listener.timed_wait(|_| (), LONGEST_WAIT)?;
         let sent = newest(block, me - 1).load(Ordering::Acquire);
-        if sent != seen {
-            seen = sent;
+        if sent != last {
+            last = sent;
             newest(block, me).store(sent, Ordering::Release);
             notifier.notify()?;
         }
@@ -199,21 +195,21 @@ fn pass_on(
     Ok(())
 }
 
-/// The last: how long it is from the first to here.
+/// Runs the last member: measures the latency from the first.
 fn measure(from: &Event, block: &ControlBlock) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
     let listener = from.listener_builder().create()?;
     let mut times = timing::histogram();
     block.misses.fetch_add(1, Ordering::AcqRel);
-    let mut seen = 0;
+    let mut last = 0;
     loop {
         listener.timed_wait(|_| (), LONGEST_WAIT)?;
         let sent = newest(block, MEMBERS - 2).load(Ordering::Acquire);
         if sent == THE_END {
             return Ok(times);
         }
-        if sent != seen {
+        if sent != last {
             times.saturating_record(monotonic_ns().saturating_sub(sent));
-            seen = sent;
+            last = sent;
         }
     }
 }

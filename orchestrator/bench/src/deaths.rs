@@ -1,4 +1,4 @@
-//! `gerono-bench deaths`: what the deaths of services cost a flight in real time, and the others in it.
+//! `gerono-bench deaths`: effect of crashing services on a flight in real time and on the other services.
 
 use std::path::Path;
 
@@ -20,44 +20,44 @@ use metrics::tracker::Tracker;
 use run_log::{HostReader, LogReader, ServiceStep};
 use supervisor::RunFailure;
 
-/// The paper's laboratory in hover: its vehicle holds its body rates by itself while nobody commands it.
+/// The paper's laboratory in hover: without commands its vehicle holds its body rates.
 const SCENARIO: &str = include_str!("../../../scenarios/fig7.toml");
 
-/// Place where the scenario hovers, m.
+/// Hover position of the scenario, m.
 const HOVER: [f64; 3] = [0.0, 0.0, -1.2];
 
-/// From the start until the first death, s: the estimators have found the mass by then.
+/// Time from the start to the first crash, s: the mass estimate has converged by then.
 const SETTLING: f64 = 4.0;
 
-/// Time between two deaths, s.
+/// Time between two crashes, s.
 const APART: f64 = 0.3;
 
-/// Time for which after a death the others are observed, ns: two restarts.
+/// Time after a crash for which the other services are observed, ns: two restarts.
 const NEAR_NS: u64 = 100_000_000;
 
-/// All that was measured.
+/// Results of the measurement.
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
     deaths: usize,
     /// Restarted services.
     restarts: usize,
-    /// From the moment when a death was noticed until another process flew, s.
+    /// Time from the detection of a crash to the first step of the new process, s.
     back_after: Option<Quantiles>,
     services: Vec<OthersPeriods>,
-    /// Largest distance from the path from the first death on, m; and in the same time of the flight without any.
+    /// Largest distance from the path from the first crash on, m, and over the same time of the undisturbed flight.
     largest_distance: f64,
     largest_distance_undisturbed: f64,
 }
 
-/// Times from the begin of a step to that of the next, s.
+/// Periods between the starts of consecutive steps, s.
 #[derive(Clone, Debug, Serialize)]
 struct OthersPeriods {
     service: &'static str,
-    /// In the 0.1 s after the death of another service.
+    /// Within 0.1 s after the crash of another service.
     near: Option<Quantiles>,
-    /// Otherwise.
+    /// At all other times.
     elsewhere: Option<Quantiles>,
-    /// Ratio of the times that 99 of 100 do not exceed.
+    /// Ratio of the 99th percentiles.
     ratio_p99: Option<f64>,
 }
 
@@ -70,14 +70,14 @@ pub(super) fn deaths(arguments: &BenchDeaths) -> std::result::Result<(), Failure
     print(format!("{}\n", table(&measured.services)));
     let back = measured.back_after.map_or_else(String::new, |back| {
         format!(
-            ", {:.1} ms after its death was noticed in the median, {:.1} ms at most",
+            " (median {:.1} ms, maximum {:.1} ms after detection)",
             1e3 * back.p50,
             1e3 * back.max
         )
     });
     print(format!(
-        "{} processes killed themselves (SIGKILL), each service in its turn; {} times another one flew in the dead one's \
-         place{back}.\nLargest distance from the path meanwhile {:.1} cm, in the same flight without deaths {:.1} cm.\n",
+        "{} processes killed themselves (SIGKILL), each service in turn; {} were restarted{back}.\n\
+         Largest distance from the path meanwhile {:.1} cm, in the undisturbed flight {:.1} cm.\n",
         measured.deaths,
         measured.restarts,
         100.0 * measured.largest_distance,
@@ -123,14 +123,14 @@ fn measure(arguments: &BenchDeaths) -> Result<Measured> {
     })
 }
 
-/// A flight that was measured.
+/// A measured flight.
 struct TimedFlight {
     summary: Value,
     steps: Vec<(ServiceId, ServiceStep)>,
     largest_distance: f64,
 }
 
-/// A death that was followed by a restart.
+/// A crash that was followed by a restart.
 struct Restart {
     service: ServiceId,
     died_ns: u64,
@@ -157,7 +157,7 @@ fn fly<'a>(command: &FlightCommand, options: impl Iterator<Item = &'a str>) -> R
     })
 }
 
-/// Largest distance from the path from the first death on, m.
+/// Returns the largest distance from the path from the first crash on, m.
 fn largest_distance_of(log: &Path) -> Result<f64> {
     let mut reader = LogReader::open(log).map_err(RunFailure::setup)?;
     let scenario = &reader.manifest().scenario;
@@ -172,10 +172,10 @@ fn largest_distance_of(log: &Path) -> Result<f64> {
 }
 
 impl TimedFlight {
-    /// The restarts; `tick` in s.
+    /// Returns the restarts; `tick` in s.
     fn restarts(&self, tick: f64) -> Result<Vec<Restart>> {
         let stated = self.summary["restarts"].as_array();
-        let stated = stated.ok_or_else(|| RunFailure::setup("the flight's summary tells of no restarts"))?;
+        let stated = stated.ok_or_else(|| RunFailure::setup("the flight's summary has no restarts"))?;
         let restart = |stated: &Value| {
             Some(Restart {
                 service: ServiceId::from_name(stated["service"].as_str()?)?,
@@ -191,17 +191,17 @@ fn nanoseconds(time: f64) -> u64 {
     shared_types::service::nanoseconds(time)
 }
 
-/// Of each service the periods near the deaths of others, and elsewhere. Those of its own deaths count nowhere.
+/// Returns for each service the periods near the crashes of others, and all others. Periods near its own crashes do not count.
 fn others_periods(steps: &[(ServiceId, ServiceStep)], restarts: &[Restart]) -> Vec<OthersPeriods> {
-    let of_service = |service: ServiceId| {
+    let periods_of = |service: ServiceId| {
         let [mut near, mut elsewhere] = [histogram(), histogram()];
-        let own = steps.iter().filter(|(whose, _)| *whose == service);
+        let own = steps.iter().filter(|(id, _)| *id == service);
         let begins: Vec<_> = own.map(|(_, step)| step.began_ns).collect();
         for pair in begins.windows(2) {
-            // A death within the period, or so shortly before that it may still be felt.
-            let is_of =
+            // A crash within the period, or shortly enough before to affect it.
+            let is_near =
                 |restart: &&Restart| (pair[0].saturating_sub(NEAR_NS)..pair[1]).contains(&restart.died_ns);
-            let mut deaths = restarts.iter().filter(is_of).peekable();
+            let mut deaths = restarts.iter().filter(is_near).peekable();
             let counts_as: Option<&mut Histogram<u64>> = match deaths.peek() {
                 None => Some(&mut elsewhere),
                 Some(_) => deaths.all(|death| death.service != service).then_some(&mut near),
@@ -220,14 +220,14 @@ fn others_periods(steps: &[(ServiceId, ServiceStep)], restarts: &[Restart]) -> V
             elsewhere,
         }
     };
-    ServiceId::ALL.into_iter().map(of_service).collect()
+    ServiceId::ALL.into_iter().map(periods_of).collect()
 }
 
 fn table(services: &[OthersPeriods]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "period between steps",
-        "within 0.1 s of another's death, ms\np50 / p99 / max",
+        "within 0.1 s of another's crash, ms\np50 / p99 / max",
         "otherwise, ms\np50 / p99 / max",
         "ratio\np99",
     ]);

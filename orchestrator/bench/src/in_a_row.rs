@@ -7,7 +7,7 @@ use host::step::{self, Slots, Timetable, Views};
 use shared_types::service::{ErasedService, InputView};
 use shared_types::{Schedule, ServiceId, Topic};
 
-/// The services of a flight at one rate, each with where its samples come from.
+/// The services of a flight at one rate, each with its timetable.
 pub(super) struct InARow {
     services: Vec<(Box<dyn ErasedService>, Timetable)>,
     /// The newest sample of each topic.
@@ -17,10 +17,10 @@ pub(super) struct InARow {
 
 impl InARow {
     /// # Panics
-    /// If a service does not step at every tick: a host would be needed to know when.
+    /// If a service does not step at every tick, which only a host supports.
     pub(super) fn new(schedule: &Schedule, mut services: Vec<Box<dyn ErasedService>>) -> Self {
-        let place = |service: &ServiceId| schedule.order().iter().position(|other| other == service);
-        services.sort_by_key(|service| place(&service.id()));
+        let index = |service: &ServiceId| schedule.order().iter().position(|other| other == service);
+        services.sort_by_key(|service| index(&service.id()));
         let every_tick = |service: ServiceId| schedule.service_rate(service).period == 1;
         assert!(ServiceId::ALL.into_iter().all(every_tick));
         let timed = |service: Box<dyn ErasedService>| {
@@ -39,7 +39,7 @@ impl InARow {
         }
     }
 
-    /// Calls all of them for every tick; simulated seconds a second, at 1 kHz.
+    /// Steps all services at every tick. Returns the simulated seconds per second, at 1 kHz.
     pub(super) fn fly(&mut self) -> f64 {
         let started = Instant::now();
         for tick in 0..=self.last_tick {
@@ -70,7 +70,7 @@ impl InARow {
             let mut slots = Slots::default();
             let due = slots.iter_mut().zip(&mut own).zip(&timetable.outputs);
             for ((slot, sample), output) in due.filter(|(_, output)| output.is_due(tick)) {
-                let bytes = sample.as_mut().expect("one service a topic").bytes_mut();
+                let bytes = sample.as_mut().expect("a topic has one publisher").bytes_mut();
                 *slot = step::prepared(output.topic, output.header(tick), bytes);
             }
             let inputs = &views[..timetable.inputs.len()];

@@ -1,8 +1,9 @@
-//! `gerono-bench laboratory`: from a capture's packet on a socket to the serial frame that rests on it, beside the bare hops.
+//! `gerono-bench laboratory`: latency from a capture's packet on a socket to the serial frame that responds to it, compared with
+//! bare hops.
 //!
-//! A flight with all services at 1 kHz is connected to a VRPN server and to a receiver on a pseudo-terminal, both of which are
-//! here. The vehicle seems to take off and to stay at its point; there it seems to tilt by a little, to and fro. The first frame
-//! that answers a tilt is the first that rests on the capture in which it was seen.
+//! A flight with all services at 1 kHz is connected to a VRPN server and to a receiver on a pseudo-terminal in this process. The
+//! sent poses take off, stay at a point and tilt slightly to and fro there. The first frame that responds to a tilt is the
+//! response to its capture.
 
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
@@ -36,48 +37,48 @@ use metrics::summary::timing::{Quantiles, histogram};
 use run_client::{LiveRun, PATIENCE, Question};
 use supervisor::RunFailure;
 
-/// The laboratory whose cameras and receiver are here.
+/// The laboratory whose cameras and receiver this process simulates.
 const SCENARIO: &str = include_str!("../../../scenarios/laboratory_simulated.toml");
 
-/// Time between two captures, ns: no whole number of ticks, so that they come at every time of a tick alike.
+/// Period of the captures, ns: not a whole number of ticks, so that captures are spread evenly over the tick.
 const PERIOD_NS: u64 = 10_370_000;
-/// Captures from one tilt to the next.
+/// Captures between two tilts.
 const BETWEEN_TILTS: u32 = 12;
-/// Captures from one request to arm to the next.
+/// Captures between two requests to arm.
 const BETWEEN_REQUESTS: u32 = 50;
-/// To either side, rad.
+/// Tilt to either side, rad.
 const TILT: f64 = 0.02;
-/// A change of the rate about the x axis that answers a tilt, of which other changes are a small part, rad/s.
+/// Minimum change of the rate about the x axis that counts as a response to a tilt, rad/s; other changes are much smaller.
 const ANSWER: f64 = 0.1;
-/// Frames a second; a CRSF line carries some more.
+/// Frame rate, Hz; a CRSF line carries some more.
 const FRAME_RATE: f64 = 1000.0;
 
-/// The capture and the frame of the bare hops: a VRPN pose with its header, and a CRSF frame. Bytes.
+/// Size of the bare hops' pose: a VRPN pose with its header, bytes.
 const POSE_LENGTH: usize = 96;
-/// Rounds of a bare hop, one a millisecond.
+/// Rounds of a bare hop, at 1 kHz.
 const ROUNDS: u64 = 3000;
 
-/// The apparent speed of the climb, m/s, and its height, m.
+/// Simulated climb rate, m/s, and height, m.
 const RISE: f64 = 0.4;
 const HEIGHT: f64 = 1.2;
-/// From the first frame with which motors turn until the vehicle seems to rise, and until it seems to tilt, ns.
+/// Time from the first armed frame to the simulated take-off, and to the first tilt, ns.
 const LIFT_AFTER_NS: u64 = 300_000_000;
 const TILT_AFTER_NS: u64 = 6_000_000_000;
-/// Longest time until that frame, ns.
-const PATIENCE_NS: u64 = 30_000_000_000;
+/// Timeout until the first armed frame, ns.
+const ARMING_TIMEOUT_NS: u64 = 30_000_000_000;
 
-/// All that was measured, s.
+/// Results of the measurement, s.
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
-    /// From the sending of a packet until the frame that rests on it has come.
+    /// Latency from sending a packet to the arrival of the responding frame.
     packet_to_frame: Quantiles,
-    /// Tilts that no frame has answered before the next.
+    /// Tilts without a response before the next one.
     unanswered: u64,
-    /// Bytes of a pose, from one process's end of a TCP connection to the other.
+    /// Latency of a pose's bytes through a TCP connection.
     socket_hop: Quantiles,
     /// Four bare hops from process to process.
     four_hops: Quantiles,
-    /// Bytes of a frame, through a pseudo-terminal.
+    /// Latency of a frame's bytes through a pseudo-terminal.
     serial_hop: Quantiles,
 }
 
@@ -100,14 +101,14 @@ fn measure(seconds: u32) -> Result<Measured> {
     let core = deployment::idlest(&deployment::allowed_cores()).unwrap_or(0);
     let scenario = connected(free_address()?.port(), &device, seconds)?;
     let socket_hop = bare_hop(Target::Tcp(free_address()?), POSE_LENGTH)?;
-    let serial_hop = bare_hop(receivers_end(&scenario)?, crsf::LENGTH)?;
+    let serial_hop = bare_hop(receiver_target(&scenario)?, crsf::LENGTH)?;
     let four_hops = chain::four_hops(core, false, ROUNDS).map_err(RunFailure::setup)?;
 
-    let mut here = Here::open(&scenario)?;
-    let mut flight = FlightUnderWay::begin(&folder, &scenario)?;
-    let tilts = here.fly(&mut flight, u64::from(seconds) * 1_000_000_000)?;
+    let mut peers = LaboratoryPeers::open(&scenario)?;
+    let mut flight = RunningFlight::begin(&folder, &scenario)?;
+    let tilts = peers.fly(&mut flight, u64::from(seconds) * 1_000_000_000)?;
     flight.end()?;
-    let no_answer = || RunFailure::setup("no frame has answered any tilt of the vehicle");
+    let no_answer = || RunFailure::setup("no frame has responded to a tilt of the vehicle");
     Ok(Measured {
         packet_to_frame: Quantiles::of(&tilts.answered).ok_or_else(no_answer)?,
         unanswered: tilts.unanswered,
@@ -117,7 +118,7 @@ fn measure(seconds: u32) -> Result<Measured> {
     })
 }
 
-/// A free port of the loopback.
+/// Returns a free port of the loopback.
 fn free_address() -> Result<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0));
     listener
@@ -129,15 +130,14 @@ fn missing() -> RunFailure {
     RunFailure::setup("the laboratory has no cameras or no radio link")
 }
 
-/// Returns where the receiver of a scenario's radio link listens.
-fn receivers_end(scenario: &Scenario) -> Result<Target> {
+/// Returns the address of the receiver of a scenario's radio link.
+fn receiver_target(scenario: &Scenario) -> Result<Target> {
     let link = scenario.rc_output.as_ref().ok_or_else(missing)?;
     let transmitter = link.transmitter.as_ref().ok_or_else(missing)?;
     Target::new(link.link, transmitter).ok_or_else(missing)
 }
 
-/// Time from the writing of so many bytes at one end until they have been read at the other, by another thread that waits
-/// for them.
+/// Measures the latency from writing `length` bytes at one end of a link to reading them at the other, in another thread.
 fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
     let mut line = ReceiverInput::open(&target).map_err(RunFailure::setup)?;
     let mut port = Port::open(target).map_err(RunFailure::setup)?;
@@ -168,10 +168,10 @@ fn bare_hop(target: Target, length: usize) -> Result<Quantiles> {
             });
         }
     });
-    Quantiles::of(&times).ok_or_else(|| RunFailure::setup("nothing came through a bare hop"))
+    Quantiles::of(&times).ok_or_else(|| RunFailure::setup("nothing was received through a bare hop"))
 }
 
-/// The laboratory's flight with its cameras and receiver here, as fast as it goes.
+/// Returns the laboratory's scenario, connected to this process, at the maximum rates.
 fn connected(cameras: u16, device: &Path, seconds: u32) -> Result<Scenario> {
     let mut flight: Scenario = toml::from_str(SCENARIO).map_err(RunFailure::setup)?;
     flight.duration = f64::from(seconds) + 60.0;
@@ -198,13 +198,13 @@ fn connected(cameras: u16, device: &Path, seconds: u32) -> Result<Scenario> {
     Ok(flight)
 }
 
-/// The flight, by a command of its own.
-struct FlightUnderWay {
+/// The flight in a separate process.
+struct RunningFlight {
     process: Members,
     name: String,
 }
 
-impl FlightUnderWay {
+impl RunningFlight {
     fn begin(folder: &Scratch, scenario: &Scenario) -> Result<Self> {
         let flight = FlightCommand::write(folder, scenario)?;
         let child = gerono()?
@@ -221,24 +221,24 @@ impl FlightUnderWay {
         })
     }
 
-    /// Sends a request, if a peer is connected.
-    fn ask(&self, question: &Question) {
-        // It says no more than what is seen of it.
+    /// Sends a request to the flight, if it is reachable.
+    fn request(&self, question: &Question) {
+        // The answer is not needed: the effect of the request is observed.
         let run = LiveRun::find(Some(&self.name), "bench laboratory");
         let _answer = run.and_then(|run| run.ask(question, PATIENCE));
     }
 
-    /// Asks for arming, which is granted once all is well.
+    /// Requests arming, which is granted once all checks pass.
     fn arm(&mut self) -> Result<()> {
         self.process.check().map_err(RunFailure::setup)?;
-        self.ask(&Question::Operate(Request::Arm));
+        self.request(&Question::Operate(Request::Arm));
         Ok(())
     }
 
-    /// However it ends: all is measured.
+    /// Ends the flight. Its outcome is irrelevant: the measurement is complete.
     fn end(mut self) -> Result<()> {
         for question in [Question::Operate(Request::Disarm), Question::Stop, Question::Stop] {
-            self.ask(&question);
+            self.request(&question);
         }
         for child in &mut self.process.0 {
             child.wait().map_err(RunFailure::setup)?;
@@ -247,34 +247,34 @@ impl FlightUnderWay {
     }
 }
 
-/// A tilt that no frame has answered yet.
+/// A tilt without a response yet.
 #[derive(Clone, Copy)]
 struct Tilt {
-    /// Time at which the capture was sent that shows it, ns.
+    /// Time at which its capture was sent, ns.
     sent_ns: u64,
-    /// The rates of the frame before, rad/s.
+    /// Rate of the previous frame, rad/s.
     rate_before: f64,
 }
 
-/// The outcome of the tilts.
+/// Results of the tilts.
 struct Tilts {
-    /// Times until the answer, ns.
+    /// Times until the response, ns.
     answered: hdrhistogram::Histogram<u64>,
     unanswered: u64,
 }
 
 /// The cameras and the receiver.
-struct Here {
+struct LaboratoryPeers {
     cameras: CameraSender,
     noise: Noise,
     line: ReceiverInput,
     receiver: Receiver,
     link: RcLink,
-    /// The last frame's rate about the x axis, rad/s, and whether motors may turn.
-    asked: (f64, bool),
+    /// Rate about the x axis, rad/s, and arming state of the last frame.
+    last_frame: (f64, bool),
 }
 
-impl Here {
+impl LaboratoryPeers {
     fn open(scenario: &Scenario) -> Result<Self> {
         let (system, stated) = scenario.capture_system().ok_or_else(missing)?;
         let link = scenario.rc_output.clone().ok_or_else(missing)?;
@@ -282,15 +282,15 @@ impl Here {
         Ok(Self {
             cameras: CameraSender::open(system, stated, 1, 0).map_err(RunFailure::setup)?,
             noise: Noise::new(1, Stream::CameraNoise),
-            line: ReceiverInput::open(&receivers_end(scenario)?).map_err(RunFailure::setup)?,
+            line: ReceiverInput::open(&receiver_target(scenario)?).map_err(RunFailure::setup)?,
             receiver: Receiver::new(&link, transmitter).ok_or_else(missing)?,
             link,
-            asked: (0.0, false),
+            last_frame: (0.0, false),
         })
     }
 
-    /// Shows the vehicle at rest until it is armed, as it takes off, and as it tilts for so long.
-    fn fly(&mut self, flight: &mut FlightUnderWay, lasts_ns: u64) -> Result<Tilts> {
+    /// Sends poses of the vehicle on the ground until it is armed, in take-off, and tilting for `lasts_ns`.
+    fn fly(&mut self, flight: &mut RunningFlight, lasts_ns: u64) -> Result<Tilts> {
         let bar = progress_of("tilt", lasts_ns / (PERIOD_NS * u64::from(BETWEEN_TILTS)));
         let mut tilts = Tilts {
             answered: histogram(),
@@ -305,14 +305,14 @@ impl Here {
                 open = None;
             }
             let now_ns = monotonic_ns();
-            if armed_ns.is_none() && self.asked.1 {
+            if armed_ns.is_none() && self.last_frame.1 {
                 armed_ns = Some(now_ns);
             }
             let flown_ns = armed_ns.map_or(0, |armed_ns| now_ns - armed_ns);
             if flown_ns > TILT_AFTER_NS + lasts_ns {
                 break;
             }
-            if armed_ns.is_none() && now_ns - began_ns > PATIENCE_NS {
+            if armed_ns.is_none() && now_ns - began_ns > ARMING_TIMEOUT_NS {
                 return Err(RunFailure::setup("the flight could not be armed"));
             }
             if armed_ns.is_none() && number % BETWEEN_REQUESTS == 0 {
@@ -325,8 +325,8 @@ impl Here {
                 1.0
             };
             let roll = if is_tilted { side * TILT } else { 0.0 };
-            let rate_before = self.asked.0;
-            let sent_ns = self.show(number, height(flown_ns), roll);
+            let rate_before = self.last_frame.0;
+            let sent_ns = self.send_pose(number, height(flown_ns), roll);
             if is_tilted && number % BETWEEN_TILTS == 0 {
                 tilts.unanswered += u64::from(open.is_some());
                 open = Some(Tilt { sent_ns, rate_before });
@@ -337,38 +337,38 @@ impl Here {
         Ok(tilts)
     }
 
-    /// Sends what the cameras see; when, ns.
-    fn show(&mut self, number: u32, height: f64, roll: f64) -> u64 {
+    /// Sends a pose. Returns the time of sending, ns.
+    fn send_pose(&mut self, number: u32, height: f64, roll: f64) -> u64 {
         let mut draws = self.noise.at(u64::from(number));
-        // Cameras that report the same pose twice count as frozen.
+        // Identical poses in a row count as frozen cameras.
         let position = Vector3::new(0.0, 0.0, -height) + draws.normal3() * 1e-5;
         let attitude = exp(&(Vector3::new(roll, 0.0, 0.0) + draws.normal3() * 1e-5));
-        let seen = MocapPose {
+        let pose = MocapPose {
             position_world: position.into(),
             world_from_body: to_row_major(&attitude),
             tracked: true.into(),
             ..MocapPose::new_zeroed()
         };
         let now_ns = monotonic_ns();
-        self.cameras.schedule(&seen, now_ns);
+        self.cameras.schedule(&pose, now_ns);
         self.cameras.send(now_ns);
         now_ns
     }
 
-    /// Hears frames until a time; when the first has come that answers a tilt.
+    /// Receives frames until a time. Returns the arrival of the first that responds to the open tilt.
     fn listen_until(&mut self, until_ns: u64, open: Option<Tilt>) -> Option<u64> {
         let Self {
             line,
             receiver,
             link,
-            asked,
+            last_frame,
             ..
         } = self;
         let mut answered_ns = None;
         line.listen_until(until_ns, &mut |bytes, now_ns| {
             receiver.push(bytes, &mut |command| {
-                *asked = (command.rates_body(link)[0], command.is_armed);
-                let answers = open.is_some_and(|tilt| (asked.0 - tilt.rate_before).abs() > ANSWER);
+                *last_frame = (command.rates_body(link)[0], command.is_armed);
+                let answers = open.is_some_and(|tilt| (last_frame.0 - tilt.rate_before).abs() > ANSWER);
                 if answers && answered_ns.is_none() {
                     answered_ns = Some(now_ns);
                 }
@@ -378,7 +378,7 @@ impl Here {
     }
 }
 
-/// The apparent height of the vehicle so long after its motors began to turn, m.
+/// Returns the simulated height at a time after arming, m.
 fn height(flown_ns: u64) -> f64 {
     let rising_ns = flown_ns.saturating_sub(LIFT_AFTER_NS);
     (RISE * shared_types::service::seconds(rising_ns)).min(HEIGHT)
@@ -391,7 +391,7 @@ fn table(measured: &Measured) -> Table {
         .set_header(["", "µs\np50 / p99 / p99.9 / max"]);
     for (what, quantiles) in [
         (
-            "capture's packet on a socket → serial frame that rests on it",
+            "capture's packet on a socket → serial frame that responds",
             &measured.packet_to_frame,
         ),
         ("bare: a pose through TCP", &measured.socket_hop),
@@ -405,8 +405,8 @@ fn table(measured: &Measured) -> Table {
 
 fn explanation(measured: &Measured) -> String {
     format!(
-        "{} tilts of the vehicle were answered, {} were not. A packet waits for the next tick, and a frame for the time at which \
-         it is due: 1 ms each at most, the second about the same for a whole flight.\n",
+        "{} tilts of the vehicle were answered, {} were not. A packet waits for the next tick, and a frame for its due time: \
+         at most 1 ms each; the second wait is nearly constant within a flight.\n",
         measured.packet_to_frame.count, measured.unanswered,
     )
 }

@@ -1,4 +1,4 @@
-//! `gerono bench latency`: from a capture to the radio frame, beside four bare iceoryx2 event hops.
+//! `gerono bench latency`: latency from a capture to the radio frame, compared with four bare iceoryx2 event hops.
 
 use std::path::Path;
 
@@ -16,10 +16,10 @@ use command_line::output::{print, write_json};
 use metrics::summary::timing::Quantiles;
 use supervisor::RunFailure;
 
-/// Rounds of the bare chain in a second: as many as frames.
+/// Rounds of the bare chain per second: as many as frames.
 const ROUNDS_PER_SECOND: u64 = 1000;
 
-/// The work that keeps the cores busy meanwhile.
+/// Load on the cores during a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LoadOn {
     Nothing,
@@ -39,23 +39,23 @@ impl LoadOn {
     }
 }
 
-/// The measurement under one load and one scheduler.
+/// Results under one load and one scheduler.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     load: &'static str,
     scheduler: &'static str,
-    /// From the publication of a capture to that of the frame that rests on it.
+    /// Latency from the publication of a capture to that of the frame computed from it.
     capture_to_frame: Option<Quantiles>,
-    /// Four bare hops.
+    /// Latency of four bare hops.
     floor: Option<Quantiles>,
-    /// Median of the ratios of the medians, pair by pair.
+    /// Median of the pairwise ratios of the medians.
     ratio_p50: Option<f64>,
-    /// The same of the times that 99 of 100 do not exceed.
+    /// Median of the pairwise ratios of the 99th percentiles.
     ratio_p99: Option<f64>,
-    /// Steps that services left out because their time had passed.
+    /// Steps that services skipped because their deadline had passed.
     missed_steps: u64,
     services: Vec<ServiceTimes>,
-    /// Reason why nothing was measured.
+    /// Reason why there is no measurement.
     note: Option<String>,
 }
 
@@ -67,20 +67,20 @@ struct ServiceTimes {
     step: Option<Quantiles>,
 }
 
-/// All that was measured.
+/// Results of all measurements.
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
-    /// Length of each measurement, s.
+    /// Duration of each measurement, s.
     seconds: u32,
     repetitions: u32,
-    /// The core of the services, and of the chain.
+    /// The core of the services and of the chain.
     core: usize,
-    /// Frames of all repetitions of a row, as many as rounds of the chain.
+    /// Expected frames of all repetitions of a row: as many as rounds of the chain.
     asked: u64,
     rows: Vec<Row>,
 }
 
-/// Measures the time from a capture to the radio frame, and prints it beside the floor; writes it as JSON to a file, too.
+/// Measures the latency from a capture to the radio frame and prints it beside the floor; also writes it as JSON to a file.
 ///
 /// # Errors
 /// [`Failure`].
@@ -106,7 +106,7 @@ fn measure(seconds: u32, repetitions: u32) -> Result<Measured> {
     let flight = FlightCommand::write(&folder, &flight_of(seconds)?)?;
     let allowed = deployment::allowed_cores();
     let core = deployment::idlest(&allowed).unwrap_or(0);
-    let place = Place {
+    let setup = Setup {
         flight: &flight,
         core,
         other: allowed.into_iter().find(|&other| other != core),
@@ -120,7 +120,7 @@ fn measure(seconds: u32, repetitions: u32) -> Result<Measured> {
     for series in &mut series {
         series.note = match &fifo_refused {
             Some(reason) if series.scheduler == Scheduler::Fifo => Some(reason.clone()),
-            _ if series.load != LoadOn::Nothing && place.other.is_none() => {
+            _ if series.load != LoadOn::Nothing && setup.other.is_none() => {
                 Some("there is only one core".to_owned())
             }
             _ => None,
@@ -130,7 +130,7 @@ fn measure(seconds: u32, repetitions: u32) -> Result<Measured> {
     for repetition in 0..repetitions {
         for series in &mut series {
             if series.note.is_none() {
-                series.repeat(&place, repetition)?;
+                series.repeat(&setup, repetition)?;
             }
             bar.inc(1);
         }
@@ -140,12 +140,12 @@ fn measure(seconds: u32, repetitions: u32) -> Result<Measured> {
         seconds,
         repetitions,
         core,
-        asked: place.rounds * u64::from(repetitions),
+        asked: setup.rounds * u64::from(repetitions),
         rows: series.into_iter().map(Series::row).collect(),
     })
 }
 
-/// Fig. 1 of so many seconds, without the changes of the vehicle.
+/// Returns Fig. 1 with this duration, without changes of the vehicle.
 fn flight_of(seconds: u32) -> Result<Scenario> {
     let scenario: Scenario = toml::from_str(SCENARIO).map_err(RunFailure::setup)?;
     let mut flight = Scenario {
@@ -156,7 +156,7 @@ fn flight_of(seconds: u32) -> Result<Scenario> {
     Ok(flight)
 }
 
-/// Returns why `SCHED_FIFO` cannot be had, if it cannot. Tried in a thread of its own, with which it ends.
+/// Returns the reason why `SCHED_FIFO` is not available, if so. Tried in a temporary thread, so that this one keeps its scheduler.
 fn fifo_refused() -> Option<String> {
     let tried = std::thread::spawn(|| deployment::use_scheduler(Scheduler::Fifo)).join();
     let error = tried.ok()?.err()?;
@@ -165,15 +165,15 @@ fn fifo_refused() -> Option<String> {
     ))
 }
 
-/// Place where everything is measured.
-struct Place<'a> {
+/// Flight and cores of the measurements.
+struct Setup<'a> {
     flight: &'a FlightCommand,
     core: usize,
     other: Option<usize>,
     rounds: u64,
 }
 
-impl Place<'_> {
+impl Setup<'_> {
     fn loads(&self, load: LoadOn) -> Result<Vec<Load>> {
         let own = (load == LoadOn::BothCores).then_some(self.core);
         let other = self.other.filter(|_| load != LoadOn::Nothing);
@@ -184,8 +184,8 @@ impl Place<'_> {
         chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(RunFailure::setup)
     }
 
-    /// Returns the timing in the summary of a flight. On a machine that is away for too long the vehicle may be lost;
-    /// what was measured until then counts.
+    /// Returns the timing in the summary of a flight. If the machine stalls for too long, the vehicle may be lost; the measurement
+    /// until then counts.
     fn fly(&self, scheduler: Scheduler) -> Result<serde_json::Value> {
         let core = self.core.to_string();
         let mut options = vec!["--host", "realtime", "--core", &core];
@@ -198,13 +198,13 @@ impl Place<'_> {
     }
 }
 
-/// The measurements under one load and one scheduler, pairs at equal places.
+/// The measurements under one load and one scheduler, with pairs at equal indices.
 struct Series {
     load: LoadOn,
     scheduler: Scheduler,
     floors: Vec<Quantiles>,
     chains: Vec<Quantiles>,
-    /// Of every flight, those of all services.
+    /// Times of all services in every flight.
     services: Vec<Vec<ServiceTimes>>,
     missed_steps: u64,
     note: Option<String>,
@@ -223,20 +223,20 @@ impl Series {
         }
     }
 
-    fn repeat(&mut self, place: &Place<'_>, repetition: u32) -> Result<()> {
-        let _loads = place.loads(self.load)?;
-        // What wanders meanwhile falls on both alike.
+    fn repeat(&mut self, setup: &Setup<'_>, repetition: u32) -> Result<()> {
+        let _loads = setup.loads(self.load)?;
+        // The order alternates, so that drift of the machine affects both alike.
         if repetition.is_multiple_of(2) {
-            self.floors.push(place.floor(self.scheduler)?);
-            self.keep(&place.fly(self.scheduler)?)
+            self.floors.push(setup.floor(self.scheduler)?);
+            self.add(&setup.fly(self.scheduler)?)
         } else {
-            self.keep(&place.fly(self.scheduler)?)?;
-            self.floors.push(place.floor(self.scheduler)?);
+            self.add(&setup.fly(self.scheduler)?)?;
+            self.floors.push(setup.floor(self.scheduler)?);
             Ok(())
         }
     }
 
-    fn keep(&mut self, timing: &serde_json::Value) -> Result<()> {
+    fn add(&mut self, timing: &serde_json::Value) -> Result<()> {
         self.chains.push(stated(&timing["capture_to_frame"])?);
         let mut services = Vec::new();
         for service in timing["services"].as_array().into_iter().flatten() {
@@ -269,25 +269,23 @@ impl Series {
     }
 }
 
-/// Returns a part of a summary.
+/// Parses a part of a summary.
 fn stated<T: DeserializeOwned>(part: &serde_json::Value) -> Result<T> {
     T::deserialize(part).map_err(|error| {
-        RunFailure::setup(format!(
-            "a flight's summary says too little of its timing: {error}"
-        ))
+        RunFailure::setup(format!("the timing in a flight's summary is incomplete: {error}"))
     })
 }
 
-/// The median of each quantile, and the count of all.
+/// Returns the median of each quantile, with the total count.
 fn medians(all: &[Quantiles]) -> Option<Quantiles> {
-    let of = |quantile: fn(&Quantiles) -> f64| median(all.iter().map(quantile).collect());
+    let median_of = |quantile: fn(&Quantiles) -> f64| median(all.iter().map(quantile).collect());
     Some(Quantiles {
         count: all.iter().map(|quantiles| quantiles.count).sum(),
-        p50: of(|quantiles| quantiles.p50)?,
-        p90: of(|quantiles| quantiles.p90)?,
-        p99: of(|quantiles| quantiles.p99)?,
-        p999: of(|quantiles| quantiles.p999)?,
-        max: of(|quantiles| quantiles.max)?,
+        p50: median_of(|quantiles| quantiles.p50)?,
+        p90: median_of(|quantiles| quantiles.p90)?,
+        p99: median_of(|quantiles| quantiles.p99)?,
+        p999: median_of(|quantiles| quantiles.p999)?,
+        max: median_of(|quantiles| quantiles.max)?,
     })
 }
 
@@ -302,19 +300,19 @@ fn ratio(chains: &[Quantiles], floors: &[Quantiles], quantile: fn(&Quantiles) ->
 
 fn medians_of_services(flights: &[Vec<ServiceTimes>]) -> Vec<ServiceTimes> {
     let first = flights.first().map_or(&[][..], Vec::as_slice);
-    let of = |place: usize, time: fn(&ServiceTimes) -> Option<Quantiles>| {
+    let quantiles = |index: usize, time: fn(&ServiceTimes) -> Option<Quantiles>| {
         let all: Vec<_> = flights
             .iter()
-            .filter_map(|flight| time(flight.get(place)?))
+            .filter_map(|flight| time(flight.get(index)?))
             .collect();
         medians(&all)
     };
     let services = first.iter().enumerate();
     services
-        .map(|(place, times)| ServiceTimes {
+        .map(|(index, times)| ServiceTimes {
             service: times.service.clone(),
-            wake: of(place, |times| times.wake),
-            step: of(place, |times| times.step),
+            wake: quantiles(index, |times| times.wake),
+            step: quantiles(index, |times| times.step),
         })
         .collect()
 }
@@ -345,12 +343,12 @@ fn table(measured: &Measured) -> Table {
     table
 }
 
-/// Of the first row: where the time goes.
+/// Returns the table of the services' times in the first row.
 fn table_of(services: &[ServiceTimes]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "no load, ordinary",
-        "woke late by, µs\np50 / p99 / p99.9 / max",
+        "wake-up latency, µs\np50 / p99 / p99.9 / max",
         "step, µs\np50 / p99 / p99.9 / max",
     ]);
     for times in services {
@@ -363,7 +361,7 @@ fn table_of(services: &[ServiceTimes]) -> Table {
     table
 }
 
-/// Quantiles as they are shown, µs.
+/// Formats quantiles in µs.
 pub(super) fn microseconds(quantiles: Option<&Quantiles>) -> String {
     let shown = |quantiles: &Quantiles| {
         let Quantiles {

@@ -1,8 +1,7 @@
-//! What this machine can do, as ratios against floors measured in the same run.
+//! Benchmarks, as ratios to floors measured in the same run.
 //!
-//! Machines are shared and wander by tens of percent, so every figure stands beside a floor that was measured
-//! in turn with it: for processes what iceoryx2 alone needs to move the same samples, for one process the five step
-//! functions called in a row.
+//! Shared machines drift by tens of percent, so every figure is compared with a floor that is measured in turn with it: for
+//! processes the transport of the same samples by iceoryx2 alone, for one process the five step functions called in a row.
 
 pub mod arguments;
 mod bare_ports;
@@ -29,30 +28,30 @@ use command_line::output::{print, write_json};
 
 pub use latency::latency;
 
-/// The scenario that is measured: the paper's Fig. 1.
+/// The measured scenario: the paper's Fig. 1.
 const SCENARIO: &str = include_str!("../../../scenarios/fig1.toml");
 
-/// A figure and what it stands beside.
+/// A figure with its floor.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     what: &'static str,
-    /// Simulated seconds per wall second, or thousand rounds per second of a ring, which compares to it at 1 kHz.
+    /// Simulated seconds per wall second, or thousand rounds per second of a ring, which is comparable at 1 kHz.
     median: Option<f64>,
-    /// The best of the repetitions: a neighbour on a shared machine only ever makes it slower.
+    /// Best of the repetitions: other users of a shared machine only slow it down.
     best: Option<f64>,
-    /// Median of the ratios to the floor, pair by pair.
+    /// Median of the pairwise ratios to the floor.
     ratio: Option<f64>,
     floor: Option<&'static str>,
     note: Option<String>,
 }
 
-/// All that was measured.
+/// Results of all measurements.
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
     rates: Vec<Row>,
-    /// Median of the time from a service's death until another process flies in its place, ms.
+    /// Median time from a service's crash to the first step of the new process, ms.
     restart_milliseconds: Option<f64>,
-    /// The same for services that die before the spare process is ready.
+    /// Median restart time of services that crash before the standby process is ready, ms.
     quick_restart_milliseconds: Option<f64>,
 }
 
@@ -74,7 +73,7 @@ pub fn bench(arguments: &GeronoBench) -> Result<(), Failure> {
     }
 }
 
-/// Measures all hosts in flights of `duration` s and prints their rates; writes them as JSON to a file, too.
+/// Measures all hosts in flights of `duration` s and prints their rates; also writes them as JSON to a file.
 ///
 /// # Errors
 /// [`Failure`].
@@ -93,8 +92,8 @@ pub fn throughput(repetitions: u32, duration: f64, json: Option<&Path>) -> Resul
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)
     {
         print(format!(
-            "A service that dies flies again {restart:.1} ms later, and {quick:.1} ms later if the spare process is not \
-             ready yet (medians; a process takes its role, makes its ports and gets what it has missed).\n"
+            "Restart of a crashed service: {restart:.1} ms, and {quick:.1} ms if the standby process is not ready yet (medians; \
+             the process takes the role, opens its ports and receives the recorded inputs).\n"
         ));
     }
     if let Some(path) = json {
@@ -103,7 +102,7 @@ pub fn throughput(repetitions: u32, duration: f64, json: Option<&Path>) -> Resul
     Ok(())
 }
 
-/// The vehicle without the changes that a shorter flight does not reach.
+/// Returns the vehicle without changes beyond the flight's duration.
 fn clipped(scenario: &Scenario) -> scenario::Vehicle {
     let mut vehicle = scenario.vehicle.clone();
     vehicle.change.retain(|change| change.at <= scenario.duration);

@@ -30,20 +30,20 @@ pub(super) type Result<T> = std::result::Result<T, RunFailure>;
 /// Rounds of a ring in one measurement.
 const RING_ROUNDS: u64 = 20_000;
 
-/// Flights in one process in a row: each takes some hundredths of a second.
+/// Consecutive flights in one process: each takes some hundredths of a second.
 const IN_PROCESS_FLIGHTS: u32 = 5;
 
-/// Ticks of a simulated second in the scenario that is measured.
+/// Ticks per simulated second in the measured scenario.
 const TICKS_PER_SECOND: u64 = 1000;
 
-/// Ticks between two deaths, some hundredths of a second of wall time: the spare process is ready by then, as it is for
-/// users who kill services by hand.
+/// Ticks between two crashes, some hundredths of a second of wall time: the standby process is ready by then, as it is when
+/// services are killed by hand.
 const DEATHS_APART: u64 = 1000;
 
-/// Ticks between two deaths, some milliseconds: the spare process has only just been started.
+/// Ticks between two crashes, some milliseconds: the standby process has only just been started.
 const QUICK_DEATHS_APART: u64 = 100;
 
-/// All measurements, in turns, `repetitions` times.
+/// Makes all measurements in turn, `repetitions` times.
 pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Result<Measured> {
     let folder = Scratch::create()?;
     let command = FlightCommand::write(&folder, flight)?;
@@ -62,7 +62,7 @@ pub(super) fn all(whole: &Scenario, flight: &Scenario, repetitions: u32) -> Resu
     })
 }
 
-/// A bar that counts up to `number` of something.
+/// Returns a progress bar that counts to `number`.
 pub(super) fn progress_of(what: &str, number: u64) -> ProgressBar {
     let bar = ProgressBar::new(number);
     bar.set_style(
@@ -73,7 +73,7 @@ pub(super) fn progress_of(what: &str, number: u64) -> ProgressBar {
     bar
 }
 
-/// The measurements, one list a row, pairs at equal places.
+/// The measurements, a list for each row, with pairs at equal indices.
 #[derive(Default)]
 struct Series {
     yield_ring: Vec<f64>,
@@ -169,7 +169,7 @@ impl Series {
                 self.fifo_refused.clone(),
             ),
             row(
-                "the same, a foreign load on the services' core",
+                "the same, another load on the services' core",
                 &self.lock_step_loaded,
                 Some(yield_ring),
                 None,
@@ -190,15 +190,14 @@ fn bare(wait: RingWait, fifo: bool, core: usize) -> Result<f64> {
     ring::thousand_rounds_per_second(wait, fifo, core, RING_ROUNDS).map_err(RunFailure::setup)
 }
 
-/// Flies in lock-step and says how fast.
+/// Flies in lock-step. Returns the real-time factor.
 fn fly_processes(flight: &FlightCommand, options: &[&str]) -> Result<f64> {
     summary_of_flight(flight, options)?["real_time_factor"]
         .as_f64()
         .ok_or_else(|| RunFailure::setup("the summary states no real-time factor".to_owned()))
 }
 
-/// Lets each service in turn die some times, so many ticks apart, and says how long each time nobody flew in its
-/// place, ms.
+/// Crashes each service in turn some times, `ticks_apart` ticks apart. Returns the restart times, ms.
 fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
     let count = 4 * ServiceId::ALL.len() as u64;
     let deaths = ServiceId::ALL.iter().cycle().zip(1..=count);
@@ -226,7 +225,7 @@ fn restarts(flight: &FlightCommand, ticks_apart: u64) -> Result<Vec<f64>> {
         .collect())
 }
 
-/// Flies in lock-step by a command of its own, since a process can take part in one run only, and returns the summary.
+/// Flies in lock-step in a separate process, since a process can take part in one run only. Returns the summary.
 fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_json::Value> {
     let (output, summary) = fly_by_command(flight, options, |_| Ok(()))?;
     if Exit::is_flown(output.status.code()) {
@@ -236,12 +235,12 @@ fn summary_of_flight(flight: &FlightCommand, options: &[&str]) -> Result<serde_j
     }
 }
 
-/// Flies by a command of its own, lets `look` at the folder of the results, and returns the summary of a flight that took
-/// off, whatever became of it.
+/// Flies in a separate process, calls `read` with the folder of the results, and returns the output and the summary, for any
+/// outcome of the flight.
 pub(super) fn fly_by_command(
     flight: &FlightCommand,
     options: &[&str],
-    look: impl FnOnce(&Path) -> Result<()>,
+    read: impl FnOnce(&Path) -> Result<()>,
 ) -> Result<(Output, serde_json::Value)> {
     let out = flight.folder.join("flight");
     let output = gerono()?
@@ -255,14 +254,14 @@ pub(super) fn fly_by_command(
     let Ok(text) = std::fs::read_to_string(out.join("summary.json")) else {
         return Err(complaint(&output));
     };
-    let looked = look(&out);
+    let read = read(&out);
     std::fs::remove_dir_all(&out).map_err(RunFailure::setup)?;
-    looked?;
+    read?;
     Ok((output, serde_json::from_str(&text).map_err(RunFailure::setup)?))
 }
 
-/// Returns the command of the program that flies: this one, also where its file was renamed or replaced, or of
-/// `gerono-bench` the `gerono` beside it.
+/// Returns the command of the program that flies: this program, even if its file was renamed or replaced; for `gerono-bench`, the
+/// `gerono` beside it.
 pub(super) fn gerono() -> Result<Command> {
     let own = std::env::current_exe().map_err(RunFailure::setup)?;
     let name = own.file_name().unwrap_or_default();
@@ -274,26 +273,26 @@ pub(super) fn gerono() -> Result<Command> {
         Ok(Command::new(beside))
     } else {
         let reason = format!(
-            "there is no {}: `cargo build --release` makes it",
+            "there is no {}: build it with `cargo build --release`",
             beside.display()
         );
         Err(RunFailure::setup(reason))
     }
 }
 
-/// Returns a command's message about its failure.
+/// Returns the error message of a failed command.
 pub(super) fn complaint(output: &Output) -> RunFailure {
     RunFailure::setup(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// The flight that is measured.
+/// The measured flight.
 pub(super) struct FlightCommand {
     folder: PathBuf,
     scenario: PathBuf,
 }
 
 impl FlightCommand {
-    /// The file of the scenario.
+    /// Returns the path of the scenario.
     pub(super) fn scenario(&self) -> &Path {
         &self.scenario
     }
@@ -321,12 +320,12 @@ fn recorded(
     let mut sink = RecordingSink::new(scenario, &schedule, Some(log), Arc::default());
     let ending = fly(&mut sink)?;
     sink.finish().1?;
-    // Overwritten by the next measurement at the latest.
+    // A leftover is overwritten by the next measurement.
     let _ = std::fs::remove_file(path);
     rate(&ending)
 }
 
-/// Simulated seconds per wall second.
+/// Returns the simulated seconds per wall second.
 fn rate(ending: &Ending) -> Result<f64> {
     match &ending.outcome {
         Outcome::Completed =>
@@ -343,7 +342,7 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// A sink that keeps nothing.
+/// A sink that discards all samples.
 pub(super) struct Nowhere;
 
 impl TickSink for Nowhere {
@@ -359,8 +358,8 @@ impl TickSink for Nowhere {
     }
 }
 
-/// A folder for the logs of measurements: in memory where there is such a place, since a disk's write-back
-/// would be measured otherwise. Swept like a run's shared memory, should this process be killed.
+/// A folder for the logs of measurements, in shared memory if possible, since a disk's write-back would be measured otherwise. It is
+/// cleaned up like a run's shared memory if this process is killed.
 pub(super) struct Scratch {
     root: RunRoot,
 }

@@ -1,4 +1,4 @@
-//! The processes that only measurements start: this program, under a name of its own.
+//! Helper processes of measurements: this program under another name.
 
 use std::ffi::OsStr;
 use std::os::unix::process::CommandExt;
@@ -10,18 +10,18 @@ use command_line::failure::Failure;
 
 use crate::{chain, measure, ring};
 
-/// Name by which such a process is started.
+/// Name under which a helper process is started.
 const NAME: &str = "gerono-bench-member";
 
-/// What a process of a measurement does.
+/// Task of a helper process.
 #[derive(Debug, Parser)]
 #[command(name = NAME)]
 enum Member {
-    /// Measure processes that exchange samples and nothing else.
+    /// Measure a ring of processes that only exchange samples.
     Ring(Ring),
-    /// Take part in such a ring.
+    /// Run a member of a ring.
     RingMember(RingMember),
-    /// Take part in a bare chain.
+    /// Run a member of a bare chain.
     ChainMember(ChainMember),
     /// Keep a core busy.
     Load {
@@ -30,14 +30,14 @@ enum Member {
     },
 }
 
-/// Returns the command that starts a process of a measurement.
+/// Returns the command that starts a helper process.
 pub(crate) fn command() -> Command {
     let mut command = Command::new("/proc/self/exe");
     command.arg0(NAME);
     command
 }
 
-/// Does what this process was started for; nothing if it is none of a measurement.
+/// Runs the task of a helper process. Returns `None` if this process is none.
 ///
 /// # Errors
 /// [`Failure`].
@@ -54,12 +54,12 @@ pub fn run() -> Option<Result<(), Failure>> {
     })
 }
 
-/// Arguments of a ring of processes that exchange samples and nothing else.
+/// Arguments of a ring of processes that only exchange samples.
 #[derive(Debug, Args)]
 pub(crate) struct Ring {
-    /// Rounds to go.
+    /// Number of rounds.
     pub(crate) rounds: u64,
-    /// The way to wait for the neighbour.
+    /// Wait policy of the members.
     #[arg(value_enum)]
     pub(crate) wait: RingWait,
     /// Core to run on.
@@ -69,14 +69,14 @@ pub(crate) struct Ring {
     pub(crate) fifo: bool,
 }
 
-/// Arguments of a member of such a ring.
+/// Arguments of a member of a ring.
 #[derive(Debug, Args)]
 pub(crate) struct RingMember {
-    /// Place in the ring.
-    pub(crate) place: usize,
-    /// Rounds to go.
+    /// Index in the ring.
+    pub(crate) index: usize,
+    /// Number of rounds.
     pub(crate) rounds: u64,
-    /// The way to wait for the neighbour.
+    /// Wait policy of the members.
     #[arg(value_enum)]
     pub(crate) wait: RingWait,
     /// Core to run on.
@@ -88,17 +88,17 @@ pub(crate) struct RingMember {
     pub(crate) fifo: bool,
 }
 
-/// The way in which the members of such a ring wait.
+/// Wait policy of the members of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RingWait {
-    /// Yield the core until the neighbour has been there.
+    /// Yield the core until the previous member has finished its turn.
     Yield,
     /// Block on an eventfd.
     Eventfd,
 }
 
 impl RingWait {
-    /// Its name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -111,9 +111,9 @@ impl RingWait {
 /// Arguments of a member of a bare chain.
 #[derive(Debug, Args)]
 pub(crate) struct ChainMember {
-    /// Place in the chain.
-    pub(crate) place: usize,
-    /// Number of times that the first sends.
+    /// Index in the chain.
+    pub(crate) index: usize,
+    /// Number of events that the first member sends.
     pub(crate) rounds: u64,
     /// Core to run on.
     pub(crate) core: u32,

@@ -1,8 +1,8 @@
-//! `gerono-bench recorder`: what it costs to record a sample, beside the MCAP library alone, and whether memory grows.
+//! `gerono-bench recorder`: cost of recording a sample, compared with the MCAP library alone, and growth of memory.
 //!
-//! Both write the same messages of a flight of Fig. 1 to files in memory, in turn, uncompressed, on one thread. The library gets each
-//! message ready-made, header and all, and is used as its documentation shows. What is compared is CPU time, which a
-//! busy machine disturbs less than wall time.
+//! Both write the same messages of a flight of Fig. 1 to files in memory, in turn, uncompressed, on one thread. The library
+//! receives each message ready-made, with its header, and is used as documented. CPU time is compared, which a busy machine
+//! disturbs less than wall time.
 
 use std::convert::Infallible;
 use std::fs::File;
@@ -33,23 +33,23 @@ use flight::{Outcome, in_process};
 use run_log::{Compression, LogError, Manifest, RunLogWriter, partial_path};
 use supervisor::RunFailure;
 
-/// Simulated time of the flight whose samples are written over and over, s.
+/// Duration of the flight whose samples are written repeatedly, s.
 const FLIGHT_SECONDS: f64 = 2.0;
 
-/// Number of times that they are written in one measurement.
+/// Number of times that its samples are written in one measurement.
 const ROUNDS: u64 = 15;
 
-/// All that was measured; medians of the repetitions.
+/// Results of the measurement: medians of the repetitions.
 #[derive(Clone, Debug, Serialize)]
 struct Measured {
     /// Samples in a measurement.
     samples: u64,
-    /// CPU time of the recorder over that of the library, pair by pair.
+    /// Median of the pairwise ratios of the recorder's CPU time to the library's.
     ratio: Option<f64>,
-    /// CPU time of a sample, s.
+    /// CPU time per sample, s.
     recorder_cpu_seconds_per_sample: Option<f64>,
     library_cpu_seconds_per_sample: Option<f64>,
-    /// By the wall clock.
+    /// Samples per second of wall time.
     recorder_samples_per_second: Option<f64>,
     library_samples_per_second: Option<f64>,
     memory: Memory,
@@ -59,9 +59,9 @@ struct Measured {
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Memory {
     samples: u64,
-    /// The most until a tenth of the flight was recorded.
+    /// Peak over the first tenth of the flight.
     peak_of_first_tenth: u64,
-    /// The most of all.
+    /// Peak over the whole flight.
     peak: u64,
 }
 
@@ -87,11 +87,11 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
         vehicle: clipped(&flight),
         ..flight
     };
-    let messages = Messages::of(&flight)?;
+    let messages = Messages::fly(&flight)?;
     let folder = Scratch::create()?;
     let path = folder.path().join("run.mcap");
     let manifest = Manifest::new(&flight);
-    // First of all, so that nothing that was measured before has left memory to be used again.
+    // Measured first, so that no earlier measurement has left memory for reuse.
     let memory = memory(&path, &manifest, &messages, arguments.minutes)?;
 
     let [mut ours, mut library] = [Series::default(), Series::default()];
@@ -99,8 +99,12 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
     let bar = progress_of("repetition", u64::from(arguments.repetitions));
     for repetition in 0..arguments.repetitions {
         let record = || messages.record(RunLogWriter::create(&path, &manifest, Compression::None)?, ROUNDS);
-        let write = || messages.write_plainly(&path, ROUNDS).map_err(RunFailure::setup);
-        // The second one finds the memory of the file warm.
+        let write = || {
+            messages
+                .write_by_library(&path, ROUNDS)
+                .map_err(RunFailure::setup)
+        };
+        // The order alternates: the second writer benefits from the warm memory of the file.
         if repetition.is_multiple_of(2) {
             ours.measure(|| Ok(record()?))?;
             library.measure(write)?;
@@ -123,7 +127,7 @@ fn measure(scenario: &Scenario, arguments: &BenchRecorder) -> Result<Measured> {
     })
 }
 
-/// Times of equal pieces of work, s.
+/// Times of repeated measurements, s.
 #[derive(Default)]
 struct Series {
     cpu_seconds: Vec<f64>,
@@ -148,18 +152,18 @@ impl Series {
     }
 }
 
-/// CPU time that this thread has used.
+/// Returns the CPU time of this thread.
 fn cpu_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(time.tv_sec.cast_unsigned(), time.tv_nsec as u32)
 }
 
-/// A sample as it was flown, and what the library wants to know of it.
+/// A recorded sample, with the fields that the library requires.
 struct Message {
     topic: Topic,
     sequence: u32,
     time_ns: u64,
-    /// Its place among the bytes, what precedes it in a message included.
+    /// Range of its bytes, including the CDR header.
     range: Range<usize>,
 }
 
@@ -168,12 +172,13 @@ struct Message {
 struct Messages {
     bytes: Vec<u8>,
     all: Vec<Message>,
-    /// Of each tick, how many samples there are up to its end.
+    /// Number of samples up to the end of each tick.
     ticks: Vec<usize>,
 }
 
 impl Messages {
-    fn of(flight: &Scenario) -> Result<Self> {
+    /// Flies a scenario and collects its samples.
+    fn fly(flight: &Scenario) -> Result<Self> {
         let mut messages = Self::default();
         let ending = in_process::fly(flight, &mut messages, &Interrupt::never())?;
         match ending.outcome {
@@ -184,25 +189,25 @@ impl Messages {
         }
     }
 
-    fn bytes_of(&self, message: &Message) -> &[u8] {
+    fn bytes(&self, message: &Message) -> &[u8] {
         &self.bytes[message.range.clone()]
     }
 
-    /// Writes them so many times with the writer of a run's log.
+    /// Writes the samples `rounds` times with the writer of a run's log.
     fn record(&self, mut log: RunLogWriter, rounds: u64) -> std::result::Result<(), LogError> {
-        let ticks_of_round = self.ticks.len() as u64;
+        let ticks_per_round = self.ticks.len() as u64;
         for round in 0..rounds {
-            self.record_once(&mut log, round * ticks_of_round)?;
+            self.record_once(&mut log, round * ticks_per_round)?;
         }
         log.finish().map(drop)
     }
 
-    /// Writes them as if they were flown from a tick on.
+    /// Writes the samples once, with ticks from `first_tick` on.
     fn record_once(&self, log: &mut RunLogWriter, first_tick: u64) -> std::result::Result<(), LogError> {
         let mut begin = 0;
         for (tick, &end) in (first_tick..).zip(&self.ticks) {
             for message in &self.all[begin..end] {
-                log.write(message.topic, &self.bytes_of(message)[CDR_HEADER.len()..])?;
+                log.write(message.topic, &self.bytes(message)[CDR_HEADER.len()..])?;
             }
             log.end_tick(tick)?;
             begin = end;
@@ -210,9 +215,9 @@ impl Messages {
         Ok(())
     }
 
-    /// Writes them so many times with the library alone.
-    fn write_plainly(&self, path: &Path, rounds: u64) -> McapResult<()> {
-        // Each writes a file of its own, as the recorder does.
+    /// Writes the samples `rounds` times with the library alone.
+    fn write_by_library(&self, path: &Path, rounds: u64) -> McapResult<()> {
+        // A new file each time, as for the recorder.
         let _earlier = std::fs::remove_file(path);
         let file = BufWriter::new(result_file::new_file(path)?);
         let mut writer: Writer<_> = WriteOptions::new().compression(None).create(file)?;
@@ -231,7 +236,7 @@ impl Messages {
                     log_time: message.time_ns,
                     publish_time: message.time_ns,
                 };
-                writer.write_to_known_channel(&header, self.bytes_of(message))?;
+                writer.write_to_known_channel(&header, self.bytes(message))?;
             }
         }
         writer.finish().map(drop)
@@ -261,18 +266,18 @@ impl TickSink for Messages {
     }
 }
 
-/// Records so many minutes of flight to nowhere and watches how much memory this process has.
+/// Records `minutes` of flight to `/dev/null` and measures the memory of this process.
 fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -> Result<Memory> {
     symlink("/dev/null", partial_path(path)).map_err(RunFailure::setup)?;
     let nowhere = File::options().write(true).open("/dev/null");
     let nowhere = nowhere.map_err(RunFailure::setup)?;
     let mut log = RunLogWriter::over(nowhere, path, manifest, Compression::None)?;
-    let ticks_of_round = messages.ticks.len() as u64;
+    let ticks_per_round = messages.ticks.len() as u64;
     let rounds = ((60.0 * minutes / FLIGHT_SECONDS) as u64).max(10);
     let [mut peak_of_first_tenth, mut peak] = [0; 2];
     let bar = progress_of("round", rounds);
     for round in 0..rounds {
-        messages.record_once(&mut log, round * ticks_of_round)?;
+        messages.record_once(&mut log, round * ticks_per_round)?;
         peak = resident_bytes()?.max(peak);
         if round < rounds / 10 {
             peak_of_first_tenth = peak;
@@ -289,7 +294,7 @@ fn memory(path: &Path, manifest: &Manifest, messages: &Messages, minutes: f64) -
     })
 }
 
-/// Memory of this process that is in use at the moment, bytes.
+/// Returns the resident memory of this process, bytes.
 fn resident_bytes() -> Result<u64> {
     const KIB: u64 = 1024;
     let status = std::fs::read_to_string("/proc/self/status").map_err(RunFailure::setup)?;
@@ -313,25 +318,28 @@ fn table(measured: &Measured) -> Table {
         "ratio".to_owned(),
     ]);
     table.add_row([
-        "CPU time of a sample, ns".to_owned(),
+        "CPU time per sample, ns".to_owned(),
         shown(measured.recorder_cpu_seconds_per_sample, 1e9, 0),
         shown(measured.library_cpu_seconds_per_sample, 1e9, 0),
         shown(measured.ratio, 1.0, 2),
     ]);
     table.add_row([
-        "thousand samples a second".to_owned(),
+        "thousand samples per second".to_owned(),
         shown(measured.recorder_samples_per_second, 1e-3, 0),
         shown(measured.library_samples_per_second, 1e-3, 0),
         String::new(),
     ]);
     table.add_row([
-        format!("memory until a tenth of {} samples, MiB", memory.samples),
+        format!(
+            "peak memory in the first tenth of {} samples, MiB",
+            memory.samples
+        ),
         mib(memory.peak_of_first_tenth),
         String::new(),
         String::new(),
     ]);
     table.add_row([
-        "memory until their end, MiB".to_owned(),
+        "peak memory over all samples, MiB".to_owned(),
         mib(memory.peak),
         String::new(),
         format!("{:.2}", memory.peak as f64 / memory.peak_of_first_tenth as f64),
@@ -349,11 +357,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [ours, plain] = ["ours", "plain"].map(|name| folder.path().join(name));
         let flight = scenario(0.01, 0.5);
-        let messages = Messages::of(&flight).unwrap();
+        let messages = Messages::fly(&flight).unwrap();
         let manifest = Manifest::new(&flight);
         let log = RunLogWriter::create(&ours, &manifest, Compression::None).unwrap();
         messages.record(log, 3).unwrap();
-        messages.write_plainly(&plain, 3).unwrap();
+        messages.write_by_library(&plain, 3).unwrap();
         let [ours, plain] = [ours, plain].map(|path| {
             let file = std::fs::read(path).unwrap();
             let messages = mcap::MessageStream::new(&file).unwrap().map(|message| {

@@ -1,9 +1,8 @@
-//! iceoryx2 alone: the processes, topics, edges and sizes of a lock-step flight through the bare API, and nothing else.
-//! The floor of lock-step flight.
+//! iceoryx2 alone: the processes, topics, edges and sizes of a lock-step flight through the bare API. The floor of lock-step flight.
 //!
-//! Five processes on one core take turns. In its turn each receives the sample of each of its inputs, publishes one on
-//! each of its topics, and hands the turn on by a word of the shared page. A sixth process, like the recorder, has
-//! subscribed to every topic, and looks once a millisecond. No step is computed, no sample examined, nothing kept.
+//! Five processes on one core take turns. In its turn each receives the sample of each of its inputs, publishes one on each of its
+//! topics, and passes the turn on by a word of the shared page. A sixth process, like the recorder, subscribes to every topic and
+//! reads once a millisecond. No step is computed, and no sample is examined or stored.
 
 use std::os::fd::AsFd;
 use std::process::{Child, Stdio};
@@ -29,11 +28,11 @@ const MEMBERS: usize = ServiceId::ALL.len();
 const PAGE_FD: i32 = 3;
 const FIRST_DOORBELL_FD: i32 = 4;
 
-/// Period at which the sixth process looks, as the recorder does.
+/// Period at which the sixth process reads, as the recorder does.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
-/// Thousands of rounds per second of such a ring on `core`: measured by a process of its own, since one can take part in
-/// one run only.
+/// Measures the thousands of rounds per second of a ring on `core`, in a separate process, since a process can take part in one run
+/// only.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -63,16 +62,16 @@ pub(super) fn thousand_rounds_per_second(
 pub(super) fn ring(arguments: &Ring) -> Result<(), Failure> {
     let schedule = schedule();
     let root = RunRoot::create().map_err(Failure::trouble)?;
-    let member = RunNode::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
-    let mut recorder = Recorder::subscribe(&member, &schedule).map_err(Failure::trouble)?;
+    let node = RunNode::join(&root.configuration(), "ring").map_err(Failure::trouble)?;
+    let mut recorder = Recorder::subscribe(&node, &schedule).map_err(Failure::trouble)?;
     let page = SharedPage::create().map_err(Failure::trouble)?;
     let doorbells: Vec<_> = (0..MEMBERS)
         .map(|_| Doorbell::create())
         .collect::<std::io::Result<_>>()
         .map_err(Failure::trouble)?;
     let mut members = Members(Vec::new());
-    for place in 0..MEMBERS {
-        let member = spawn(place, arguments, &root, &page, &doorbells);
+    for index in 0..MEMBERS {
+        let member = spawn(index, arguments, &root, &page, &doorbells);
         members.0.push(member.map_err(Failure::trouble)?);
     }
     let rate = time(arguments.rounds, &mut members, &mut recorder, &page, &doorbells);
@@ -80,7 +79,7 @@ pub(super) fn ring(arguments: &Ring) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lets the members go around, once all have arrived and are connected.
+/// Runs the ring once all members have arrived and are connected. Returns the thousands of rounds per second.
 fn time(
     rounds: u64,
     members: &mut Members,
@@ -94,7 +93,7 @@ fn time(
         std::thread::yield_now();
     }
     recorder.connect()?;
-    // They connect once all ports are there, and the first begins once all have.
+    // Members connect once all ports exist, and the first one begins once all are connected.
     page.control_block().restarts.store(1, Ordering::Release);
     while arrived() < u32::try_from(2 * MEMBERS).expect("few members") {
         members.check()?;
@@ -120,7 +119,7 @@ fn time(
     Ok(rounds as f64 / 1000.0 / seconds)
 }
 
-/// Fig. 1's schedule.
+/// Returns the schedule of Fig. 1.
 fn schedule() -> Schedule {
     let scenario: Scenario = toml::from_str(super::SCENARIO).expect("a committed scenario");
     scenario.schedule().expect("a committed scenario")
@@ -134,10 +133,10 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn subscribe(member: &RunNode, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
+    fn subscribe(node: &RunNode, schedule: &Schedule) -> Result<Self, runtime::ports::PortError> {
         let topics = schedule
             .published_topics()
-            .map(|topic| member.create_topic(topic, schedule, Delivery::Lossless))
+            .map(|topic| node.create_topic(topic, schedule, Delivery::Lossless))
             .collect::<Result<Vec<_>, _>>()?;
         let receivers = topics.iter().map(|topic| topic.recorder(RECORDER_BUFFER));
         Ok(Self {
@@ -164,7 +163,7 @@ impl Recorder {
     }
 }
 
-/// Processes of a measurement; killed if that is given up, or when it no longer needs them.
+/// Processes of a measurement, killed when dropped.
 pub(super) struct Members(pub(super) Vec<Child>);
 
 impl Members {
@@ -177,7 +176,7 @@ impl Members {
         Ok(())
     }
 
-    /// Says that a member has failed; one that is done has not.
+    /// Returns an error if a member has failed; members may have finished.
     fn check_failures(&mut self) -> std::io::Result<()> {
         for child in &mut self.0 {
             if let Some(status) = child.try_wait()?
@@ -203,7 +202,7 @@ impl Members {
 impl Drop for Members {
     fn drop(&mut self) {
         for child in &mut self.0 {
-            // Both fail only for a process that is gone.
+            // Both fail only for a process that has ended.
             let _ = child.kill();
             let _ = child.wait();
         }
@@ -211,14 +210,14 @@ impl Drop for Members {
 }
 
 fn spawn(
-    place: usize,
+    index: usize,
     ring: &Ring,
     root: &RunRoot,
     page: &SharedPage,
     doorbells: &[Doorbell],
 ) -> std::io::Result<Child> {
     let mut command = member::command();
-    let numbers = [place.to_string(), ring.rounds.to_string()];
+    let numbers = [index.to_string(), ring.rounds.to_string()];
     command
         .arg("ring-member")
         .args(numbers)
@@ -237,15 +236,15 @@ fn spawn(
     command.spawn()
 }
 
-/// Waits for its neighbour, takes its turn, and so on.
+/// Runs a member of the ring: waits for the previous one, takes its turn, and repeats.
 ///
 /// # Errors
 /// [`Failure`].
 pub(super) fn ring_member(arguments: &RingMember) -> Result<(), Failure> {
-    go_around(arguments).map_err(Failure::trouble)
+    run_member(arguments).map_err(Failure::trouble)
 }
 
-fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+fn run_member(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
     deployment::die_with_parent()?;
     deployment::pin_to(&[arguments.core])?;
     let scheduler = match arguments.wait {
@@ -254,7 +253,7 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
         RingWait::Eventfd => Scheduler::Batch,
     };
     match deployment::use_scheduler(scheduler) {
-        // A sandbox may refuse it: then who is woken now and then pushes off the core who woke it.
+        // A sandbox may refuse it: then a woken process sometimes preempts the one that woke it.
         Err(_) if scheduler == Scheduler::Batch => {}
         result => result?,
     }
@@ -264,12 +263,12 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
         .map(|file| inherited(file).map(Doorbell::inherited))
         .collect::<std::io::Result<Vec<_>>>()?;
     let (me, before, after) = (
-        arguments.place,
-        (arguments.place + MEMBERS - 1) % MEMBERS,
-        (arguments.place + 1) % MEMBERS,
+        arguments.index,
+        (arguments.index + MEMBERS - 1) % MEMBERS,
+        (arguments.index + 1) % MEMBERS,
     );
-    let member = RunNode::join(&arguments.configuration, ServiceId::ALL[me].name())?;
-    let mut ports = BarePorts::open(&member, ServiceId::ALL[me], &schedule())?;
+    let node = RunNode::join(&arguments.configuration, ServiceId::ALL[me].name())?;
+    let mut ports = BarePorts::open(&node, ServiceId::ALL[me], &schedule())?;
     let block = page.control_block();
     block.misses.fetch_add(1, Ordering::AcqRel);
     while block.restarts.load(Ordering::Acquire) == 0 {
@@ -277,11 +276,11 @@ fn go_around(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + S
     }
     ports.connect()?;
     block.misses.fetch_add(1, Ordering::AcqRel);
-    let turns = |place: usize| block.cells[place].steps_until.load(Ordering::Acquire);
+    let turns = |index: usize| block.cells[index].steps_until.load(Ordering::Acquire);
     if arguments.wait == RingWait::Yield {
         doorbells[me].sleep();
-        // Under FIFO yields keep the order in which they begin: the first one makes all ready in the ring's, before it
-        // yields itself.
+        // Under FIFO, yields preserve the order of the run queue: the first member wakes the others in the order of the ring before
+        // it yields itself.
         let others = if me == 0 { &doorbells[1..] } else { &[] };
         others.iter().for_each(Doorbell::ring);
     }

@@ -1,4 +1,4 @@
-//! `gerono-bench sweep`: vehicle steps a second of the flights of a sweep, beside the five step functions in a row and beside
+//! `gerono-bench sweep`: vehicle steps per second of a sweep's flights, compared with the five step functions in a row and with
 //! other simulators.
 
 use std::process::{Command, Stdio};
@@ -26,18 +26,18 @@ use supervisor::RunFailure;
 /// Flights of each thread in one measurement.
 const FLIGHTS: u32 = 10;
 
-/// Something that was measured in every repetition.
+/// Result of a measurement.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     what: String,
     threads: usize,
     /// Median of the repetitions.
     steps_per_second: Option<f64>,
-    /// Median of the ratios to the five steps in a row on as many threads, pair by pair.
+    /// Median of the pairwise ratios to the five steps in a row on the same number of threads.
     ratio: Option<f64>,
 }
 
-/// Vehicle steps a second, by repetition.
+/// Vehicle steps per second, by repetition.
 struct Series {
     what: String,
     threads: usize,
@@ -75,16 +75,16 @@ fn measure(scenario: &Scenario, arguments: &BenchSweep) -> Result<Vec<Row>> {
     let schedule = flight::schedule_of(scenario)?;
     let mut numbers = vec![1, many::cores()];
     numbers.dedup();
-    let ours = numbers
+    let own = numbers
         .iter()
         .flat_map(|&threads| KINDS.map(|(kind, what)| (threads, kind, what)));
-    let ours: Vec<_> = ours.collect();
+    let own: Vec<_> = own.collect();
     let series = |what: &str, threads| Series {
         what: what.to_owned(),
         threads,
         values: Vec::new(),
     };
-    let mut all: Vec<_> = ours
+    let mut all: Vec<_> = own
         .iter()
         .map(|&(threads, _, what)| series(what, threads))
         .collect();
@@ -96,8 +96,8 @@ fn measure(scenario: &Scenario, arguments: &BenchSweep) -> Result<Vec<Row>> {
     );
     let bar = progress_of("repetition", u64::from(arguments.repetitions));
     for _ in 0..arguments.repetitions {
-        let (flown, peers) = all.split_at_mut(ours.len());
-        for (series, &(threads, kind, _)) in flown.iter_mut().zip(&ours) {
+        let (flown, peers) = all.split_at_mut(own.len());
+        for (series, &(threads, kind, _)) in flown.iter_mut().zip(&own) {
             series
                 .values
                 .push(steps_per_second(scenario, &schedule, kind, threads)?);
@@ -127,7 +127,7 @@ impl Series {
     }
 }
 
-/// Lets so many threads fly at the same time.
+/// Flies on `threads` threads at the same time. Returns the steps per second of all.
 fn steps_per_second(scenario: &Scenario, schedule: &Schedule, kind: Kind, threads: usize) -> Result<f64> {
     let start = Barrier::new(threads + 1);
     let flown = std::thread::scope(|scope| {
@@ -170,7 +170,7 @@ where
     }
 }
 
-/// Runs another simulator, and reads from its last line how many steps a second it has made.
+/// Runs another simulator and parses the steps per second in its last line.
 fn beside(peer: &Peer) -> Result<f64> {
     let output = Command::new("sh")
         .args(["-c", &peer.command])
@@ -182,7 +182,7 @@ fn beside(peer: &Peer) -> Result<f64> {
     let number = text.lines().last().and_then(|line| line.trim().parse().ok());
     number.filter(|_| output.status.success()).ok_or_else(|| {
         RunFailure::setup(format!(
-            "`{}` ended with {} and did not print its steps a second as its last line",
+            "`{}` ended with {} and did not print its steps per second as its last line",
             peer.command, output.status
         ))
     })
@@ -193,8 +193,8 @@ fn table(rows: &[Row]) -> Table {
     table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "Fig. 1 at 1 kHz",
         "threads",
-        "million vehicle steps a second",
-        "to the steps in a row",
+        "million vehicle steps per second",
+        "ratio to the steps in a row",
     ]);
     for row in rows {
         let steps = row.steps_per_second.map(|steps| format!("{:.3}", steps / 1e6));
