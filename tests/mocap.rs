@@ -85,7 +85,7 @@ fn a_name_that_is_nearly_the_sent_one_is_offered() {
         let output = probed(&place, system, &["--object", "Quad "], &["--object", "quad"]);
         let text = said(&output);
         assert_eq!(output.status.code(), Some(1), "{text}");
-        assert!(text.contains(&format!("could be believed; {offered}")), "{text}");
+        assert!(text.contains(&format!("was accepted; {offered}")), "{text}");
     }
 }
 
@@ -162,7 +162,7 @@ fn a_body_that_nobody_sends_is_named_with_those_that_came() {
     let text = said(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(
-        text.contains("no pose of `drone` could be believed") && text.contains(" `quad` "),
+        text.contains("no pose of `drone` was accepted") && text.contains(" `quad` "),
         "{text}"
     );
 }
@@ -183,7 +183,7 @@ fn nobody_there_is_told_as_that() {
     ];
     let output = output(&mut place.gerono(&arguments));
     assert_eq!(output.status.code(), Some(1));
-    assert!(said(&output).contains("nothing came from 127.0.0.1"));
+    assert!(said(&output).contains("nothing was received from 127.0.0.1"));
 }
 
 /// The sections that were written are those of a scenario, and they let the body lie level at the origin.

@@ -1,4 +1,4 @@
-//! What a motion-capture system sends, and what the feed makes of it.
+//! Diagnosis of a motion-capture system: its packets, and the result of the feed.
 
 mod received;
 
@@ -22,17 +22,17 @@ use command_line::output::{print, write};
 use flight::interrupt::Interrupt;
 use received::{Body, ReceivedPackets};
 
-/// Longest sleep, ns.
+/// Maximum sleep, ns.
 const SLEEP_NS: u64 = 50_000_000;
 
-/// Deviation of the position above which a body is taken to move, m.
+/// Standard deviation of the position above which a body counts as moving, m.
 const AT_REST: f64 = 2e-3;
 
-/// Listens for some seconds and prints what arrives; of a stated object, what the feed makes of it, too. Writes the
-/// sections of a scenario to the file `calibration`, such that the body as it lies is the vehicle at the origin.
+/// Receives for some seconds and prints the packets; with a stated object, also the result of the feed. Writes the sections of a
+/// scenario to the file `calibration`, which define the body's pose as that of the vehicle at the origin.
 ///
 /// # Errors
-/// [`Failure`] if a socket cannot be had, nothing came, or nothing of the object can be believed.
+/// [`Failure`] if a socket cannot be opened, nothing was received, or no pose of the object was accepted.
 pub fn probe(
     system: CaptureSystem,
     stated: &MotionCapture,
@@ -53,9 +53,9 @@ pub fn probe(
     };
     let mut source = address.open().map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    let mut heard = ReceivedPackets::new(system);
+    let mut received = ReceivedPackets::new(system);
     let signal = listen(seconds, &mut *source, &interrupt, &mut |frame, now_ns| {
-        heard.take(frame, now_ns);
+        received.add(frame, now_ns);
         if let Some((feed, diagnosis)) = &mut vehicle {
             diagnosis.take(frame);
             feed.take(frame, now_ns);
@@ -67,9 +67,9 @@ pub fn probe(
     let has_time = vehicle
         .as_ref()
         .is_none_or(|(_, diagnosis)| diagnosis.standing_stamp().is_none());
-    print(heard.describe(&*source, has_time));
-    if heard.frames == 0 {
-        return Err(Failure::trouble(nothing_came(&address, &*source, seconds)));
+    print(received.describe(&*source, has_time));
+    if received.frames == 0 {
+        return Err(Failure::trouble(no_frame_reason(&address, &*source, seconds)));
     }
     let Some((feed, diagnosis)) = vehicle else {
         return Ok(Exit::Success);
@@ -78,17 +78,17 @@ pub fn probe(
     print(describe_feed(&feed));
     if feed.counts().believed == 0 {
         let because = if findings.is_empty() {
-            "the bodies that came stand above".to_owned()
+            "the received bodies are listed above".to_owned()
         } else {
             findings
         };
-        let reason = format!("no pose of `{}` could be believed; {because}", stated.object);
+        let reason = format!("no pose of `{}` was accepted; {because}", stated.object);
         return Err(Failure::trouble(reason));
     }
     print(paragraph(&findings));
     if let Some(path) = calibration {
         let name = stated.name_and_number().map_or("", |(name, _)| name);
-        let body = heard.bodies.values().find(|body| {
+        let body = received.bodies.values().find(|body| {
             (name.is_empty() || body.name.as_bytes() == name.as_bytes())
                 && stated
                     .name_and_number()
@@ -96,27 +96,27 @@ pub fn probe(
         });
         let body = body.filter(|body| body.deviation() <= AT_REST);
         let body = body.ok_or_else(|| {
-            let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and let it rest";
+            let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and do not touch it";
             Failure::trouble(reason)
         })?;
-        write(path, &sections(system, stated, body, heard.rate()))?;
+        write(path, &sections(system, stated, body, received.rate()))?;
         print(format!("calibration written to {}\n", path.display()));
     }
     Ok(Exit::Success)
 }
 
-/// Returns why no frame came.
-fn nothing_came(address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
+/// Returns the reason why there is no frame.
+fn no_frame_reason(address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
     let server = address.server;
     let malformed = source.counts().malformed;
     if malformed.total() > 0 {
-        return format!("packets came from {server}, and no frame of them could be read: {malformed}");
+        return format!("packets were received from {server}, but no frame could be decoded: {malformed}");
     }
-    let advice = "see docs/motion_capture.md for what to check first";
-    format!("nothing came from {server} in {seconds} s; {advice}")
+    let advice = "see the first checks in docs/motion_capture.md";
+    format!("nothing was received from {server} in {seconds} s; {advice}")
 }
 
-/// Returns a text as a line of its own; an empty one stays empty.
+/// Ends a text with a line feed unless it is empty.
 fn paragraph(text: &str) -> String {
     if text.is_empty() {
         String::new()
@@ -125,12 +125,12 @@ fn paragraph(text: &str) -> String {
     }
 }
 
-/// Listens for some seconds; returns the signal that ended it before.
+/// Receives frames for some seconds. Returns the signal if one ended it early.
 fn listen(
     seconds: f64,
     source: &mut dyn CaptureSource,
     interrupt: &Interrupt,
-    take: &mut dyn FnMut(&Frame, u64),
+    sink: &mut dyn FnMut(&Frame, u64),
 ) -> Option<i32> {
     #[expect(
         clippy::cast_possible_truncation,
@@ -146,12 +146,12 @@ fn listen(
         if let Some(signal) = interrupt.take() {
             return Some(signal);
         }
-        source.poll(now_ns, &mut |frame| take(frame, now_ns));
+        source.poll(now_ns, &mut |frame| sink(frame, now_ns));
         sleep(source, end_ns);
     }
 }
 
-/// Until something has arrived or is due.
+/// Sleeps until a packet has arrived or the source is due.
 fn sleep(source: &dyn CaptureSource, end_ns: u64) {
     let now_ns = monotonic_ns();
     let due_ns = source.due_ns().unwrap_or(end_ns).min(end_ns);
@@ -166,7 +166,7 @@ fn sleep(source: &dyn CaptureSource, end_ns: u64) {
         .flatten()
         .map(|descriptor| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN))
         .collect();
-    // Interrupted by a signal it is looked at sooner.
+    // A signal only ends the sleep early.
     let _ = poll(&mut waits, Some(&timeout));
 }
 
@@ -182,7 +182,7 @@ fn describe_feed(feed: &Feed) -> String {
     if let Some(second) = feed.figures().last() {
         writeln!(
             text,
-            "the last second: {:.1} Hz, age on arrival {:.3} ms (at most {:.3} ms), jitter {:.3} ms; drift of its clock {:.1} ppm",
+            "the last second: {:.1} Hz, age on arrival {:.3} ms (at most {:.3} ms), jitter {:.3} ms; clock drift {:.1} ppm",
             second.rate,
             1e3 * second.latency,
             1e3 * second.latency_max,
@@ -194,16 +194,16 @@ fn describe_feed(feed: &Feed) -> String {
     text
 }
 
-/// The sections of a scenario with which the body, as it lies, is the vehicle at the origin, level, with yaw 0.
+/// Returns the sections of a scenario that define the body's present pose as the vehicle at the origin, level, with yaw 0.
 fn sections(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate: f64) -> String {
     let axes = axes(system);
-    let world_position = -(axes * body.place());
+    let world_position = -(axes * body.position());
     let markers = roll_pitch_yaw(&(axes * body.mean_rotation()));
     let vector = |values: [f64; 3], digits: usize| {
         let values: Vec<String> = values
             .iter()
             .map(|value| format!("{value:.digits$}"))
-            // A zero has no sign here.
+            // Removes the sign of a rounded zero.
             .map(|text| {
                 text.strip_prefix('-')
                     .filter(|rest| rest.parse() == Ok(0.0))
@@ -218,7 +218,7 @@ fn sections(system: CaptureSystem, stated: &MotionCapture, body: &Body, rate: f6
     format!(
         "[estimator.kalman]\nposition_deviation = {:.2e}                  # m\n\n\
          [motion_capture]\nsource = \"{}\"\nserver = \"{}\"\n{port}interface = \"{}\"\nobject = {:?}\nrate = [{:.1}, {:.1}]                        # Hz\n\n\
-         [motion_capture.world_from_capture]          # the body lay at the origin of {{I}}\n\
+         [motion_capture.world_from_capture]          # the body was at the origin of {{I}}\n\
          position = {}\nroll_pitch_yaw = {}\n\n\
          [motion_capture.body_from_markers]           # it was level, its nose along x\n\
          roll_pitch_yaw = {}\n",

@@ -1,4 +1,4 @@
-//! Poses as a motion-capture system would send them.
+//! Emulation of a motion-capture system.
 
 use std::path::Path;
 use std::time::Duration;
@@ -19,33 +19,33 @@ use command_line::interrupt;
 use flight::interrupt::Interrupt;
 use run_log::LogReader;
 
-/// Longest time between checks for new listeners, ns.
+/// Maximum time between checks for new clients, ns.
 const SERVE_NS: u64 = 5_000_000;
 
-/// Standard deviation of the attitude's noise for each metre of the position's, rad/m.
+/// Ratio of the attitude noise to the position noise, rad/m.
 const TURN_PER_METRE: f64 = 5.0;
 
-/// The poses that are sent.
+/// The poses to send.
 #[derive(Clone, Debug)]
 pub struct Poses<'a> {
     /// Name of the body.
     pub object: &'a str,
-    /// The log whose true flight is sent; an eight without one.
+    /// Log with the true poses to send; an eight if `None`.
     pub log: Option<&'a Path>,
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub rate: f64,
     /// Standard deviation of the noise of each coordinate, m.
     pub noise: f64,
-    /// For how long, s; without it until an interrupt or the log's end.
+    /// Duration, s; if `None`, until an interrupt or the log's end.
     pub seconds: Option<f64>,
-    /// Whether the body stands still where the flight begins.
+    /// `true` if the body stays at the start of the flight.
     pub rests: bool,
 }
 
 /// Sends poses from the addresses of a plan.
 ///
 /// # Errors
-/// [`Failure`] if a socket or file cannot be had.
+/// [`Failure`] if a socket or file cannot be opened.
 pub fn send(plan: &Plan, poses: &Poses<'_>) -> Result<Exit, Failure> {
     let flight = match poses.log {
         Some(log) => Flight::recorded(log)?,
@@ -114,11 +114,11 @@ fn fly(
     Ok(Exit::Success)
 }
 
-/// Place where the body is.
+/// Trajectory of the body.
 enum Flight {
-    /// On the paper's tilted eight, upright, with the nose along its way.
+    /// The paper's tilted eight, upright, with the nose along the path.
     Eight,
-    /// Place where the vehicle of a log truly was.
+    /// True poses of the vehicle in a log.
     Recorded(Vec<(f64, WorldPose)>),
 }
 
@@ -148,7 +148,7 @@ impl Flight {
         }
     }
 
-    /// Pose at a time, s.
+    /// Returns the pose at a time, s.
     fn pose(&self, at: f64) -> WorldPose {
         match self {
             Self::Eight => eight(at),
@@ -165,8 +165,8 @@ fn eight(at: f64) -> WorldPose {
     let (sine, cosine) = libm::sincos(shape.frequency * at);
     let tilt = paper_rx(shape.tilt);
     let position = tilt * Vector3::new(shape.size * sine * cosine, shape.size * sine, -shape.height);
-    let way = Vector3::new(cosine * cosine - sine * sine, cosine, 0.0);
-    let yaw = libm::atan2(way.y, way.x);
+    let tangent = Vector3::new(cosine * cosine - sine * sine, cosine, 0.0);
+    let yaw = libm::atan2(tangent.y, tangent.x);
     let world_from_body: Matrix3<f64> = exp(&Vector3::new(0.0, 0.0, yaw));
     WorldPose {
         position_world: position,

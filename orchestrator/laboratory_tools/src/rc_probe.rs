@@ -1,4 +1,4 @@
-//! A radio link on the ground: moves one stick after another, disarmed, and says what the receiver should show.
+//! Test of a radio link on the ground: moves one stick after another, disarmed, and prints what the receiver should show.
 
 use std::time::Duration;
 
@@ -15,17 +15,17 @@ use command_line::interrupt;
 use command_line::output::print;
 use identification::link::STICKS;
 
-/// The period at which the sticks are moved on and given to the sender, s.
+/// Period at which the sticks are updated, s.
 const STEP: f64 = 0.01;
 
-/// Steps between two lines that are shown.
+/// Steps between two printed lines.
 const SHOWN_EVERY: u64 = 25;
 
-/// Probes the link of a scenario. A stick takes `seconds` from the middle to both ends and back; the thrust stick is moved if
-/// the link has an arming switch or the propellers are off.
+/// Tests the link of a scenario. Each stick moves from the middle to both ends and back in `seconds`; the thrust stick only if the
+/// link has an arming switch or the propellers are off.
 ///
 /// # Errors
-/// [`Failure`] if the scenario has no link but the simulated one, or its device cannot be used.
+/// [`Failure`] if the scenario's link is simulated, or its device cannot be used.
 pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<Exit, Failure> {
     let link = link_of(scenario)?;
     let transmitter = link.transmitter.as_ref().ok_or_else(no_link)?;
@@ -73,17 +73,17 @@ fn link_of(scenario: &Scenario) -> Result<&RcLink, Failure> {
 }
 
 fn no_link() -> Failure {
-    let reason = "the scenario's radio link is simulated; state `rc_output.link` and `[rc_output.transmitter]`, as \
-                  docs/radio_links.md tells";
+    let reason = "the scenario's radio link is simulated; state `rc_output.link` and `[rc_output.transmitter]`: see \
+                  docs/radio_links.md";
     Failure::bad_input(reason)
 }
 
-/// Which sticks are moved, thrust last. Without an arming switch the thrust stick may let motors turn.
+/// Returns the sticks to move, thrust last. Without an arming switch the thrust stick could start the motors.
 fn moved_sticks(with_thrust: bool) -> &'static [usize] {
     if with_thrust { &[1, 2, 3, 0] } else { &[1, 2, 3] }
 }
 
-/// The travel of a stick at a share of its time: from the middle to one end, to the other, and back.
+/// Returns the travel of a stick at a share of its time: from the middle to one end, to the other, and back.
 fn sweep(share: f64) -> f64 {
     let quarter = 4.0 * share;
     match quarter {
@@ -93,7 +93,7 @@ fn sweep(share: f64) -> f64 {
     }
 }
 
-/// One stick somewhere, the others at rest: the least thrust, the rates in the middle, disarmed.
+/// Returns disarmed sticks with one of them at a travel, and the others at minimum thrust or zero rate.
 fn one_stick(map: &ChannelMap, stick: usize, travel: StickTravel) -> Sticks {
     let middle = StickTravel::MIDDLE;
     let mut travels = [map.least_thrust(), middle, middle, middle];
@@ -106,11 +106,11 @@ fn one_stick(map: &ChannelMap, stick: usize, travel: StickTravel) -> Sticks {
 
 fn introduction(link: &RcLink, moved: &[usize]) -> String {
     let mut text = format!(
-        "{}: disarmed, propellers off all the same. Each line is what the receiver should show.\n",
+        "{}: disarmed; remove the propellers anyway. Each line states what the receiver should show.\n",
         link.link.name()
     );
     if !moved.contains(&0) {
-        text += "The thrust stick is not moved: no arming switch would hold the motors. With --propellers-off it is.\n";
+        text += "The thrust stick is not moved: without an arming switch it could start the motors. --propellers-off includes it.\n";
     }
     text + "\n"
 }
@@ -129,7 +129,7 @@ fn line(unit: CodeUnit, stick: usize, channel: usize, travel: f64, code: u16) ->
     )
 }
 
-/// What `SET_ATTITUDE_TARGET` says of a stick: it has no channels.
+/// Formats a stick for `SET_ATTITUDE_TARGET`, which has no channels.
 fn attitude_line(link: &RcLink, map: &ChannelMap, stick: usize, sticks: &Sticks) -> String {
     let name = STICKS[stick];
     match (stick, sticks.codes) {
@@ -137,7 +137,7 @@ fn attitude_line(link: &RcLink, map: &ChannelMap, stick: usize, sticks: &Sticks)
             let rate = link.rate_slope[stick - 1] * map.travel(codes[stick]).value();
             format!("{name:10}  {rate:+7.2} rad/s\n")
         }
-        _ => format!("{name:10}  {:7.3} of the largest\n", map.thrust_share(sticks)),
+        _ => format!("{name:10}  {:7.3} of the maximum\n", map.thrust_share(sticks)),
     }
 }
 
@@ -145,8 +145,8 @@ fn summary(report: &LinkReport) -> String {
     let counts = &report.counts;
     let late = |quantile| report.lateness_ns.value_at_quantile(quantile) as f64 * 1e-6;
     format!(
-        "\n{} frames sent, {} dropped because others waited, {} because nothing took them; lost {} times, found again {}\n\
-         late by {:.3} ms (half of them), {:.3} ms (99 of 100), {:.3} ms at most; {} left out\n",
+        "\n{} frames sent, {} dropped because the link was busy, {} because it was closed; lost {} times, recovered {} times\n\
+         lateness: median {:.3} ms, p99 {:.3} ms, maximum {:.3} ms; {} frames skipped\n",
         counts.sent,
         counts.busy,
         counts.closed,
@@ -221,8 +221,8 @@ mod tests {
             let sticks = one_stick(&map, stick, StickTravel::new(travel));
             attitude_line(&link, &map, stick, &sticks)
         };
-        assert_eq!(shown(0, -1.0), "thrust        1.000 of the largest\n");
-        assert_eq!(shown(0, 1.0), "thrust        0.000 of the largest\n");
+        assert_eq!(shown(0, -1.0), "thrust        1.000 of the maximum\n");
+        assert_eq!(shown(0, 1.0), "thrust        0.000 of the maximum\n");
         assert_eq!(shown(1, 1.0), "roll rate    -19.00 rad/s\n");
         assert_eq!(shown(3, -1.0), "yaw rate      +8.00 rad/s\n");
     }

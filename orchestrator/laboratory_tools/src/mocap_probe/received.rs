@@ -1,4 +1,4 @@
-//! The packets that `gerono mocap probe` has received, by body.
+//! Statistics of the packets that `gerono mocap probe` has received, by body.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -14,23 +14,23 @@ use shared_types::rotation::orthonormalized;
 
 use super::AT_REST;
 
-/// Deviation of the position of a body at rest below which no cameras can have measured it, m.
+/// Standard deviation of the position of a body at rest that is below the noise of any camera, m.
 const NO_NOISE: f64 = 1e-6;
 
-/// Most bodies and delays that are kept.
+/// Maximum number of stored bodies and delays.
 const BODIES: usize = 1000;
 const DELAYS: usize = 1 << 20;
 
 /// The poses of a body.
 pub(super) struct Body {
-    /// Its last name; a Motive names its bodies after the first frames.
+    /// Last name received; Motive sends names only after the first frames.
     pub(super) name: Name,
     pub(super) number: i32,
     refused: u64,
     reason: Option<PoseError>,
     frames: u64,
-    seen: u64,
-    position: [Moments; 3],
+    tracked: u64,
+    coordinates: [Moments; 3],
     rotation: Matrix3<f64>,
     turned: Moments,
     first: Option<CapturePose>,
@@ -44,31 +44,31 @@ impl Body {
             refused: 0,
             reason: None,
             frames: 0,
-            seen: 0,
-            position: [Moments::default(); 3],
+            tracked: 0,
+            coordinates: [Moments::default(); 3],
             rotation: Matrix3::zeros(),
             turned: Moments::default(),
             first: None,
         }
     }
 
-    /// Returns the reason to doubt the body's poses, if there is one.
-    fn doubt(&self) -> Option<String> {
+    /// Returns the reason why the body's poses are implausible, if so.
+    fn implausibility(&self) -> Option<String> {
         if let Some(reason) = self.reason {
             return Some(format!("{} times {reason}", self.refused));
         }
-        if self.seen > 1 && self.place().norm() > FAR {
-            let distance = self.place().norm();
+        if self.tracked > 1 && self.position().norm() > FAR {
+            let distance = self.position().norm();
             return Some(format!(
                 "{distance:.0} m from the origin: centimetres or millimetres?"
             ));
         }
-        (self.seen > 1 && self.deviation() < NO_NOISE).then(|| {
-            "noise below 1 µm, which no cameras have: metres for millimetres, or a pose that stands still?".to_owned()
+        (self.tracked > 1 && self.deviation() < NO_NOISE).then(|| {
+            "noise below 1 µm, less than any camera's: metres for millimetres, or a frozen pose?".to_owned()
         })
     }
 
-    fn take(&mut self, body: &WireBody) {
+    fn add(&mut self, body: &WireBody) {
         self.frames += 1;
         if body.name != Name::EMPTY {
             self.name = body.name;
@@ -76,8 +76,8 @@ impl Body {
         let Some(pose) = &body.pose else {
             return;
         };
-        self.seen += 1;
-        for (moments, coordinate) in self.position.iter_mut().zip(pose.position.iter()) {
+        self.tracked += 1;
+        for (moments, coordinate) in self.coordinates.iter_mut().zip(pose.position.iter()) {
             moments.push(*coordinate);
         }
         self.rotation += pose.capture_from_markers;
@@ -87,33 +87,38 @@ impl Body {
         self.turned.push(turned);
     }
 
-    pub(super) fn place(&self) -> Vector3<f64> {
-        Vector3::from(self.position.map(|moments| moments.mean()))
+    /// Returns the mean position in the capture frame, m.
+    pub(super) fn position(&self) -> Vector3<f64> {
+        Vector3::from(self.coordinates.map(|moments| moments.mean()))
     }
 
-    /// Largest standard deviation of a coordinate, m.
+    /// Returns the largest standard deviation of a coordinate, m.
     pub(super) fn deviation(&self) -> f64 {
-        self.position.iter().map(Moments::deviation).fold(0.0, f64::max)
+        self.coordinates
+            .iter()
+            .map(Moments::deviation)
+            .fold(0.0, f64::max)
     }
 
     pub(super) fn mean_rotation(&self) -> Matrix3<f64> {
         #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
-        let mean = self.rotation / self.seen.max(1) as f64;
+        let mean = self.rotation / self.tracked.max(1) as f64;
         (0..8).fold(mean, |rotation, _| orthonormalized(&rotation))
     }
 }
 
-/// The packets received.
+/// Statistics of the received packets.
 #[derive(Default)]
 pub(super) struct ReceivedPackets {
     pub(super) frames: u64,
     first_ns: u64,
     last_ns: u64,
-    between: Moments,
-    /// Time from stamp to arrival beyond the soonest, s.
+    /// Times between frames, s.
+    intervals: Moments,
+    /// Time from stamp to arrival in excess of the minimum, s.
     delays: Vec<f64>,
-    soonest: Option<i64>,
-    /// The bodies by their ids, where the system has ids, or by names and sensors.
+    min_delay_ns: Option<i64>,
+    /// Bodies by id, if the system has ids, or else by name and sensor.
     pub(super) bodies: BTreeMap<(Vec<u8>, i32), Body>,
     has_ids: bool,
 }
@@ -126,21 +131,22 @@ impl ReceivedPackets {
         }
     }
 
-    pub(super) fn take(&mut self, frame: &Frame, now_ns: u64) {
+    /// Adds a frame.
+    pub(super) fn add(&mut self, frame: &Frame, now_ns: u64) {
         if self.frames == 0 {
             self.first_ns = now_ns;
         } else {
-            self.between.push(seconds(now_ns - self.last_ns));
+            self.intervals.push(seconds(now_ns - self.last_ns));
         }
         self.frames += 1;
         self.last_ns = now_ns;
         if let Some(stamp) = frame.stamp {
             let delay = now_ns.cast_signed().saturating_sub(stamp.sent_ns);
-            let soonest = *self.soonest.get_or_insert(delay);
-            self.soonest = Some(soonest.min(delay));
+            let min_delay = *self.min_delay_ns.get_or_insert(delay);
+            self.min_delay_ns = Some(min_delay.min(delay));
             #[expect(clippy::cast_precision_loss, reason = "ms in ns are exact")]
-            let delay = delay.saturating_sub(soonest) as f64 * 1e-9;
-            // A server may send as much as it likes, and call it what it likes.
+            let delay = delay.saturating_sub(min_delay) as f64 * 1e-9;
+            // Limits memory: a server may send any number of frames and names.
             if self.delays.len() < DELAYS {
                 self.delays.push(delay);
             }
@@ -148,14 +154,14 @@ impl ReceivedPackets {
         for body in frame.bodies() {
             let key = self.key(body);
             if self.bodies.len() < BODIES || self.bodies.contains_key(&key) {
-                let known = self.bodies.entry(key).or_insert_with(|| Body::new(body.number));
-                known.take(body);
+                let entry = self.bodies.entry(key).or_insert_with(|| Body::new(body.number));
+                entry.add(body);
             }
         }
         for (body, reason) in frame.refused() {
-            if let Some(known) = self.bodies.get_mut(&self.key(body)) {
-                known.refused += 1;
-                known.reason = Some(reason);
+            if let Some(entry) = self.bodies.get_mut(&self.key(body)) {
+                entry.refused += 1;
+                entry.reason = Some(reason);
             }
         }
     }
@@ -165,7 +171,7 @@ impl ReceivedPackets {
         (name.to_vec(), body.number)
     }
 
-    /// Frames a second.
+    /// Returns the frame rate, Hz.
     pub(super) fn rate(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
         let frames = self.frames.saturating_sub(1) as f64;
@@ -189,7 +195,7 @@ impl ReceivedPackets {
         if counts.continued > 0 {
             writeln!(
                 text,
-                "{} datagrams continued the frame before: choose a larger block in Tracker",
+                "{} datagrams continued a previous frame: choose a larger block in Tracker",
                 counts.continued
             )
             .expect("a String takes all");
@@ -202,36 +208,36 @@ impl ReceivedPackets {
         if self.frames > 1 {
             writeln!(
                 text,
-                "{:.2} packets of poses a second, jitter of the arrival {:.3} ms (one standard deviation)",
+                "{:.2} packets of poses per second, arrival jitter {:.3} ms (one standard deviation)",
                 self.rate(),
-                1e3 * self.between.deviation()
+                1e3 * self.intervals.deviation()
             )
             .expect("a String takes all");
         }
-        if let ([p50, p99, most], true) = (&self.delay_percentiles()[..], has_time) {
+        if let ([p50, p99, max], true) = (&self.delay_percentiles()[..], has_time) {
             writeln!(
                 text,
-                "later than the soonest by its stamp: p50 {:.3} ms, p99 {:.3} ms, at most {:.3} ms",
+                "delay in excess of the minimum, by the stamps: p50 {:.3} ms, p99 {:.3} ms, at most {:.3} ms",
                 1e3 * p50,
                 1e3 * p99,
-                1e3 * most
+                1e3 * max
             )
             .expect("a String takes all");
         }
         if !self.bodies.is_empty() {
             writeln!(text, "{}", self.table()).expect("a String takes all");
             for body in self.bodies.values() {
-                text.push_str(&self.doubts(body));
+                text.push_str(&self.warnings(body));
             }
         }
         text
     }
 
     fn delay_percentiles(&self) -> Vec<f64> {
-        let Some(soonest) = self.delays.iter().copied().reduce(f64::min) else {
+        let Some(min_delay) = self.delays.iter().copied().reduce(f64::min) else {
             return Vec::new();
         };
-        let mut delays: Vec<f64> = self.delays.iter().map(|delay| delay - soonest).collect();
+        let mut delays: Vec<f64> = self.delays.iter().map(|delay| delay - min_delay).collect();
         delays.sort_by(f64::total_cmp);
         let last = delays.len() - 1;
         [last / 2, last - last / 100, last]
@@ -239,26 +245,26 @@ impl ReceivedPackets {
             .to_vec()
     }
 
-    /// Lines about what cannot work with a body.
-    fn doubts(&self, body: &Body) -> String {
+    /// Returns warnings about a body.
+    fn warnings(&self, body: &Body) -> String {
         let label = if body.name == Name::EMPTY {
             format!("#{}", body.number)
         } else {
             body.name.to_string()
         };
         let mut text = String::new();
-        if let Some(doubt) = body.doubt() {
-            writeln!(text, "`{label}`: {doubt}").expect("a String takes all");
+        if let Some(warning) = body.implausibility() {
+            writeln!(text, "`{label}`: {warning}").expect("a String takes all");
         }
         if std::str::from_utf8(body.name.as_bytes()).is_err() {
-            let way = if self.has_ids {
+            let fix = if self.has_ids {
                 format!("choose it by `#{}`", body.number)
             } else {
                 "rename it".to_owned()
             };
             writeln!(
                 text,
-                "`{label}` is not UTF-8, so that its name cannot be written: {way}"
+                "`{label}` is not UTF-8 and cannot be written in a scenario: {fix}"
             )
             .expect("a String takes all");
         }
@@ -272,22 +278,22 @@ impl ReceivedPackets {
             "body",
             "number",
             "rate [Hz]",
-            "seen [%]",
-            "place, capture frame [m]",
+            "tracked [%]",
+            "position, capture frame [m]",
             "position σ [mm]",
             "attitude [mrad]",
         ]);
         for body in self.bodies.values() {
             #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
-            let (frames, seen) = (body.frames as f64, body.seen as f64);
-            let place = body.place();
-            let rests = body.deviation() <= AT_REST;
-            let noise = if rests {
+            let (frames, tracked) = (body.frames as f64, body.tracked as f64);
+            let position = body.position();
+            let is_at_rest = body.deviation() <= AT_REST;
+            let noise = if is_at_rest {
                 format!("{:.3}", 1e3 * body.deviation())
             } else {
                 "moves".to_owned()
             };
-            let turned = if rests {
+            let turned = if is_at_rest {
                 format!("{:.2}", 1e3 * body.turned.mean())
             } else {
                 String::new()
@@ -300,8 +306,8 @@ impl ReceivedPackets {
                 },
                 body.number.to_string(),
                 format!("{:.1}", frames / seconds(self.last_ns - self.first_ns).max(1e-9)),
-                format!("{:.1}", 100.0 * seen / frames),
-                format!("{:.3} {:.3} {:.3}", place.x, place.y, place.z),
+                format!("{:.1}", 100.0 * tracked / frames),
+                format!("{:.3} {:.3} {:.3}", position.x, position.y, position.z),
                 noise,
                 turned,
             ]);
@@ -319,9 +325,9 @@ fn seconds(ns: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns the lines about the bodies after a hundred frames in which each is at its place, with this noise.
-    fn doubts(system: CaptureSystem, bodies: &[(&[u8], f64)], noise: f64) -> String {
-        let mut heard = ReceivedPackets::new(system);
+    /// Returns the warnings about the bodies after a hundred frames with each at its position, with this noise.
+    fn warnings(system: CaptureSystem, bodies: &[(&[u8], f64)], noise: f64) -> String {
+        let mut received = ReceivedPackets::new(system);
         let mut frame = Frame::new();
         for number in 0..100_u32 {
             frame.clear();
@@ -338,37 +344,41 @@ mod tests {
                     })
                     .unwrap();
             }
-            heard.take(&frame, u64::from(number) * 10_000_000);
+            received.add(&frame, u64::from(number) * 10_000_000);
         }
-        assert_eq!(heard.bodies.len(), bodies.len(), "a row for each body");
-        heard.bodies.values().map(|body| heard.doubts(body)).collect()
+        assert_eq!(received.bodies.len(), bodies.len(), "a row for each body");
+        received
+            .bodies
+            .values()
+            .map(|body| received.warnings(body))
+            .collect()
     }
 
     #[test]
     fn a_body_that_is_as_it_should_be_has_no_line() {
-        assert_eq!(doubts(CaptureSystem::Natnet, &[(b"quad", 1.0)], 1e-4), "");
+        assert_eq!(warnings(CaptureSystem::Natnet, &[(b"quad", 1.0)], 1e-4), "");
     }
 
     #[test]
     fn units_that_cannot_be_right_are_named() {
-        let far = doubts(CaptureSystem::Vrpn, &[(b"quad", 118.0)], 1e-4);
+        let far = warnings(CaptureSystem::Vrpn, &[(b"quad", 118.0)], 1e-4);
         assert!(
             far.starts_with("`quad`: 118 m from the origin: centimetres"),
             "{far}"
         );
-        let metres = doubts(CaptureSystem::ViconUdp, &[(b"quad ", 1e-3)], 1e-7);
+        let metres = warnings(CaptureSystem::ViconUdp, &[(b"quad ", 1e-3)], 1e-7);
         assert!(metres.starts_with("`quad `: noise below 1 µm"), "{metres}");
     }
 
     #[test]
     fn a_name_that_is_not_utf_8_is_chosen_by_its_number_where_there_are_numbers() {
-        let motive = doubts(
+        let motive = warnings(
             CaptureSystem::Natnet,
             &[(b"quad", 1.0), (b"Drohne-\xc4rger", 1.0)],
             1e-4,
         );
         assert!(motive.ends_with("choose it by `#2`\n"), "{motive}");
-        let vrpn = doubts(CaptureSystem::Vrpn, &[(b"Drohne-\xc4rger", 1.0)], 1e-4);
+        let vrpn = warnings(CaptureSystem::Vrpn, &[(b"Drohne-\xc4rger", 1.0)], 1e-4);
         assert!(vrpn.ends_with("rename it\n"), "{vrpn}");
     }
 }
