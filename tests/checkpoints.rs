@@ -100,7 +100,7 @@ fn a_part_of_a_flight_begins_with_checkpoints_and_is_compared_alone() {
         0,
     );
     assert!(
-        said.contains("Begun from checkpoints: plant at") && said.contains("identical: "),
+        said.contains("Started from checkpoints: plant at") && said.contains("identical: "),
         "{said}"
     );
     for (arguments, reason) in [
@@ -176,7 +176,7 @@ fn one_bit_of_a_checkpoint_that_is_not_as_it_was_is_found() {
     assert_eq!(found.checkpoints_different, 1);
     assert!(!found.is_identical() && found.first_difference().is_none());
     let said = text_of(&place, &["replay", "out", "--quiet"], 8);
-    let expected = format!("`controller` knew after its step at tick {after} ");
+    let expected = format!("the state of `controller` after its step at tick {after} ");
     assert!(
         said.contains(&expected) && said.contains("not identical"),
         "{said}"
@@ -240,10 +240,7 @@ fn behind_a_gap_in_a_log_of_simulated_time_services_go_on_with_what_they_knew() 
     assert_eq!(found.steps + found.steps_without_inputs, whole.steps);
     assert!(found.compared() > published(&recovered, |tick| tick < 1500));
     let said = text_of(&place, &["replay", "out/run.recovered.mcap", "--quiet"], 8);
-    assert!(
-        said.contains("times a service went on from a checkpoint"),
-        "{said}"
-    );
+    assert!(said.contains("Resumed from a checkpoint"), "{said}");
 
     // Where nothing is missing, nothing is said of what is missing elsewhere.
     assert!(part(&recovered, 0.2, 1.2).is_identical());

@@ -159,7 +159,7 @@ fn a_flight_in_a_container_that_has_lost_its_orchestrator_is_killed_from_the_hos
         "flies in a container",
     );
     let killed = output(&mut place.gerono(&["kill", "--run", &name]));
-    assert_row("host, other /dev/shm", "kill", &killed, 0, "told directly");
+    assert_row("host, other /dev/shm", "kill", &killed, 0, "services directly");
     drop((run, holds));
 }
 

@@ -400,7 +400,7 @@ fn one_process_cannot_fly_programs_and_says_so() {
     let refused = output_of(&["--crash", "controller@100:before-step"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(
-        complaint(&refused).contains("cannot be told"),
+        complaint(&refused).contains("is an external service"),
         "{}",
         complaint(&refused)
     );

@@ -166,7 +166,7 @@ fn what_cannot_be_flown_is_refused_with_what_to_do_and_nothing_is_written() {
         (&["--fault", "dealy"], "did you mean `delay`"),
         (
             &["--service", "controller", "--fault", "delay"],
-            "nothing is left to fail",
+            "no case is left",
         ),
         (&["--moments", "4.5"], "before the end of the flight"),
         (&["--moments", "1.0005"], "whole number of base ticks"),

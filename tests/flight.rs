@@ -577,11 +577,11 @@ fn options_that_would_do_nothing_are_refused_before_anything_is_begun() {
     let cases: [(&[&str], &str); 3] = [
         (
             &["--host", "inprocess", "--core", "1"],
-            "--core concerns the processes",
+            "--core applies to processes",
         ),
         (
             &["--host", "inprocess", "--crash", "controller@5:before-step"],
-            "--crash concerns the processes",
+            "--crash applies to processes",
         ),
         (
             &[

@@ -430,7 +430,7 @@ fn a_take_over_replaces_a_stopped_service() {
         assert!(processes.iter().all(|&(_, pid)| !is_alive(pid)), "{service}");
         place.assert_nothing_is_left_of(first);
         let clean = common::succeed(&mut place.gerono(&["clean"]));
-        assert_eq!(said(&clean), "nothing was left by dead runs\n", "{service}");
+        assert_eq!(said(&clean), "no leftovers of dead runs\n", "{service}");
     }
 }
 

@@ -66,7 +66,7 @@ fn clean_removes_what_dead_runs_have_left_and_no_more() {
     assert_eq!(finish(live).status.code(), Some(143));
     assert_eq!(place.leftovers(), Vec::<String>::new());
     let said = String::from_utf8(succeed(&mut place.gerono(&["clean"])).stdout).unwrap();
-    assert!(said.contains("nothing was left"), "{said}");
+    assert!(said.contains("no leftovers"), "{said}");
 }
 
 #[test]

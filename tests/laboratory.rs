@@ -364,7 +364,7 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
 
     let replayed = said(&succeed(&mut place.gerono(&["replay", "out", "--quiet"])));
     assert!(
-        replayed.contains("The steps of `motion_capture` are not done again")
+        replayed.contains("The steps of `motion_capture` are not repeated")
             && replayed.contains("identical: ")
             && !replayed.contains("Another build"),
         "{replayed}"

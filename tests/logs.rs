@@ -420,7 +420,10 @@ fn a_killed_recorder_loses_less_than_a_chunk_and_the_rest_is_a_prefix_of_the_who
     assert!(replayed.is_identical(), "{:?}", replayed.first_difference());
     assert!(replayed.compared() > 1000 && replayed.log_ends.is_some());
     let cut = text(&fails(&place, &["replay", "out", "--quiet"], 10).stdout);
-    let agree = format!("as far as the log goes: all {} samples", replayed.compared());
+    let agree = format!(
+        "in the intact part of the log: all {} samples",
+        replayed.compared()
+    );
     assert!(
         cut.contains("The log was recovered: it ends") && cut.contains(&agree) && !cut.contains("identical"),
         "{cut}"

@@ -197,11 +197,11 @@ fn a_missing_file_is_named_and_the_replay_says_what_it_could_not_do() {
     assert_eq!(replayed.status.code(), Some(8));
     let words = said(&replayed);
     assert!(
-        words.contains("not identical") && words.contains("was not recorded"),
+        words.contains("not identical") && words.contains("were not recorded"),
         "{words}"
     );
     // Services of a flight in one process have no checkpoints to go on from.
-    assert!(words.contains("steps could not be done again"), "{words}");
+    assert!(words.contains("steps could not be repeated"), "{words}");
     // The file is found again: the log is whole, and the note does not say that it ends where the recovered file does.
     std::fs::rename(place.path("lost.mcap"), place.path("out/run.1.mcap")).unwrap();
     let whole = succeed(&mut place.gerono(&["digest", "out"]));
@@ -302,7 +302,7 @@ fn a_replay_says_what_it_cannot_prove_of_a_log_that_has_not_everything() {
     let words = said(&replayed);
     // 2001 of the truth, 1800 of the errors, 1980 of the adaptation.
     assert!(
-        words.contains("5781 samples were made of which the log has none"),
+        words.contains("5781 samples are excluded from the log"),
         "{words}"
     );
     assert!(
@@ -318,7 +318,7 @@ fn a_replay_says_what_it_cannot_prove_of_a_log_that_has_not_everything() {
     let inputs = ["--set", r#"record.every={"vehicle/state"=2}"#];
     succeed(&mut place.short_flight("inputs", 2.0, &inputs));
     let words = answer(&place, &["replay", "inputs"]);
-    let names_service = words.contains("The steps of controller cannot be done again");
+    let names_service = words.contains("The steps of controller cannot be repeated");
     assert!(names_service && words.contains("`vehicle/state`"), "{words}");
     assert!(words.contains("\nidentical: "), "{words}");
     let alone = output(&mut place.gerono(&["replay", "inputs", "--service", "controller"]));

@@ -112,7 +112,7 @@ fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
         signal(pid, Signal::KILL);
     }
     let killed = said(&succeed(&mut place.gerono(&["kill"])));
-    assert!(killed.contains("told directly"), "{killed}");
+    assert!(killed.contains("services directly"), "{killed}");
     signal(run.id(), Signal::CONT);
     until("the kill, once services live again", || {
         look(&place, &run).filter(|seen| seen.killed)

@@ -637,5 +637,5 @@ fn whoever_takes_over_a_flight_records_it_and_replaces_who_dies() {
     assert_eq!(replayed.status.code(), Some(8));
     // The new orchestrator has recorded what the services knew when it came.
     let said = String::from_utf8_lossy(&replayed.stdout);
-    assert!(said.contains("went on from a checkpoint"), "{said}");
+    assert!(said.contains("Resumed from a checkpoint"), "{said}");
 }

@@ -11,7 +11,7 @@ use rustix::process::Signal;
 use shared_types::ServiceId;
 
 /// The addition of a replay into processes to its last line.
-const IN_PROCESSES: &str = ", done by service processes";
+const IN_PROCESSES: &str = ", in service processes";
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

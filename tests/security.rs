@@ -343,7 +343,7 @@ fn root_finds_and_kills_the_run_of_a_user() {
     assert!(users.look(users.owner).unwrap().killed);
     signal(run.id(), Signal::STOP);
     let killed = said(&succeed(&mut users.gerono(0, &["kill"])));
-    assert!(killed.contains("told directly"), "{killed}");
+    assert!(killed.contains("services directly"), "{killed}");
     signal(run.id(), Signal::CONT);
     signal(run.id(), Signal::INT);
     assert_eq!(finish(run).status.code(), Some(130));

@@ -334,7 +334,7 @@ fn falls_by_a_kill_in_spite_of(signal_sent: Signal, place: &Place, flight: &str,
 fn kill_directly(place: &Place, why: &str) {
     let killed = said(&succeed(&mut place.gerono(&["kill"])));
     assert!(
-        killed.contains(why) && killed.contains("told directly"),
+        killed.contains(why) && killed.contains("services directly"),
         "{killed}"
     );
 }

@@ -62,29 +62,28 @@ pub enum Command {
     Run(Run),
     /// Check a scenario without flying it: schedule, wiring, gains.
     ///
-    /// Says whether the gains suit the vehicle, by the rules of docs/tuning.md.
+    /// Warns if the gains do not suit the vehicle, by the rules of docs/tuning.md.
     Check(Check),
     /// Show the content of a log: scenario, topics, faults, outcome.
     ///
     /// Topics are shown with their rates and gaps.
-    /// Reads the whole log, so that damage is found. Adds what summary.json and host.mcap beside it know (verdicts,
-    /// deaths).
+    /// Reads the whole log, so that damage is found. Adds verdicts and restarts from summary.json and host.mcap beside it.
     Info(Info),
     /// Show a flight in a browser, while it is flown or afterwards.
     ///
-    /// Serves one page at a port of this machine: the vehicle in space, all signals over time, the state of the services, and
-    /// what has happened. Of a flight under way, in real or in simulated time, it shows the newest samples some thirty times a
-    /// second, to at most eight browsers; of a finished one the page of `gerono report`. Read-only: nothing that a browser
-    /// sends can reach the flight.
+    /// Serves one page at a port of this machine: the vehicle in space, all signals over time, the state of the services and
+    /// events. For a running flight, in real or simulated time, it shows the newest samples some thirty times per second to at
+    /// most eight browsers; for a finished one the page of `gerono report`. Read-only: nothing that a browser sends can reach
+    /// the flight.
     #[command(after_help = View::EXAMPLES)]
     View(View),
     /// Write a page about flights that opens in any browser.
     ///
-    /// DIR/report.html holds everything and needs no network: a 3D view that turns with the mouse and shows the vehicle at
+    /// DIR/report.html is self-contained and needs no network: a 3D view that turns with the mouse and shows the vehicle at
     /// the time under the pointer; errors, commands, estimates, attitude and timing law on axes that zoom together; the
-    /// events, the summary and the scenario; and in real time how the services kept time.
-    /// Several logs are overlaid, one colour each. No peak is lost: the smallest and the largest of the samples in a column of
-    /// pixels are kept. An incomplete log is shown as far as it goes.
+    /// events, the summary and the scenario; and for real time the timing of the services.
+    /// Several logs are overlaid, one colour each. No peak is lost: each column of pixels shows its smallest and largest sample.
+    /// Of an incomplete log the intact part is shown.
     ///
     /// A flight of one of the paper's figures is also drawn as that figure, as SVG beside the page.
     #[command(after_help = ReportArguments::EXAMPLES)]
@@ -92,119 +91,117 @@ pub enum Command {
     /// Draw the distance from the path over time as an SVG figure.
     ///
     /// Several logs are drawn into one figure.
-    /// Draws the true distance; in a laboratory, where the truth is not known, the estimated one. The theorem's bound
-    /// is drawn where it applies, and planned faults are shaded.
+    /// Draws the true distance; for a laboratory flight, which has no truth, the estimated one. The theorem's bound is drawn where
+    /// it applies, and planned faults are shaded.
     Plot(Plot),
     /// Print the true distance from the path, part by part.
     ///
-    /// Also of a flight in the HIL simulator.
-    /// The distance is that of the true position from the point where the path was at that time, at every tick, and not
-    /// the controller's z1, which rests on an estimate. The truth is in the flight's log, or in that of `gerono world`.
+    /// Also for flights in the HIL simulator.
+    /// The distance is that of the true position from the reference point at the same time, at every tick, not the controller's z1,
+    /// which is based on an estimate. The truth is in the flight's log, or in that of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
     #[command(after_help = TruthArguments::EXAMPLES)]
     Truth(TruthArguments),
     /// Write samples of a log as JSON lines or CSV, or for viewers.
     ///
-    /// Numbers are read back to the bit; those that are not finite are the words NaN, inf and -inf.
+    /// Numbers are written exactly; those that are not finite are the words NaN, inf and -inf.
     ///
-    /// With --view, writes an MCAP file with every message of the log and what Foxglove, Lichtblick and Rerun need to show
+    /// With --view, writes an MCAP file with every message of the log and the data that Foxglove, Lichtblick and Rerun need to show
     /// the flight in space: frames, the vehicle, its trajectory and the reference (docs/viewing.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
     /// Print the SHA-256 of a log's messages.
     ///
-    /// The digest is over topic, time and payload: equal for equal experiments.
+    /// The digest covers topic, time and payload: equal experiments have equal digests.
     Digest(Digest),
-    /// Make a proper log of an incomplete or damaged one.
+    /// Recover an incomplete or damaged log.
     ///
-    /// Reports what was kept and lost.
-    /// Keeps every chunk whose checksum holds, before and after the damage. The new log says that it was recovered
-    /// and what it lacks; the old one stays as it is. With the folder of a run, recovers run.mcap and host.mcap.
+    /// Reports the kept and the lost samples.
+    /// Keeps every chunk with a valid checksum, before and after the damage. The new log states that it was recovered and
+    /// which samples it lacks; the old one is unchanged. With the folder of a run, recovers run.mcap and host.mcap.
     #[command(after_help = Recover::EXAMPLES)]
     Recover(Recover),
     /// Repeat the steps of a log and compare the results byte for byte.
     ///
     /// The steps are repeated on their recorded inputs.
-    /// Every service gets the recorded samples, so a difference names the service that made it. Works on logs of
-    /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The
-    /// states of the services are compared with the checkpoints in host.mcap; after a gap in the log they continue from there.
+    /// Every service receives the recorded samples, so a difference identifies the service that made it. Works on logs of
+    /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The states of the
+    /// services are compared with the checkpoints in host.mcap, from which they resume after a gap in the log.
     #[command(after_help = Replay::EXAMPLES)]
     Replay(Replay),
     /// Compare two logs by topic.
     ///
-    /// A topic is identical, or the number of samples that differ is shown, the first of them, and by how much.
+    /// For a topic that is not identical, shows the number of differing samples, the first of them, and the largest difference.
     Diff(Diff),
     /// Fly the paper's figures over many seeds, judge and draw them.
     ///
     /// Each figure is flown in three laboratories.
     /// Writes reproduce.json, figures.md, a drawing of each figure, a page about the first flight of each, and index.html,
-    /// which links them. Fails only if a number has regressed: it neither reaches its limit nor is a known gap.
+    /// which links them. Fails only if a number has regressed: it misses its limit and is no known gap.
     /// The seeds are 101 and following; gains were tuned on 1 to 6.
     Reproduce(Reproduce),
-    /// Let every service and every edge fail in every way.
+    /// Inject every fault into every service and every edge.
     ///
-    /// Reports what the vehicle does.
+    /// Reports the outcome for the vehicle.
     /// Flies the scenario once without a fault and once for each fault, at several times: every service but the plant
     /// off (warm and cold) and frozen; every edge with samples late by 0.05 s, half of them lost, stuck, wrong (a
     /// position by 0.1 m, a thrust by a fifth), random within ±10, and of random bits.
     ///
-    /// The vehicle has survived if it stayed within 1.5 times the bound, which is its largest distance from the
-    /// path in the 5 s before or 0.02 m. It is degraded if it left this range and came back inside the bound, and lost if
-    /// it did not, came 5 m away, tipped over, a number was not finite, or a service died of it. A loss is a result, not
-    /// an error.
+    /// The vehicle survives if it stays within 1.5 times the bound, which is its largest distance from the path in the 5 s
+    /// before, but at least 0.02 m. It is degraded if it leaves this range and returns inside the bound. It is lost if it does
+    /// not return, is 5 m away, tips over, a number is not finite, or the fault crashes a service. A loss is a result, not an
+    /// error.
     ///
     /// Writes faults.json and faults.md.
     #[command(after_help = Faults::EXAMPLES)]
     Faults(Faults),
-    /// Compare control laws: their errors, and what each survives.
+    /// Compare control laws: errors and margins.
     ///
-    /// Errors are compared in many conditions; the other measure is the largest disturbance that a law survives.
-    /// Every law flies the same conditions with the same seeds; what a condition changes is not told to the controller.
+    /// Errors are compared in many conditions; the margin is the largest disturbance that a law survives.
+    /// Every law flies the same conditions with the same seeds; conditions do not change the controller's parameters.
     /// Writes grid.json, grid.md and a page with a heat map.
     #[command(after_help = Grid::EXAMPLES)]
     Grid(Grid),
     /// Fly thousands of varied scenarios, and evaluate the results.
     ///
     /// Flies on all cores or on a cluster.
-    /// A sweep.toml states what is varied, compared and judged; docs/sweeps.md explains it. Sample i is a function of the
-    /// sweep and of i alone: shards need nothing of each other, and every row can be repeated.
+    /// A sweep.toml states the varied values, the compared laws and the criteria; docs/sweeps.md explains it. Sample i is a function
+    /// of the sweep and of i alone: shards are independent, and every row can be repeated.
     #[command(after_help = Sweep::EXAMPLES)]
     Sweep(Sweep),
     /// Simulate a laboratory: vehicle, cameras, receiver.
     ///
-    /// A hardware-in-the-loop simulator: they are behind real sockets and serial lines.
-    /// Simulates the scenario's vehicle by the system's clock, sends what the scenario's cameras see of it as
-    /// `motion_capture.source` (VRPN, NatNet, Vicon) to the flight, and flies by the frames of `rc_output.link` that the
-    /// flight sends: to a pseudo-terminal with the name that `rc_output.transmitter.device` states, or to a socket. The
-    /// flight, `gerono run --host realtime` with the same settings, shares nothing else with it.
+    /// A hardware-in-the-loop simulator, connected by real sockets and serial lines.
+    /// Simulates the scenario's vehicle by the system's clock, sends the poses of the scenario's cameras to the flight in the
+    /// protocol of `motion_capture.source` (VRPN, NatNet, Vicon), and flies by the frames of `rc_output.link` from the flight,
+    /// received at a pseudo-terminal named `rc_output.transmitter.device` or at a socket. The flight, `gerono run --host
+    /// realtime` with the same settings, shares nothing else with it.
     ///
-    /// Its time starts with it: times in `[vehicle]` and `[cameras]` count from there. Writes run.mcap, which holds the truth,
-    /// host.mcap, which holds its start, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    /// Times in `[vehicle]` and `[cameras]` count from its start. Writes run.mcap with the truth, host.mcap with the start time, and
+    /// summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
     #[command(after_help = HilSimulator::EXAMPLES, visible_alias = "hil")]
     World(HilSimulator),
-    /// Listen to a motion-capture system, or emulate one.
+    /// Diagnose a motion-capture system, or emulate one.
     Mocap(Mocap),
-    /// Try a radio link on the ground, or identify its channels.
+    /// Test a radio link on the ground, or identify its channels.
     #[command(subcommand)]
     Rc(RcCommand),
-    /// Try the kill switch of a scenario's `[operator]`.
+    /// Test the kill switch of a scenario's `[operator]`.
     #[command(subcommand)]
     Operator(OperatorCommand),
-    /// Find markers, delay and noise for the estimator, from a log.
+    /// Identify markers, delay and noise for the estimator, from a log.
     ///
-    /// Finds what the estimator should believe of them.
-    /// Markers that do not sit in the centre of mass, frames that act later than believed, and cameras that scatter more
-    /// than stated make a laboratory unstable, and the vehicle's state does not show them. Fly a figure such as the eight
-    /// for twenty seconds at least; the table compares what the scenario states with what the flight shows, and prints the lines to
-    /// put into the scenario.
+    /// Markers away from the centre of mass, frames that act later than modelled, and cameras noisier than stated make a laboratory
+    /// unstable, and are not visible in the vehicle's state. Fly a figure such as the eight for at least twenty seconds; the
+    /// table compares the scenario with the identified values, and the lines for the scenario are printed.
     #[command(after_help = Identify::EXAMPLES)]
     Identify(Identify),
     /// Arm a flight in real time: motors idle, then it takes off.
     ///
-    /// Only a scenario with `[flight]` can be armed. Refused while a service does not fly, the vehicle is not
-    /// tracked, its state is old, the estimator has not converged, the vehicle does not stand level or the transmitter
-    /// lacks an input, and unless the vehicle is disarmed. A vehicle that is not ready within 0.5 s, or no longer
-    /// before take-off, is disarmed and must be armed again; the run says what was not ready.
+    /// Only a scenario with `[flight]` can be armed. Refused while a service does not run, the vehicle is not tracked, its
+    /// state is old, the estimator has not converged, the vehicle is not level or the transmitter lacks an input, and unless the
+    /// vehicle is disarmed. A vehicle that is not ready within 0.5 s, or no longer ready before take-off, is disarmed and must be
+    /// armed again; the run reports the check that failed.
     Arm(Operate),
     /// Stop the motors immediately, even in the air.
     ///
@@ -217,53 +214,51 @@ pub enum Command {
     /// Land the vehicle and end a flight in real time.
     ///
     /// Ctrl-C in the run's terminal does the same.
-    /// Asking again changes nothing: `gerono kill` stops motors in the air.
+    /// Repeating the command has no effect: `gerono kill` stops motors in the air.
     Stop(Operate),
     /// Change gains of a flight in real time while it flies.
     ///
     /// For example `gerono set controller.k1=3`.
-    /// The keys are those that docs/scenarios.md calls tunable. All of them change at one tick, or none. The change is
-    /// checked like a scenario, and in the air also by the rules of docs/tuning.md. It is recorded as an event, and `gerono
-    /// replay` repeats it.
+    /// docs/scenarios.md marks the tunable keys. All of them change at one tick, or none. The change is checked like a scenario,
+    /// and in the air also by the rules of docs/tuning.md. It is recorded as an event, and `gerono replay` repeats it.
     #[command(after_help = Set::EXAMPLES)]
     Set(Set),
-    /// Print the present values of keys of a flight in real time.
+    /// Print the current values of keys of a flight in real time.
     ///
-    /// Prints them as `gerono set` and `--set` take them.
+    /// The format is that of `gerono set` and `--set`.
     Get(Get),
     /// Show a flight in real time while it flies, from any terminal.
     ///
-    /// Shows how every service keeps time, the delay from a capture to its frame, the vehicle's error and estimates of
-    /// the last minute, and events. The flight never waits for it. The key `s` sets a gain, as `gerono set` does. With
-    /// --allow-faults the selected service can be killed or frozen, each after a confirmation. The key `?` explains keys and
-    /// columns.
+    /// Shows the timing of every service, the latency from a capture to its frame, the vehicle's error and estimates over the
+    /// last minute, and events. The flight never waits for it. The key `s` sets a gain, as `gerono set` does. With --allow-faults
+    /// the selected service can be killed or frozen, each after a confirmation. The key `?` explains keys and columns.
     #[command(after_help = Top::EXAMPLES)]
     Top(Top),
     /// Take over a flight in real time whose orchestrator has died.
     ///
     /// Records and supervises it to its end.
-    /// The services of such a flight go on alone: they land, or fly on to the end, as the scenario's
-    /// `real_time.orchestrator_loss` says. The new orchestrator records from then on, restarts services that die, and
-    /// answers `gerono arm`, `stop`, `top` and the like. Samples that were not recorded meanwhile are lost.
+    /// Without an orchestrator the services land, or continue to the end, as `real_time.orchestrator_loss` of the scenario
+    /// states. The new orchestrator records from then on, restarts crashed services, and answers `gerono arm`, `stop`, `top` and
+    /// the like. Samples that were not recorded meanwhile are lost.
     Attach(Attach),
     /// Check this machine before a flight.
     ///
     /// Each check is good (green), poor (yellow) or unusable (red), with its fix.
     /// Checks shared memory, limits, cores, clock, governor, other runs and leftovers of dead ones, and measures for some
-    /// seconds the speed of the disk and the delay of wake-ups. With a scenario, judges all of it by the scenario's
-    /// `[deployment]`, the size of its log and its `real_time.grace`. Only flights in real time need sharp wake-ups. Changes
+    /// seconds the speed of the disk and the latency of wake-ups. With a scenario, judges the results by the scenario's
+    /// `[deployment]`, the size of its log and its `real_time.grace`. Only flights in real time need low wake-up latency. Changes
     /// nothing; docs/deployment.md explains every number.
     #[command(after_help = Doctor::EXAMPLES)]
     Doctor(Doctor),
     /// Measure the speed of this machine.
     ///
-    /// Measures simulated seconds per wall second of every host, beside iceoryx2 alone.
+    /// Measures simulated seconds per wall second of every host, compared with iceoryx2 alone.
     /// `gerono bench latency` measures flights in real time.
     Bench(Bench),
     /// Remove leftovers of dead runs in memory and temporary files.
     ///
-    /// Only a run whose orchestrator was killed leaves anything; the next run removes it as well. Live runs are not
-    /// touched. Stopped processes (SIGSTOP) of a run of which nothing else lives are killed.
+    /// Only a run whose orchestrator was killed has leftovers; the next run removes them as well. Live runs are not touched.
+    /// Stopped processes (SIGSTOP) of an otherwise dead run are killed.
     Clean,
     /// Print the completion script of a shell.
     ///
@@ -287,13 +282,13 @@ pub enum Command {
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
     Service {
-        /// Name of the service, or of a process that waits for one to die.
+        /// Name of the service, or of a standby process.
         #[arg(value_parser = service_process)]
         name: String,
         /// Folder of the run, by which `gerono kill` and the like find it (`run_client::runs`).
         #[arg(long)]
         run: Option<PathBuf>,
-        /// The host of its steps, for the same.
+        /// Host of the run, for the same purpose.
         #[arg(long)]
         host: Option<String>,
     },

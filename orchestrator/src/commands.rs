@@ -43,12 +43,12 @@ use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
 use supervisor::host_record::HostRecord;
 
-/// Loads the scenario that the command line asks for.
+/// Loads the scenario of the command line.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
     scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(Failure::from)
 }
 
-/// Prints what was found, as a text or as JSON.
+/// Prints results as text or as JSON.
 fn print_found(found: &(impl Display + Serialize), as_json: bool) -> Result<(), Failure> {
     if as_json {
         print(serde_json::to_string_pretty(found).map_err(Failure::trouble)? + "\n");
@@ -58,18 +58,18 @@ fn print_found(found: &(impl Display + Serialize), as_json: bool) -> Result<(), 
     Ok(())
 }
 
-/// Keeps the plug-ins that fly beside the log; their copies.
-fn keep_plugins(scenario: &mut Scenario, folder: &RunFolder) -> Result<Vec<PathBuf>, Failure> {
-    let kept = RefCell::new(Vec::new());
+/// Copies the plug-ins of a flight into the folder of the log. Returns the copies.
+fn copy_plugins(scenario: &mut Scenario, folder: &RunFolder) -> Result<Vec<PathBuf>, Failure> {
+    let copies = RefCell::new(Vec::new());
     let write = |path: &Path, bytes: &[u8]| {
-        kept.borrow_mut().push(path.to_owned());
+        copies.borrow_mut().push(path.to_owned());
         result_file::write(path, bytes, &[])
     };
     library_file::copy_to(scenario, folder.path(), write).map_err(Failure::not_written)?;
-    Ok(kept.into_inner())
+    Ok(copies.into_inner())
 }
 
-/// Begins the log of a run.
+/// Creates the log of a run.
 fn run_log(
     folder: &RunFolder,
     manifest: &Manifest,
@@ -79,7 +79,7 @@ fn run_log(
     log.durable(recording.forcing_period())
 }
 
-/// Begins the record of the machine's side of a run.
+/// Creates the host log of a run.
 fn host_record(
     folder: &RunFolder,
     scenario: &Scenario,
@@ -92,10 +92,10 @@ fn host_record(
     ))
 }
 
-/// Prints where the results of an interrupted campaign are kept.
-fn resumes(folder: &Path) {
+/// Prints how to resume an interrupted campaign.
+fn print_resume_hint(folder: &Path) {
     note(format_args!(
-        "what was flown is kept in {0}; the same command with `--out {0}` resumes there",
+        "the results so far are stored in {0}; the same command with `--out {0}` resumes from there",
         folder.display()
     ));
 }
@@ -105,7 +105,7 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
     flight::schedule_of(scenario).map_err(Failure::bad_input)
 }
 
-/// Name of a flight: that of its scenario's file.
+/// Returns the name of a flight: that of its scenario's file.
 fn scenario_name(path: &Path) -> String {
     path.file_stem()
         .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())

@@ -1,4 +1,4 @@
-//! `gerono-bench`: measurements that only developers of Gerono need. The others are those of `gerono bench`.
+//! `gerono-bench`: benchmarks for developers of Gerono; `gerono bench` has those for users.
 
 use std::process::ExitCode;
 

@@ -1,5 +1,5 @@
-//! The command `gerono`: what it is asked ([`cli`]), and one module a command ([`commands`]). All that it does is in the crates
-//! beside it; `docs/architecture.md` lists them and says which may use which.
+//! The program `gerono`: its command line ([`cli`]), and one module per command ([`commands`]). The other crates implement them;
+//! `docs/architecture.md` lists these with their permitted dependencies.
 
 pub mod cli;
 pub mod commands;

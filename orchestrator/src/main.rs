@@ -1,4 +1,4 @@
-//! `gerono`: flies scenarios as processes, supervises them, records their traffic.
+//! `gerono`: flies scenarios as processes, supervises them and records their samples.
 
 use std::process::ExitCode;
 
@@ -23,7 +23,7 @@ fn main() -> ExitCode {
     if let Some(done) = bench::member::run() {
         return output::conclude(done.map(|()| Exit::Success));
     }
-    if let Some(arguments) = Postmortem::of_this_process() {
+    if let Some(arguments) = Postmortem::from_command_line() {
         return output::conclude(commands::postmortem::postmortem(&arguments));
     }
     let result = match groups::parse().command {

@@ -1,4 +1,4 @@
-//! The command line explained to shells and readers: completions, man pages, the page of commands.
+//! Documentation of the command line: completions, man pages, the page of commands.
 
 pub mod completion;
 pub mod pages;

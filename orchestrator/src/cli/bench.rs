@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Bench {
-    /// The measurement to take instead.
+    /// Another measurement.
     #[command(subcommand)]
     pub measurement: Option<BenchMeasurement>,
     /// Repetitions of each measurement; medians are shown.
@@ -17,7 +17,7 @@ pub struct Bench {
     /// Simulated seconds of each lock-step flight.
     #[arg(long, default_value_t = 20.0)]
     pub duration: f64,
-    /// Write the figures as JSON to this file as well.
+    /// Also write the results as JSON to this file.
     #[arg(long)]
     pub json: Option<PathBuf>,
 }
@@ -25,18 +25,17 @@ pub struct Bench {
 /// Measurements of `gerono bench` other than simulated seconds per wall second.
 #[derive(Debug, Subcommand)]
 pub enum BenchMeasurement {
-    /// Measure how long it is from a capture to the radio frame that comes of it, in real time.
+    /// Measure the latency from a capture to its radio frame, in real time.
     ///
     /// Flies Fig. 1's ideal profile at 1 kHz with all services on one core: estimator, path generator, controller and rc
-    /// output, four hops from process to process, each with a step and its samples. The floor beside it is a bare chain: five
-    /// processes on that core hand on a bare iceoryx2 event four times, once a millisecond, and do nothing else. Both are measured
-    /// in turn: on idle cores, with a busy process on another core, and with one on each of both; as ordinary processes, and
-    /// under SCHED_FIFO if that is permitted.
+    /// output, four hops from process to process, each with a step and its samples. The floor is a bare chain: five processes on
+    /// that core pass on an iceoryx2 event four times, once per millisecond. Both are measured in turn: on idle cores, with a busy
+    /// process on another core, and with one on each of both; as ordinary processes, and under SCHED_FIFO if that is permitted.
     ///
-    /// Times depend on the machine and on what else it does; the ratios to the floor much less. Shown are medians of
-    /// the repetitions, and of their ratios, pair by pair. p50 is what half of the frames do not exceed, p99 what 99 of 100
-    /// do not. On a quiet machine expect some ten microseconds a hop. With a load on their own core ordinary processes wait
-    /// for their turn, which is milliseconds: SCHED_FIFO is against that (docs/deployment.md).
+    /// Times depend on the machine and its other load; the ratios to the floor much less. Shown are medians of the repetitions
+    /// and of their pairwise ratios. p50 is the median of the frames, p99 their 99th percentile. On a quiet machine expect some
+    /// ten microseconds per hop. With a load on their core ordinary processes wait milliseconds for their turn: SCHED_FIFO
+    /// avoids that (docs/deployment.md).
     ///
     /// Takes 12 × REPETITIONS × SECONDS, or half of it without SCHED_FIFO.
     #[command(after_help = BenchLatency::EXAMPLES)]
@@ -46,13 +45,13 @@ pub enum BenchMeasurement {
 /// Arguments of `gerono bench latency`.
 #[derive(Debug, Args)]
 pub struct BenchLatency {
-    /// Length of each measurement, s: a thousand frames a second.
+    /// Duration of each measurement, s, with a thousand frames per second.
     #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3600))]
     pub seconds: u32,
     /// Repetitions of each measurement; medians are shown.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
-    /// Write the figures as JSON to this file as well: times in s, and of every service how late it woke and how long it stepped.
+    /// Also write the results as JSON to this file: times in s, and for every service its wake-up latency and step duration.
     #[arg(long, value_name = "F")]
     pub json: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! Flying many times: the figures of the paper, and everything that can fail.
+//! Arguments of campaigns: the figures of the paper, and the fault matrix.
 
 use std::path::PathBuf;
 
@@ -26,10 +26,10 @@ pub struct Reproduce {
     /// runs/reproduce-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Fly fewer seeds and a shorter list of figures, judged all the same.
+    /// Fly fewer seeds and a shorter list of figures.
     #[arg(long)]
     pub quick: bool,
-    /// Fly the eight without parts of the design instead, to see what each is worth.
+    /// Fly the eight without parts of the design instead, to show the benefit of each.
     #[arg(long, conflicts_with_all = ["figures", "quick"])]
     pub ablation: bool,
 }
@@ -40,13 +40,13 @@ pub struct Faults {
     /// The scenario to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Time at which faults begin, s [default: three moments at which nothing else happens; with --quick one].
+    /// Time at which faults begin, s [default: three times apart from other events; with --quick one].
     #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
     pub moments: Vec<f64>,
-    /// Time for which faults last, s.
+    /// Duration of the faults, s.
     #[arg(long = "for", value_name = "T", default_value_t = fault_matrix::LASTS)]
     pub lasts: f64,
-    /// Time for which to fly after a fault, s.
+    /// Flight time after a fault, s.
     #[arg(long, value_name = "T", default_value_t = fault_matrix::AFTER)]
     pub after: f64,
     /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
@@ -62,10 +62,10 @@ pub struct Faults {
     /// Folder for the results; must be empty if it exists [default: the next free runs/faults-SCENARIO-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Fly everything once more as processes that really die, and fail unless all bytes are the same.
+    /// Repeat all flights with processes that really crash, and fail unless all bytes are the same.
     #[arg(long)]
     pub processes: bool,
-    /// Let everything fail at one moment only.
+    /// Inject faults at one time only.
     #[arg(long, conflicts_with = "moments")]
     pub quick: bool,
 }
@@ -86,7 +86,7 @@ fn failing_service(name: &str) -> Result<ServiceId, ValueError> {
         Ok(service)
     } else {
         Err(ValueError::unfit(
-            "the plant is the vehicle itself, which flies on whatever happens",
+            "the plant is the vehicle itself and cannot fail",
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! Flying a scenario, and checking one.
+//! Arguments for flying and checking a scenario.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -17,7 +17,7 @@ use run_log::Compression;
 use scenario_file::values::{ValueError, between, value_between};
 use supervisor::supervision::restart_policy::PerService;
 
-/// The parts of a scenario: a file and the settings that change it.
+/// A scenario: a file and the settings that change it.
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
     /// The scenario file.
@@ -37,7 +37,7 @@ pub struct Run {
     /// The scenario to fly.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Place where the services run and what makes them step; in simulated time the log is the same.
+    /// Host of the services, which makes them step; in simulated time the log is the same.
     #[arg(long, value_enum, default_value_t)]
     pub host: Host,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-N].
@@ -46,7 +46,7 @@ pub struct Run {
     /// The writing of the logs.
     #[command(flatten)]
     pub recording: RecordingArguments,
-    /// Say nothing unless something is wrong.
+    /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
     /// The services' use of the machine.
@@ -66,25 +66,25 @@ pub struct RecordingArguments {
     /// Compression of the logs' chunks.
     #[arg(long, value_name = "COMPRESSION", default_value = "none", value_parser = compression())]
     pub compression: Compression,
-    /// Force the logs to the disk again and again, this long apart, in s; a power failure costs little more than that
-    /// [default: the system writes them when it likes].
+    /// Period at which the logs are forced to the disk, s; a power failure loses little more than that [default: the operating
+    /// system decides].
     #[arg(long, value_name = "S", value_parser = between(0.01, 3600.0, "s"))]
     pub durable: Option<f64>,
 }
 
 impl RecordingArguments {
-    /// Returns how long apart the logs are to be forced to the disk.
+    /// Returns the period at which the logs are forced to the disk.
     #[must_use]
     pub fn forcing_period(self) -> Option<Duration> {
         self.durable.map(Duration::from_secs_f64)
     }
 }
 
-/// Arguments for the processes' use of the machine. Nothing of them changes run.mcap.
+/// Arguments for the processes' use of the machine. None of them changes run.mcap.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Use of the machine (lock-step)")]
 pub struct DeploymentArguments {
-    /// Put the services under SCHED_FIFO, above all ordinary work; flies without if it is not permitted.
+    /// Run the services under SCHED_FIFO, above all ordinary processes; flies without it if it is not permitted.
     #[arg(long)]
     pub fifo: bool,
     /// Keep the services together on this core instead of the idlest one.
@@ -96,17 +96,17 @@ pub struct DeploymentArguments {
     /// Let a waiting service always sleep instead of yielding first.
     #[arg(long)]
     pub no_yield: bool,
-    /// Number of restarts in a row of a service that has not flown a tick more [default: 8].
+    /// Maximum number of consecutive restarts of a service without a step [default: 8].
     ///
-    /// For one service as SERVICE=N, else for all; may be given several times. With 0 its first death ends the run.
+    /// For one service as SERVICE=N, else for all; may be given several times. With 0 its first crash ends the run.
     #[arg(long, value_name = "[SERVICE=]N", value_parser = str::parse::<PerService<u32>>)]
     pub restarts: Vec<PerService<u32>>,
-    /// Longest pause, in s, before a service that dies again and again is started once more [default: 0.1].
+    /// Maximum back-off, in s, before a service that crashes repeatedly is restarted [default: 0.1].
     #[arg(long, value_name = "[SERVICE=]S", value_parser = seconds_per_service)]
     pub restart_pause: Vec<PerService<f64>>,
     /// Let a service kill itself, as SERVICE@TICK:PLACE; may be given several times, for one process after the other.
     ///
-    /// The log must show nothing of it. Places: before-ports, after-ports, recovering, before-step, after-step,
+    /// The log is the same as without it. Places: before-ports, after-ports, recovering, before-step, after-step,
     /// between-publishes, after-publishing, checkpointing, before-waking.
     #[arg(long, value_name = "WHERE")]
     pub crash: Vec<ServiceCrash>,
@@ -118,7 +118,7 @@ fn seconds_per_service(text: &str) -> Result<PerService<f64>, ValueError> {
     Ok(parsed)
 }
 
-/// Place where the process of a service shall kill itself.
+/// Point at which the process of a service kills itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServiceCrash {
     /// The service.

@@ -18,27 +18,26 @@ pub struct Grid {
     /// Number of seeds, the same for every law [default: 20; with --quick 3].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub seeds: Option<u16>,
-    /// First of the seeds; the default ones were used for no tuning.
+    /// First seed; the default ones were not used for tuning.
     #[arg(long, value_name = "SEED", default_value_t = FIRST_SEED)]
     pub first_seed: u64,
-    /// Control law to compare, by name, or NAME:KEY=VALUE;KEY=VALUE for one of your own; may be given several times
-    /// [default: all].
+    /// Control law to compare, by name, or NAME:KEY=VALUE;KEY=VALUE for a user-defined one; may be given several times [default:
+    /// all].
     #[arg(long = "law", value_name = "LAW", value_parser = str::parse::<ControlLaw>)]
     pub laws: Vec<ControlLaw>,
-    /// Fly each law with five bandwidths of its position loop, for its front of error against delay: the other margins are left
-    /// out.
+    /// Fly each law with five bandwidths of its position loop, for its front of error against delay, and search no other margins.
     #[arg(long)]
     pub along_bandwidth: bool,
     /// Condition to fly [default: all].
     #[arg(long = "condition", value_delimiter = ',', value_name = "NAME,…", value_parser = str::parse::<ConditionKind>)]
     pub conditions: Vec<ConditionKind>,
-    /// Leave the search for the margins out.
+    /// Do not search the margins.
     #[arg(long)]
     pub no_margins: bool,
     /// Fly fewer seeds.
     #[arg(long)]
     pub quick: bool,
-    /// Write the tables as LaTeX as well, into grid.tex.
+    /// Also write the tables as LaTeX, into grid.tex.
     #[arg(long)]
     pub latex: bool,
     /// Folder for the results: a new or empty one, or that of an interrupted command, which resumes [default: the next free
@@ -72,24 +71,24 @@ impl Grid {
         Ok((self.first_seed..after).collect())
     }
 
-    /// Returns the laws, each once.
+    /// Returns the laws.
     ///
     /// # Errors
-    /// [`Failure`] if two have one name.
+    /// [`Failure`] if two laws have the same name.
     pub fn laws(&self) -> Result<Vec<ControlLaw>, Failure> {
         if self.laws.is_empty() {
             return Ok(ControlLaw::all());
         }
         for (index, law) in self.laws.iter().enumerate() {
             if self.laws[..index].iter().any(|other| other.name == law.name) {
-                let reason = format!("two laws have the name `{}`: give one another name", law.name);
+                let reason = format!("two laws have the name `{}`: rename one of them", law.name);
                 return Err(Failure::bad_input(reason));
             }
         }
         Ok(self.laws.clone())
     }
 
-    /// Returns the quantities whose margins are searched: along the bandwidth the first, the delay, of which the front is.
+    /// Returns the quantities whose margins are searched: along the bandwidth only the delay, the axis of the front.
     #[must_use]
     pub fn quantities(&self) -> &'static [Quantity] {
         match (self.no_margins, self.along_bandwidth) {
@@ -102,10 +101,11 @@ impl Grid {
     /// Returns the conditions, in the order of the table and each once.
     #[must_use]
     pub fn conditions(&self) -> Vec<ConditionKind> {
-        let is_asked_for = |condition: &ConditionKind| {
-            self.conditions.is_empty() || self.conditions.iter().any(|asked| asked.name == condition.name)
+        let is_requested = |condition: &ConditionKind| {
+            let mut requested = self.conditions.iter();
+            self.conditions.is_empty() || requested.any(|requested| requested.name == condition.name)
         };
-        CONDITIONS.into_iter().filter(is_asked_for).collect()
+        CONDITIONS.into_iter().filter(is_requested).collect()
     }
 }
 

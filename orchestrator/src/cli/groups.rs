@@ -9,7 +9,7 @@ use super::Cli;
 pub const GROUPS: [(&str, &[&str]); 6] = [
     ("Fly", &["run", "check"]),
     (
-        "Look",
+        "Inspect",
         &[
             "info", "view", "report", "plot", "truth", "export", "digest", "recover",
         ],
@@ -37,7 +37,7 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
     ),
 ];
 
-/// Width of the names of commands.
+/// Width of the column of command names.
 const NAMES: usize = 11;
 
 /// Returns the command line of `gerono`, with its commands in groups.
@@ -48,14 +48,14 @@ pub fn command() -> Command {
     command.help_template(template)
 }
 
-/// Parses the command line of this process; ends the process with a message or help if that is asked for or needed.
+/// Parses the command line of this process; ends the process with help or an error message where needed.
 #[must_use]
 pub fn parse() -> Cli {
     let matches = command().get_matches();
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
-/// clap has groups of options and none of commands: these are a part of the text.
+/// Returns the help template with the groups, since clap supports groups of options only.
 fn template(command: &Command) -> StyledStr {
     let header = command.get_styles().get_header();
     let groups = GROUPS.map(|(title, names)| {
@@ -70,7 +70,7 @@ fn template(command: &Command) -> StyledStr {
     template
 }
 
-/// A command and what it does.
+/// Returns the line of a command in the help.
 fn line(command: &Command, name: &str) -> String {
     let literal = command.get_styles().get_literal();
     let subcommand = command.find_subcommand(name);

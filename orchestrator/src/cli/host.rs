@@ -1,21 +1,20 @@
-//! Where the services of a flight run, as users name it.
-
+//! The host of a flight on the command line.
 use clap::ValueEnum;
 
-/// Place where the services of a flight run.
+/// Host of the services of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Host {
-    /// One process a service, simulated time, no sample ever lost.
+    /// One process per service, simulated time, no sample lost.
     #[default]
     Lockstep,
     /// All services in one thread of this process.
     Inprocess,
-    /// One process a service, the system's clock, the newest sample wins.
+    /// One process per service, the system's clock, the newest sample counts.
     Realtime,
 }
 
 impl Host {
-    /// Name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

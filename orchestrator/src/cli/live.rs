@@ -1,4 +1,4 @@
-//! Questions to a live run.
+//! Arguments of commands on a live run.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -9,11 +9,10 @@ use clap::{Args, Parser};
 use super::flight::RecordingArguments;
 use super::host::Host;
 
-/// Arguments of the commands that ask something of a live run.
+/// Arguments of the requests to a live run.
 #[derive(Debug, Args)]
 pub struct Operate {
-    /// The run, if several are under way: its name, as `gerono doctor` shows it, or the number of one of its services'
-    /// processes.
+    /// The run, if several are live: its name, as `gerono doctor` shows it, or the PID of one of its services.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
 }
@@ -61,33 +60,33 @@ pub struct Attach {
     /// The writing of the logs.
     #[command(flatten)]
     pub recording: RecordingArguments,
-    /// Say nothing unless something is wrong.
+    /// Print only errors.
     #[arg(long, short)]
     pub quiet: bool,
 }
 
-/// Arguments of what an orchestrator becomes that cannot go on.
+/// Arguments of the post-mortem process, which an orchestrator becomes when it cannot continue.
 #[derive(Debug, Parser)]
 #[command(name = postmortem::NAME)]
 pub struct Postmortem {
     /// The host of the flight.
     #[arg(long, value_name = "HOST")]
     pub host: Host,
-    /// Folder of its results.
+    /// Folder of the results.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// A service in whose place a program flew.
+    /// A service that was replaced by an external program.
     #[arg(long = "external-service", value_name = "SERVICE")]
     pub external_services: Vec<String>,
-    /// The cause, as a fault tells it.
+    /// The cause, as the fault handler encodes it.
     #[arg(long, value_name = "CAUSE")]
     pub cause: String,
 }
 
 impl Postmortem {
-    /// Returns the arguments of this process if it was an orchestrator.
+    /// Parses the arguments of this process if it is a post-mortem process.
     #[must_use]
-    pub fn of_this_process() -> Option<Self> {
+    pub fn from_command_line() -> Option<Self> {
         let name = std::env::args_os().next();
         (name.as_deref() == Some(OsStr::new(postmortem::NAME))).then(Self::parse)
     }

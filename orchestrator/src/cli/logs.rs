@@ -1,4 +1,4 @@
-//! Commands on logs.
+//! Arguments of commands on logs.
 
 use std::path::PathBuf;
 
@@ -28,18 +28,17 @@ pub struct Replay {
     /// Which services [default: all].
     #[arg(long = "service", value_delimiter = ',', value_name = "NAME,…", value_parser = service, add = crate::manual::completion::service())]
     pub services: Vec<ServiceId>,
-    /// Change a value of the scenario, for example `--set controller.k1=5`: what would have been published on these
-    /// inputs? May be given several times; a difference is then no failure.
+    /// Change a value of the scenario, for example `--set controller.k1=5`, to compute other outputs from the same inputs; may be
+    /// given several times. A difference is then no failure.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting())]
     pub sets: Vec<String>,
-    /// Compare from this time of the flight on, s. Each service begins with the newest that it is recorded to have known by
-    /// then [default: the beginning].
+    /// Compare from this time of the flight on, s. Each service starts from its newest checkpoint by then [default: the start].
     #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
     pub from: Option<f64>,
     /// Compare up to this time of the flight, s, and stop [default: the end of the log].
     #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
     pub to: Option<f64>,
-    /// Replay each service in a process of its own, with the samples in shared memory, as it was flown.
+    /// Replay each service in a separate process, with the samples in shared memory, as in the flight.
     #[arg(long)]
     pub processes: bool,
     /// Show no progress.
@@ -91,7 +90,7 @@ pub struct ReportArguments {
     /// The logs (run.mcap), or the folders that hold them.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// The folder to write into; made if there is none, and what an earlier report wrote there is replaced.
+    /// The folder to write into; it is created if missing, and an earlier report there is replaced.
     #[arg(long, short, value_name = "DIR")]
     pub output: PathBuf,
 }
@@ -115,13 +114,13 @@ pub struct Export {
     /// Write a copy of the log for viewers.
     #[arg(long, conflicts_with_all = ["every", "topic", "csv"])]
     pub view: bool,
-    /// Write only the ticks that N divides; a topic that is published every 22 ticks has few of them.
+    /// Write only ticks divisible by N; a topic that is published every 22 ticks has few of them.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
     /// Write only this topic.
     #[arg(long, value_name = "TOPIC", value_parser = topic, add = crate::manual::completion::topic())]
     pub topic: Option<Topic>,
-    /// Write a table with a column for every member, and for every element of an array: `position_world.0`.
+    /// Write a table with a column for every field and every element of an array: `position_world.0`.
     #[arg(long, requires = "topic")]
     pub csv: bool,
 }
@@ -148,7 +147,7 @@ fn topic(name: &str) -> Result<Topic, ValueError> {
 pub struct Info {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// Print it as JSON, for other programs.
+    /// Print JSON, for other programs.
     #[arg(long)]
     pub json: bool,
 }
@@ -162,13 +161,13 @@ pub struct Recover {
     /// run.recovered.mcap beside run.mcap].
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
-    /// The scenario that was flown, for a log that does not know it any more; otherwise it is not needed.
+    /// The scenario of the flight, needed only if it is lost from the log.
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
-    /// The seed that was flown with, in place of the scenario's.
+    /// The seed of the flight, in place of the scenario's.
     #[arg(allow_negative_numbers = true, long, requires = "scenario")]
     pub seed: Option<u64>,
-    /// Setting that changed the scenario when it was flown; may be given several times.
+    /// Setting of the flight that changed the scenario; may be given several times.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting(), requires = "scenario")]
     pub sets: Vec<String>,
 }
@@ -179,8 +178,8 @@ impl Recover {
         gerono recover runs/fig1-1\n  \
         gerono recover runs/fig1-1/run.mcap.partial --out saved.mcap\n  \
         gerono recover damaged.mcap --scenario scenarios/fig1.toml --seed 3\n\n\
-        Exit codes: 0 all that is whole is in the new log, or nothing had to be done; 1 there is nothing to recover, or the scenario \
-        must be stated; 2 the scenario is wrong; 4 it cannot be written, or the file exists already.";
+        Exit codes: 0 all intact samples are in the new log, or the log is intact; 1 there is nothing to recover, or the scenario \
+        must be stated; 2 the scenario is invalid; 4 the new log cannot be written, or exists already.";
 }
 
 /// Arguments of `gerono digest`.

@@ -1,4 +1,4 @@
-//! Motion capture, without a flight.
+//! Arguments of `gerono mocap`: motion capture without a flight.
 
 use std::net::Ipv4Addr;
 use std::net::SocketAddrV4;
@@ -14,7 +14,7 @@ use scenario_file::values::{ValueError, between};
 /// Arguments of `gerono mocap`.
 #[derive(Debug, Args)]
 pub struct Mocap {
-    /// Which of both.
+    /// The command.
     #[command(subcommand)]
     pub command: MocapCommand,
 }
@@ -22,19 +22,19 @@ pub struct Mocap {
 /// The commands of `gerono mocap`.
 #[derive(Debug, Subcommand)]
 pub enum MocapCommand {
-    /// Listen to a motion-capture system for some seconds and print what arrives.
+    /// Receive from a motion-capture system for some seconds and print statistics.
     ///
-    /// Shows every body with its rate, the share of frames in which it is seen, its place and, if it rests, its noise; what
-    /// the network makes of the frames; and, with --object, what the feed makes of them. With --calibrate it writes the
-    /// sections of a scenario, such that the body as it lies is the vehicle at the origin of {I}, level, with yaw 0.
+    /// Shows every body with its rate, the share of frames in which it is tracked, its position and, if it is at rest, its noise;
+    /// packet losses and jitter; and, with --object, the result of the feed. With --calibrate it writes the sections of a
+    /// scenario that define the body's present pose as the vehicle at the origin of {I}, level, with yaw 0.
     #[command(after_help = MocapProbe::EXAMPLES)]
     Probe(MocapProbe),
-    /// Send poses as a motion-capture system would: of a recorded flight, or of an eight. For tests and try-outs.
+    /// Emulate a motion-capture system with the poses of a recorded flight or of an eight, for tests.
     #[command(after_help = MocapSend::EXAMPLES)]
     Send(MocapSend),
 }
 
-/// Returns the parser of a motion-capture system's word.
+/// Returns the parser of a motion-capture system's name.
 fn capture_system() -> impl TypedValueParser<Value = CaptureSystem> {
     let words = CaptureSystem::ALL.map(|system| {
         let properties = system.properties();
@@ -43,11 +43,11 @@ fn capture_system() -> impl TypedValueParser<Value = CaptureSystem> {
     });
     PossibleValuesParser::new(words).map(|word| {
         let mut systems = CaptureSystem::ALL.into_iter();
-        let of_word = systems.find(|system| {
+        let named = systems.find(|system| {
             let properties = system.properties();
             properties.name == word || properties.aliases.contains(&word.as_str())
         });
-        of_word.expect("the parser accepts no other words")
+        named.expect("the parser accepts no other words")
     })
 }
 
@@ -57,22 +57,22 @@ pub struct MocapProbe {
     /// The protocol of the system.
     #[arg(long, value_parser = capture_system())]
     pub source: CaptureSystem,
-    /// IPv4 address of the machine that sends.
+    /// IPv4 address of the server.
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub server: Ipv4Addr,
-    /// Its port, with Vicon the port here [default: the system's].
+    /// Port of the server; with Vicon the local port [default: the system's].
     #[arg(long)]
     pub port: Option<u16>,
-    /// IPv4 address of the interface here.
+    /// IPv4 address of the local interface.
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub interface: Ipv4Addr,
     /// The vehicle: a body's name, `#NUMBER`, or `NAME#NUMBER`.
     #[arg(long)]
     pub object: Option<String>,
-    /// For how long to listen, s.
+    /// Duration, s.
     #[arg(long, default_value_t = 5.0, value_parser = between(0.1, 3600.0, "s"))]
     pub seconds: f64,
-    /// Write the sections of a scenario to this file; the vehicle must lie level at the origin of {I}, nose along its x.
+    /// Write the sections of a scenario to this file; the vehicle must be level at the origin of {I}, with its nose along x.
     #[arg(long, value_name = "FILE", requires = "object")]
     pub calibrate: Option<PathBuf>,
 }
@@ -81,13 +81,13 @@ impl MocapProbe {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono mocap probe --source vrpn --server 192.168.10.1 --interface 192.168.10.7\n  \
         gerono mocap probe --source natnet --server 192.168.10.1 --interface 192.168.10.7 --object quad --calibrate calibration.toml\n\n\
-        Exit codes: 0 something came, and if --object is given it was believed; 1 nothing, or it was not.";
+        Exit codes: 0 frames were received and, with --object, poses accepted; 1 otherwise.";
 }
 
 /// Arguments of `gerono mocap send`.
 #[derive(Debug, Args)]
 pub struct MocapSend {
-    /// Which system to seem to be.
+    /// The system to emulate.
     #[arg(long = "as", value_parser = capture_system())]
     pub system: CaptureSystem,
     /// IPv4 address to serve at and send from.
@@ -96,7 +96,7 @@ pub struct MocapSend {
     /// Port to serve at [default: the system's].
     #[arg(long)]
     pub port: Option<u16>,
-    /// Place where frames go, with Vicon and NatNet [default: the system's port at --at].
+    /// Destination of the frames, with Vicon and NatNet [default: the system's port at --at].
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub to: Option<SocketAddrV4>,
     /// Version of NatNet's bit stream.
@@ -105,19 +105,19 @@ pub struct MocapSend {
     /// Name of the body.
     #[arg(long, default_value = "quad")]
     pub object: String,
-    /// Frames a second.
+    /// Frame rate, Hz.
     #[arg(long, default_value_t = 100.0, value_parser = between(1.0, 1000.0, "Hz"))]
     pub rate: f64,
     /// Standard deviation of the noise of each coordinate, m.
     #[arg(long, default_value_t = 1e-4)]
     pub noise: f64,
-    /// For how long, s [default: until Ctrl-C, or the log's end].
+    /// Duration, s [default: until Ctrl-C, or the log's end].
     #[arg(long)]
     pub seconds: Option<f64>,
-    /// The true flight of this log, or of the folder of a run, in place of an eight.
+    /// Send the true poses of this log, or of the folder of a run, in place of an eight.
     #[arg(long)]
     pub log: Option<PathBuf>,
-    /// Stand still where the flight begins.
+    /// Stay at the start of the flight.
     #[arg(long)]
     pub rest: bool,
 }

@@ -7,11 +7,11 @@ use clap::{Args, Subcommand};
 /// The commands of `gerono operator`.
 #[derive(Debug, Subcommand)]
 pub enum OperatorCommand {
-    /// Print what a kill switch sends, until Ctrl-C: each key, or each byte of a serial line.
+    /// Print the signals of a kill switch until Ctrl-C: each key, or each byte of a serial line.
     ///
     /// The device is an input device such as one of /dev/input/by-id, or a serial device such as one of /dev/serial/by-id.
     /// Each line has the signal and, for a press, the `kill_key` of a scenario's `[operator]` (docs/kill_switch.md).
-    /// Other programs receive what is typed as well.
+    /// Other programs receive the keys as well.
     #[command(after_help = OperatorProbe::EXAMPLES)]
     Probe(OperatorProbe),
 }

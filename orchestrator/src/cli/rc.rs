@@ -1,4 +1,4 @@
-//! The radio link, without a flight and from a log.
+//! Arguments of `gerono rc`: the radio link, without a flight and from a log.
 
 use std::path::PathBuf;
 
@@ -12,29 +12,29 @@ use scenario_file::values::{ValueError, between};
 /// The commands of `gerono rc`.
 #[derive(Debug, Subcommand)]
 pub enum RcCommand {
-    /// Move one stick after another, slowly and disarmed, and say what the receiver should show.
+    /// Move one stick after another, slowly and disarmed, and print what the receiver should show.
     ///
-    /// Uses the link of a scenario's `[rc_output]` (docs/radio_links.md). Take the propellers off all the same. Where no
-    /// arming switch is stated the thrust stick is left alone, because it might let the motors turn.
+    /// Uses the link of a scenario's `[rc_output]` (docs/radio_links.md). Remove the propellers anyway. Without an arming switch
+    /// the thrust stick is not moved, because it could start the motors.
     Probe(RcProbe),
-    /// Fit the calibration of the link that a log was flown with: thrust and body rates against the travel of the sticks.
+    /// Fit the calibration of a log's radio link: thrust and body rates against the travel of the sticks.
     ///
-    /// With 95 % intervals and residuals. Rates are fitted by least squares; the thrust by the thrust that the path asks for,
-    /// because a controller moves its stick against gusts. Of a stick that explains little of what was measured the part of a
-    /// scenario that is printed keeps what was stated.
+    /// With 95 % intervals and residuals. Rates are fitted by least squares; the thrust with the path's desired thrust as
+    /// instrument, because a controller moves its stick against gusts. For a stick that explains little of the measured
+    /// variance, the printed part of a scenario keeps the stated calibration.
     Identify(RcIdentify),
 }
 
 /// Arguments of `gerono rc probe`.
 #[derive(Debug, Args)]
 pub struct RcProbe {
-    /// Whose link.
+    /// The scenario of the link.
     #[command(flatten)]
     pub scenario: ScenarioArguments,
-    /// Time that a stick takes from the middle to both ends and back, s.
+    /// Time of a stick from the middle to both ends and back, s.
     #[arg(long, default_value_t = 8.0, value_name = "S", value_parser = between(0.1, 600.0, "s"))]
     pub seconds: f64,
-    /// Move the thrust stick too although nothing keeps the vehicle disarmed: its propellers are off.
+    /// Move the thrust stick even without an arming switch: the propellers are off.
     #[arg(long)]
     pub propellers_off: bool,
 }
@@ -44,7 +44,7 @@ pub struct RcProbe {
 pub struct RcIdentify {
     /// The log (run.mcap), or the folder that holds it.
     pub log: PathBuf,
-    /// The measure of thrust and rates.
+    /// Source of the measured thrust and rates.
     #[arg(long, value_enum, default_value_t)]
     pub from: Measure,
     /// Mass of the vehicle, kg [default: the scenario's].
@@ -55,10 +55,10 @@ pub struct RcIdentify {
     pub json: bool,
 }
 
-/// The measure of thrust and rates.
+/// Source of the measured thrust and rates.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub enum Measure {
-    /// The poses that the cameras captured.
+    /// The captured poses.
     #[default]
     Poses,
     /// The simulated truth.

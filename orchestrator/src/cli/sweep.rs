@@ -9,7 +9,7 @@ use sweep::shard::Shard;
 /// Arguments of `gerono sweep`.
 #[derive(Debug, Args)]
 pub struct Sweep {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: SweepCommand,
 }
@@ -26,13 +26,13 @@ impl Sweep {
 /// Commands of a sweep.
 #[derive(Debug, Subcommand)]
 pub enum SweepCommand {
-    /// Show what would be flown, and how long it takes; with --slurm print a script for a cluster.
+    /// Show the samples and the estimated time; with --slurm print a script for a cluster.
     Plan(SweepPlan),
-    /// Fly the samples, or a shard of them, on all cores; go on where an earlier run was stopped.
+    /// Fly the samples, or a shard of them, on all cores; resume an earlier run.
     Run(SweepRun),
-    /// Make one Parquet file, a summary and a page of all shards.
+    /// Merge all shards into one Parquet file, a summary and a page.
     Merge(SweepMerge),
-    /// Fly one sample again, with its log, and compare its row.
+    /// Repeat one sample with a log and compare its row.
     Fly(SweepFly),
 }
 
@@ -47,7 +47,7 @@ pub struct SweepPlan {
     /// Cores of each shard.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1024))]
     pub cpus: u64,
-    /// Print the Slurm script alone.
+    /// Print only the Slurm script.
     #[arg(long)]
     pub slurm: bool,
 }
@@ -57,13 +57,13 @@ pub struct SweepPlan {
 pub struct SweepRun {
     /// The sweep.
     pub sweep: PathBuf,
-    /// Part of it to fly, from 0/N to N−1/N [default: all, and a merge at the end].
+    /// Shard to fly, from 0/N to N−1/N [default: all, and a merge at the end].
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>)]
     pub shard: Option<Shard>,
     /// Number of threads [default: the cores that this process may use].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub jobs: Option<u16>,
-    /// Write the tables as LaTeX as well, into sweep.tex; not of a shard.
+    /// Also write the tables as LaTeX, into sweep.tex; not for a shard.
     #[arg(long, conflicts_with = "shard")]
     pub latex: bool,
     /// Folder of the results [default: runs/sweep-NAME].
@@ -76,10 +76,10 @@ pub struct SweepRun {
 pub struct SweepMerge {
     /// Folder of the shards.
     pub results: PathBuf,
-    /// Take shards of several builds of gerono together.
+    /// Merge shards of several builds of gerono.
     #[arg(long)]
     pub mixed_builds: bool,
-    /// Write the tables as LaTeX as well, into sweep.tex.
+    /// Also write the tables as LaTeX, into sweep.tex.
     #[arg(long)]
     pub latex: bool,
 }
@@ -87,12 +87,12 @@ pub struct SweepMerge {
 /// Arguments of `gerono sweep fly`.
 #[derive(Debug, Args)]
 pub struct SweepFly {
-    /// Folder of the results, or the sweep itself, of which no row is known.
+    /// Folder of the results, or the sweep itself, which has no row to compare.
     pub results: PathBuf,
     /// Index of the sample.
     #[arg(long, value_name = "I")]
     pub sample: u64,
-    /// Name of what is compared [default: the first].
+    /// Name of the compared law [default: the first].
     #[arg(long, value_name = "NAME")]
     pub law: Option<String>,
     /// Folder for the flight; must be empty if it exists [default: the next free runs/sample-I-N].

@@ -5,17 +5,16 @@ use clap::Args;
 /// Arguments of `gerono top`.
 #[derive(Debug, Args)]
 pub struct Top {
-    /// The run, if several are under way: its name, as `gerono doctor` shows it, or the number of one of its services'
-    /// processes.
+    /// The run, if several are live: its name, as `gerono doctor` shows it, or the PID of one of its services.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
-    /// Permit the keys that kill (`k`) and freeze (`f`) the selected service; without it they do nothing.
+    /// Enable the keys that kill (`k`) and freeze (`f`) the selected service.
     #[arg(long, conflicts_with = "once")]
     pub allow_faults: bool,
-    /// Print how the run is now, and no more; needs no terminal.
+    /// Print the present state of the run once; needs no terminal.
     #[arg(long)]
     pub once: bool,
-    /// Print it as JSON, for other programs.
+    /// Print JSON, for other programs.
     #[arg(long, requires = "once")]
     pub json: bool,
 }

@@ -18,11 +18,11 @@ pub(super) fn service(name: &str) -> Result<ServiceId, ValueError> {
     })
 }
 
-/// A core that this machine has.
+/// Parses a core of this machine.
 pub(super) fn core(text: &str) -> Result<usize, ValueError> {
     let core: usize = text.parse().map_err(|_| ValueError::NoNumber)?;
     let cores = HostFacts::this().cores("present");
-    // A system that does not tell refuses by itself.
+    // If the cores are unknown, the system refuses an invalid one later.
     if cores.is_empty() || cores.iter().any(|&known| known as usize == core) {
         return Ok(core);
     }
@@ -30,6 +30,6 @@ pub(super) fn core(text: &str) -> Result<usize, ValueError> {
     let count = cores.len();
     Err(ValueError::Unknown {
         what: "core",
-        there_is: format!("this machine has {count}, the last of which is {last}"),
+        there_is: format!("this machine has {count}; the last one is {last}"),
     })
 }

@@ -14,21 +14,20 @@ pub struct View {
     /// A finished flight to show instead: a run.mcap, or the folder of a run.
     #[arg(value_name = "LOG", conflicts_with_all = ["run", "follow"])]
     pub log: Option<PathBuf>,
-    /// The run, if several are under way: its name, as `gerono doctor` shows it, or the number of one of its services'
-    /// processes.
+    /// The run, if several are live: its name, as `gerono doctor` shows it, or the PID of one of its services.
     #[arg(long, value_name = "ID")]
     pub run: Option<String>,
-    /// Wait for a flight if none is under way, and for the next one when it has ended: for a screen on the wall.
+    /// Wait for a flight if none is live, and for the next one after its end, for a permanent display.
     #[arg(long, conflicts_with = "run")]
     pub follow: bool,
-    /// The port to listen at; 0 takes a free one.
+    /// The port to listen at; 0 selects a free one.
     #[arg(long, value_name = "PORT", default_value_t = PORT)]
     pub port: u16,
-    /// Listen at this address of the machine instead, so that others can watch; its pages then need the token in the address
-    /// that is printed, also as a QR code.
+    /// Listen at this address of the machine, so that other machines can connect; pages then need the token in the printed URL,
+    /// which is also shown as a QR code.
     #[arg(long, value_name = "ADDRESS")]
     pub bind: Option<IpAddr>,
-    /// Also answer to this name, for example that of a proxy; pages then need the token, too.
+    /// Also accept this host name, for example that of a proxy; pages then need the token as well.
     #[arg(long, value_name = "NAME")]
     pub allow_host: Vec<String>,
 }
@@ -40,5 +39,5 @@ impl View {
         gerono view --follow\n  \
         gerono view --bind 192.168.1.5\n  \
         gerono view runs/fig1-1\n\n\
-        Exit codes: 0 the run has ended; 1 there is no such run, or it cannot listen there; 128 + n ended by signal n (Ctrl-C: 130).";
+        Exit codes: 0 the run has ended; 1 there is no such run, or the address is not available; 128 + n ended by signal n (Ctrl-C: 130).";
 }

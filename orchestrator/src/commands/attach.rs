@@ -16,23 +16,23 @@ use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::real_time::{self, Clients, TakeOver};
 
-/// The name of the results: that of the scenario's file died with the orchestrator.
+/// Name of the results: that of the scenario's file is known only to the dead orchestrator.
 const NAME: &str = "attached";
 
-/// Records and supervises the flight from now to its end.
+/// `gerono attach`: records and supervises the flight from now to its end.
 ///
 /// # Errors
 /// [`Failure`] if there is no such flight.
 pub fn attach(arguments: &Attach) -> Result<Exit, Failure> {
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    let place = run_client::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
-    // Before anything is taken over: without a place for the results the services go on alone.
+    let abandoned = run_client::abandoned(arguments.run.run.as_deref()).map_err(Failure::trouble)?;
+    // Before the take-over: without a folder for the results the services continue alone.
     let folder = RunFolder::create(arguments.out.as_deref(), NAME).map_err(Failure::not_written)?;
     let _postmortem = Postmortem::prepare(Host::Realtime.name(), folder.path(), ExternalServices::default())
         .map_err(Failure::trouble)?;
-    let flight = TakeOver::prepare(&place).map_err(Failure::trouble)?;
+    let flight = TakeOver::prepare(&abandoned).map_err(Failure::trouble)?;
     let scenario = flight.scenario().clone();
-    let kept = super::keep_plugins(&mut scenario.clone(), &folder)?;
+    let kept = super::copy_plugins(&mut scenario.clone(), &folder)?;
     let mut record = host_record(&folder, &scenario, arguments.recording).map_err(Failure::not_written)?;
     let manifest = Manifest::new(&scenario);
     let log = run_log(&folder, &manifest, arguments.recording)

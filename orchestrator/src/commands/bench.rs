@@ -6,7 +6,7 @@ use crate::cli::{Bench, BenchMeasurement};
 /// `gerono bench`.
 ///
 /// # Errors
-/// [`Failure`] if a measurement cannot be taken.
+/// [`Failure`] if a measurement fails.
 pub fn bench(arguments: &Bench) -> Result<(), Failure> {
     match &arguments.measurement {
         Some(BenchMeasurement::Latency(arguments)) => bench::latency(

@@ -17,7 +17,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
     registry::build_all(&scenario).map_err(Failure::bad_input)?;
-    // Poses from the network fly in real time only.
+    // Poses from the network require real time.
     if let Some(problem) = scenario
         .unattended()
         .filter(|_| scenario.capture_system().is_some())
@@ -33,7 +33,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The schedule and wiring of a scenario, for people.
+/// Returns the schedule and wiring of a scenario as text.
 #[must_use]
 pub fn describe(scenario: &Scenario, schedule: &Schedule) -> String {
     let order: Vec<_> = schedule
@@ -70,7 +70,7 @@ fn table(header: &[&str]) -> Table {
     table
 }
 
-/// The gains that a scenario need not state with their origin, and the rules between gains and vehicle.
+/// Returns optional gains with their origin, and the rules between gains and vehicle.
 fn gains(scenario: &Scenario) -> String {
     let findings = gain_rules::findings(scenario);
     if findings.is_empty() {
@@ -104,19 +104,19 @@ fn gains(scenario: &Scenario) -> String {
 
 /// Returns warnings about a scenario that can be flown, a line each.
 fn warnings(scenario: &Scenario) -> String {
-    let of_flight = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
-    let warnings = gain_rules::warnings(scenario).into_iter().chain(of_flight);
+    let flight_warnings = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
+    let warnings = gain_rules::warnings(scenario).into_iter().chain(flight_warnings);
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 
-/// The programs and plug-ins that fly in place of services, a line each.
+/// Lists the programs and plug-ins that replace services, a line each.
 fn programs(scenario: &Scenario) -> String {
-    let occupant = |service| match scenario.program_of(service) {
+    let replacement = |service| match scenario.program_of(service) {
         Some(words) => Some(words.join(" ")),
         None => Some(scenario.plugins.as_ref()?.of(service)?.display().to_string()),
     };
-    let occupied = |service| Some(format!("in place of {service}: {}\n", occupant(service)?));
-    ServiceId::ALL.into_iter().filter_map(occupied).collect()
+    let line = |service| Some(format!("in place of {service}: {}\n", replacement(service)?));
+    ServiceId::ALL.into_iter().filter_map(line).collect()
 }
 
 fn services(scenario: &Scenario, schedule: &Schedule) -> Table {
@@ -172,7 +172,7 @@ fn edges(schedule: &Schedule) -> Table {
     table
 }
 
-/// The edges of the wiring table that are not there because no step looks at what they would bring.
+/// Lists the edges of the wiring table that are not connected because no step reads them.
 fn unread(schedule: &Schedule) -> String {
     let edges = Topic::ALL.into_iter().flat_map(|topic| {
         let unread = topic

@@ -1,4 +1,4 @@
-//! `gerono clean`: removes what dead runs have left.
+//! `gerono clean`: removes leftovers of dead runs.
 
 use run_client::{run_root, runs};
 
@@ -7,23 +7,23 @@ use super::{Failure, print};
 /// `gerono clean`.
 ///
 /// # Errors
-/// [`Failure`] if something cannot be removed.
+/// [`Failure`] if a leftover cannot be removed.
 pub fn clean() -> Result<(), Failure> {
-    let failed = |error| Failure::trouble(format!("cannot remove what dead runs have left: {error}"));
-    // First: a process holds the lock of its run's place.
+    let failed = |error| Failure::trouble(format!("cannot remove leftovers of dead runs: {error}"));
+    // First, because a process holds the lock of its run's folder.
     let ended = runs::end_dead().map_err(failed)?;
     let swept = run_root::clean().map_err(failed)?;
     for pid in &ended {
         print(format!("killed  process {pid}, which a signal had stopped\n"));
     }
-    for place in &swept.removed {
-        print(format!("removed {}\n", place.display()));
+    for path in &swept.removed {
+        print(format!("removed {}\n", path.display()));
     }
-    for place in &swept.live {
-        print(format!("in use  {}\n", place.display()));
+    for path in &swept.live {
+        print(format!("in use  {}\n", path.display()));
     }
     if swept.removed.is_empty() && ended.is_empty() {
-        print("nothing was left by dead runs\n");
+        print("no leftovers of dead runs\n");
     }
     Ok(())
 }

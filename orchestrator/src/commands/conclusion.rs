@@ -1,4 +1,4 @@
-//! The work after a recorded flight: its log is closed, its summary made, kept and shown.
+//! Conclusion of a recorded flight: closes the log, writes the summary and prints it.
 
 use std::path::PathBuf;
 
@@ -15,20 +15,20 @@ use run_log::{files_of_log, inspect};
 use scenario_file::printable::report_of;
 use supervisor::{Ending, Outcome, RunFailure};
 
-/// A flight that is over.
+/// A finished flight.
 pub(super) struct FlightResult<'a> {
     pub(super) name: &'a str,
     pub(super) host: Host,
-    /// Place where its results go.
+    /// Folder of the results.
     pub(super) folder: &'a RunFolder,
-    /// What was kept beside the log before the flight.
+    /// Files that were copied into the folder before the flight.
     pub(super) kept: Vec<PathBuf>,
-    /// `true` if nothing is shown that went well.
+    /// `true` to print errors only.
     pub(super) quiet: bool,
 }
 
 impl FlightResult<'_> {
-    /// Closes the log, keeps the summary and shows it; the exit code of the command that flew.
+    /// Closes the log, writes the summary and prints it. Returns the exit code of the command.
     pub(super) fn conclude(
         &self,
         sink: RecordingSink<'_>,
@@ -57,7 +57,7 @@ impl FlightResult<'_> {
             self.folder.remove_logs();
             let gave_up = matches!(&ending.outcome, Outcome::Failed(failure) if failure.is_given_up());
             if was_refused(&ending.outcome) || gave_up {
-                // There is nothing to keep: the same command finds the folder as it was.
+                // No results: the folder is left unchanged for the next attempt.
                 self.folder.remove_files(&self.kept);
                 self.folder.remove_if_empty();
                 self.show(&summary, &ending);
@@ -97,7 +97,7 @@ impl FlightResult<'_> {
         }
     }
 
-    /// Samples in what there is of the log: what could not be written is not in it, whatever was received.
+    /// Returns the number of samples in a log whose writing failed; it lacks some of the received ones.
     fn samples_in_log(&self) -> u64 {
         let files = files_of_log(&log_meant_by(self.folder.path()));
         let found = files.iter().filter_map(|file| inspect(file).ok());
@@ -122,7 +122,7 @@ impl FlightResult<'_> {
     }
 }
 
-/// Returns whether the run has failed before it had a sample, so that there is nothing to tell but why, and nothing to keep.
+/// Returns whether the run failed before its first sample, so that there are no results.
 fn has_flown_nothing(outcome: &Outcome, summary: &Summary) -> bool {
     let has_failed = matches!(outcome, Outcome::Failed(_));
     has_failed && summary.topics.iter().all(|topic| topic.recorded == 0)
@@ -140,8 +140,8 @@ fn was_refused(outcome: &Outcome) -> bool {
     )
 }
 
-/// Returns the exit code: a failure of the machine or the log counts first, then that the flight failed, then that the
-/// vehicle was lost.
+/// Returns the exit code: failures of the machine or the log take precedence over failures of the flight, and those over the loss
+/// of the vehicle.
 fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
     match outcome {
         Outcome::Completed if summary.lost.is_some() => Exit::Lost,

@@ -1,4 +1,4 @@
-//! `gerono doctor`: whether this machine is fit for a flight, and what to do if not.
+//! `gerono doctor`: checks this machine before a flight.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use run_client::run_root;
 /// `gerono doctor`.
 ///
 /// # Errors
-/// [`Failure`] if the scenario cannot be flown; a machine that is not fit for it is an [`Exit`].
+/// [`Failure`] if the scenario cannot be flown; an unfit machine is an [`Exit`].
 pub fn doctor(arguments: &Doctor) -> Result<Exit, Failure> {
     let needs = needs(arguments)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
@@ -48,7 +48,7 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
     Ok(Needs::of(&scenario, &schedule))
 }
 
-/// Looks and measures; `None` if the user has asked for the end.
+/// Makes all checks and measurements; `None` if the user interrupted them.
 fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<MachineReport> {
     let host = HostFacts::this();
     let stopped = || interrupt.signal().is_some();

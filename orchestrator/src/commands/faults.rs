@@ -1,4 +1,4 @@
-//! `gerono faults`: lets everything fail in every way, and says what became of the vehicle.
+//! `gerono faults`: flies the fault matrix and reports the outcome for the vehicle.
 
 use scenario::{EdgeName, Scenario};
 use shared_types::ServiceId;
@@ -20,12 +20,12 @@ use run_log::run_folder::RunFolder;
 /// `gerono faults`.
 ///
 /// # Errors
-/// [`Failure`] if nothing was judged. A vehicle that is lost is a result; processes that differ from one process are an
+/// [`Failure`] if there are no results. A lost vehicle is a result; processes that differ from the in-process flight are an
 /// [`Exit`].
 pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     if !scenario.fault.is_empty() {
-        let reason = "the scenario plans faults of its own, beside which those of the matrix cannot be told; \
+        let reason = "the scenario plans faults itself, which would mix with those of the matrix; \
                       fly it without them: --set fault=[]";
         return Err(Failure::bad_input(reason));
     }
@@ -59,7 +59,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
     })
 }
 
-/// Returns when faults begin and how long they last, as asked for.
+/// Returns the times and durations of the faults.
 fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     let Faults { lasts, after, .. } = *arguments;
     let count = if arguments.quick { 1 } else { fault_matrix::MOMENTS };
@@ -76,7 +76,7 @@ fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
     if let Some(late) = moments.iter().find(|&&moment| moment >= scenario.duration) {
         let end = scenario.duration;
         return Err(Failure::bad_input(format!(
-            "--moments: {late} s is not before the end of the flight at {end} s; give earlier ones, or --set duration=…"
+            "--moments: {late} s is not before the end of the flight at {end} s; give earlier times, or --set duration=…"
         )));
     }
     Ok(Times {
@@ -102,13 +102,13 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
     Ok(())
 }
 
-/// Returns faults and targets, as asked for. A caller that names services only wants no edges, and the other way round.
+/// Returns the requested faults and targets. Naming only services excludes edges, and vice versa.
 fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
     let faults: Vec<MatrixFault> = if arguments.faults.is_empty() {
         MatrixFault::ALL.to_vec()
     } else {
-        let asked = |trouble: &MatrixFault| arguments.faults.iter().any(|group| group.0.contains(trouble));
-        MatrixFault::ALL.into_iter().filter(asked).collect()
+        let is_requested = |fault: &MatrixFault| arguments.faults.iter().any(|group| group.0.contains(fault));
+        MatrixFault::ALL.into_iter().filter(is_requested).collect()
     };
     let is_narrowed = !arguments.services.is_empty() || !arguments.edges.is_empty();
     let services: Vec<ServiceId> = plan::services()
@@ -119,14 +119,15 @@ fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
         .collect();
     let cases = plan::cases(&services, &edges, &faults);
     if cases.is_empty() {
-        let reason = "nothing is left to fail: services can be off or freeze, edges all else, and the plant flies on; \
-                      leave out --fault, --service or --edge";
+        let reason = "no case is left: services can be off or freeze, edges have all other faults, and the plant has none; \
+                      omit --fault, --service or --edge";
         return Err(Failure::bad_input(reason));
     }
     Ok(cases)
 }
 
-/// Flies the scenario without a fault and then all cells, with `--processes` twice; where processes differ, in words.
+/// Flies the scenario without a fault and then all cells, with `--processes` twice. Returns the results, and descriptions of where
+/// the processes differ.
 fn fly_all(
     arguments: &Faults,
     scenario: &Scenario,
@@ -161,7 +162,7 @@ fn fly_in_process(
     flown.into_iter().collect()
 }
 
-/// Flies all cells as processes, one after the other, and says which came to anything else.
+/// Flies all cells as processes, one after the other. Returns descriptions of the differences.
 fn compare(
     cells: &[MatrixCell],
     expected: &[FlightResult],
@@ -174,7 +175,7 @@ fn compare(
         if interrupt.signal().is_some() {
             break;
         }
-        let place = format!(
+        let name = format!(
             "`{}` from {} s on",
             cell.watched.words.replace('`', ""),
             cell.moment
@@ -182,11 +183,11 @@ fn compare(
         match fly(cell, Way::Processes, undisturbed, interrupt) {
             Ok(flown) if flown == *expected => {}
             Ok(_) => differences.push(format!(
-                "DIFFERENT: {place}: the processes published other bytes than the flight in one process"
+                "DIFFERENT: {name}: the processes published other bytes than the in-process flight"
             )),
             Err(reason) => {
                 differences.push(format!(
-                    "DIFFERENT: {place}: the processes did not fly it: {reason}"
+                    "DIFFERENT: {name}: the flight with processes failed: {reason}"
                 ));
             }
         }

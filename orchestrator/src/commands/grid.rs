@@ -1,4 +1,4 @@
-//! `gerono grid`: control laws compared in many conditions.
+//! `gerono grid`: compares control laws in many conditions.
 
 use command_line::exit::Exit;
 use command_line::interrupt;
@@ -17,18 +17,18 @@ use crate::cli::Grid;
 /// `gerono grid`.
 ///
 /// # Errors
-/// [`Failure`] if nothing can be flown or written.
+/// [`Failure`] if a flight cannot begin or results cannot be written.
 pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let seeds = arguments.seeds()?;
     let mut laws = arguments.laws()?;
     let base = Base::load(arguments.scenario.as_deref()).map_err(failure)?;
-    let of_base = arguments
+    let conditions = arguments
         .conditions()
         .into_iter()
         .map(|condition| condition.for_scenario(base.stated()));
-    let conditions = of_base.collect::<Result<Vec<_>, _>>().map_err(failure)?;
+    let conditions = conditions.collect::<Result<Vec<_>, _>>().map_err(failure)?;
     let quantities = arguments.quantities();
-    // A margin that the scenario does not have is refused before anything is flown.
+    // Refuses a margin that the scenario does not support before the first flight.
     for quantity in quantities {
         quantity.settings(base.stated(), 0.0).map_err(failure)?;
     }
@@ -59,10 +59,10 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     bar.finish_and_clear();
     let margins = margins.map_err(failure)?;
     if let Some(signal) = interrupt.signal() {
-        resumes(folder.path());
+        print_resume_hint(folder.path());
         return Ok(Exit::Signal(signal));
     }
-    let cells = cells.expect("a grid that was not interrupted is whole");
+    let cells = cells.expect("a grid that was not interrupted is complete");
     let report = GridReport::new(&base, &laws, &conditions, &seeds, cells, margins);
     write_json(&folder.path().join("grid.json"), &report)?;
     write(&folder.path().join("grid.md"), &report.markdown())?;
@@ -77,7 +77,7 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     Ok(Exit::Success)
 }
 
-/// Returns the failure of a command from that of a grid.
+/// Converts the error of a grid to the failure of the command.
 fn failure(error: GridError) -> Failure {
     match error {
         GridError::Scenario(error) => error.into(),

@@ -1,4 +1,4 @@
-//! `gerono identify`: what the estimator should believe of markers, delay and noise, from a log.
+//! `gerono identify`: identifies marker offset, delay and noise from a log.
 
 use identification::model::{self, recording::Recording};
 
@@ -8,7 +8,7 @@ use crate::cli::Identify;
 /// `gerono identify`.
 ///
 /// # Errors
-/// [`Failure`] if the log cannot be read or has too little in it.
+/// [`Failure`] if the log cannot be read or is too short.
 pub fn identify(arguments: &Identify) -> Result<(), Failure> {
     let recording = Recording::read(&log_path(&arguments.log)).map_err(Failure::trouble)?;
     let found = model::identify(&recording).map_err(Failure::trouble)?;

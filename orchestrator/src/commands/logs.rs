@@ -59,9 +59,9 @@ pub fn export(arguments: &Export) -> Result<(), Failure> {
     }
 }
 
-/// Writes the samples of a log to a file. A log that breaks off makes none; `-` has what comes before.
+/// Writes the samples of a log to a file. A log that breaks off makes no file, but `-` prints its intact part.
 fn export_file(arguments: &Export, log: &Path, path: &Path) -> Result<(), Failure> {
-    // Nothing is made, and no FIFO is waited for, for a log that cannot be read.
+    // Before the file is created, or a FIFO blocks, for an unreadable log.
     LogReader::open(log).map_err(Failure::trouble)?;
     let failed = |error: io::Error| not_written(path, &error);
     let mut file = ResultFile::create(path, &files_of_log(log)).map_err(failed)?;
@@ -76,7 +76,7 @@ fn export_lines(arguments: &Export, log: &Path, output: impl Write) -> Result<()
         topic => run_log::export_json(log, topic, arguments.every, &mut buffered),
     };
     match exported.and_then(|()| Ok(buffered.flush()?)) {
-        // A reader that stops has what it needs.
+        // A reader that closes the pipe needs no more.
         Err(ExportError::Write(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(error @ ExportError::Write(_)) => Err(Failure::not_written(error)),
         Err(error @ ExportError::Read(_)) => Err(Failure::trouble(error)),
@@ -144,16 +144,16 @@ pub fn recover(arguments: &Recover) -> Result<(), Failure> {
     }
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).map_err(|error| {
-            let reason = format!("cannot make the folder {}: {error}", folder.display());
+            let reason = format!("cannot create the folder {}: {error}", folder.display());
             Failure::not_written(reason)
         })?;
     }
-    // If one cannot be recovered, the others still can.
+    // A failure for one log does not prevent the recovery of the others.
     let results = recover_all(&logs, out, scenario.as_ref());
     let some_are_whole = results.iter().any(Result::is_ok);
     for result in results {
         match result {
-            // What the machine did in the first moments of a run may not have been written yet.
+            // A host log may still be empty at the start of a run.
             Err(error @ (RecoverError::Nothing(_) | RecoverError::Empty(_))) if some_are_whole => note(error),
             result => result.map_err(refusal)?,
         }
@@ -169,22 +169,21 @@ fn refusal(error: RecoverError) -> Failure {
     Failure::new(exit, error)
 }
 
-/// The files that a run has written into its folder.
+/// Returns the log files in the folder of a run.
 fn logs_of(folder: &Path) -> Vec<PathBuf> {
     let run = folder.join("run.mcap");
     let host = host_log_beside(&run);
     written_files(&run).into_iter().chain(host).collect()
 }
 
-/// Recovers those of the files that are not whole, the last one first, and those after which nothing more can be read of a log
-/// that was split.
+/// Recovers the incomplete files, the last one first, and files of a split log whose successor is unreadable.
 fn recover_all(
     logs: &[PathBuf],
     out: Option<&Path>,
     scenario: Option<&Scenario>,
 ) -> Vec<Result<(), RecoverError>> {
     let mut results = Vec::new();
-    // The file after this one, if something can be read of it.
+    // The next file, if it is readable.
     let mut next: Option<&Path> = None;
     for log in logs.iter().rev() {
         let beside = recovered_path(log);
@@ -195,7 +194,7 @@ fn recover_all(
         let result = match ending(log) {
             Ok(Ending::GoesOn(number)) if next.and_then(number_of) != Some(number) => {
                 note(format_args!(
-                    "{} goes on in another file, of which nothing can be read",
+                    "{} continues in another file, which is missing or unreadable",
                     log.display()
                 ));
                 recover_broken(log, &target, scenario)
@@ -212,7 +211,7 @@ fn recover_all(
 fn recover_one(log: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<(), RecoverError> {
     match is_whole(log) {
         Ok(true) => {
-            print(format!("{} is whole: nothing to recover\n", log.display()));
+            print(format!("{} is complete: nothing to recover\n", log.display()));
             Ok(())
         }
         Err(error @ LogReadError::Foreign { .. }) => Err(RecoverError::Other(error)),

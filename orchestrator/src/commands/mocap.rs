@@ -1,4 +1,4 @@
-//! `gerono mocap`: listens to a motion-capture system, or emulates one.
+//! `gerono mocap`: diagnoses or emulates a motion-capture system.
 
 use std::net::SocketAddrV4;
 
@@ -14,7 +14,7 @@ use crate::cli::{Mocap, MocapCommand, MocapProbe, MocapSend};
 /// `gerono mocap`.
 ///
 /// # Errors
-/// [`Failure`] if a socket or file cannot be had, or nothing came that can be believed.
+/// [`Failure`] if a socket or file cannot be opened, or no pose was accepted.
 pub fn mocap(arguments: &Mocap) -> Result<Exit, Failure> {
     match &arguments.command {
         MocapCommand::Probe(arguments) => probe(arguments),

@@ -1,4 +1,4 @@
-//! `gerono arm`, `disarm`, `kill`, `stop`: what the operator asks of a flight in real time.
+//! `gerono arm`, `disarm`, `kill`, `stop`: requests of the operator to a flight in real time.
 
 use std::io::{IsTerminal, stderr, stdin};
 use std::time::Duration;
@@ -12,10 +12,10 @@ use run_client::runs::{MachineRun, User};
 use run_client::{Answer, LiveError, LiveRun, PATIENCE, Question};
 use scenario_file::printable::printable;
 
-/// Time for which an orchestrator may take to answer a kill, which has been carried out by then if it can be without it.
-const KILL_PATIENCE: Duration = Duration::from_secs(1);
+/// Timeout for an orchestrator's answer to a kill. The services have received the kill directly before.
+const KILL_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Asks a live run, by the command of this name, and says what it answered.
+/// Sends a request to a live run for a command and prints the answer.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, or if it refuses.
@@ -24,7 +24,7 @@ pub fn operate(arguments: &Operate, command: &'static str, question: &Question) 
     show(run.ask(question, PATIENCE).map_err(Failure::trouble)?)
 }
 
-/// `gerono arm`: lets the motors turn. Without `--run`, the run of another login is armed only if that is confirmed.
+/// `gerono arm`: permits the motors to turn. Without `--run`, arming the run of another login requires confirmation.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, if it refuses, or if it is not confirmed.
@@ -49,7 +49,7 @@ pub fn arm(arguments: &Operate) -> Result<(), Failure> {
     )
 }
 
-/// `gerono get`: prints keys, and on standard error of which run.
+/// `gerono get`: prints keys, and the run's identity on standard error.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, or if it refuses.
@@ -62,16 +62,16 @@ pub fn get(arguments: &Operate, keys: Vec<String>) -> Result<(), Failure> {
     show(answer)
 }
 
-/// Which run it is, what it flies and by which link, in words.
+/// Returns the name of a run, its scenario and its link as text.
 fn identity(run: &LiveRun) -> Result<String, Failure> {
     match run.ask(&Question::Describe, PATIENCE).map_err(Failure::trouble)? {
         Answer::Description(description) => Ok(run_client::identity(run.name(), &description.scenario)),
-        // A run of another build describes itself in another way.
+        // A run of another build may give another answer.
         _ => Ok(format!("run {}", run.name())),
     }
 }
 
-/// Asks for confirmation at the terminal. Without a terminal there is none.
+/// Asks for confirmation at the terminal. Returns `false` without a terminal.
 fn is_confirmed(prompt: &str) -> bool {
     if !stdin().is_terminal() || !stderr().is_terminal() {
         return false;
@@ -82,28 +82,29 @@ fn is_confirmed(prompt: &str) -> bool {
     is_read && matches!(answer.trim(), "y" | "Y" | "yes")
 }
 
-/// `gerono kill`: lets the motors rest, whatever has become of the run's orchestrator.
+/// `gerono kill`: stops the motors, even without the run's orchestrator.
 ///
 /// # Errors
 /// [`Failure`] if there is no such run, or if neither its orchestrator nor its services can be reached.
 pub fn kill(arguments: &Operate) -> Result<(), Failure> {
     let run = run_client::find(arguments.run.as_deref(), "kill").map_err(Failure::trouble)?;
-    // First: the services obey at their next step, even while the orchestrator is stopped or is nowhere.
+    // First: the services obey at their next step, even if the orchestrator is stopped or dead.
     let directly = run.ask_directly(Request::Kill);
-    let told = LiveRun::connect(&run, KILL_PATIENCE)
-        .and_then(|live| live.ask(&Question::Operate(Request::Kill), KILL_PATIENCE));
-    match (told, directly) {
-        // An orchestrator in a container with users of its own may refuse whom the system does not.
-        (Ok(Answer::Refused(reason) | Answer::Closed(reason)), Ok(())) => {
-            show(killed_alone(&run, &format!("its orchestrator says: {reason}")))
-        }
+    let answered = LiveRun::connect(&run, KILL_TIMEOUT)
+        .and_then(|live| live.ask(&Question::Operate(Request::Kill), KILL_TIMEOUT));
+    match (answered, directly) {
+        // An orchestrator in a container with a separate user namespace may refuse a user that the system permits.
+        (Ok(Answer::Refused(reason) | Answer::Closed(reason)), Ok(())) => show(killed_directly(
+            &run,
+            &format!("its orchestrator refused: {reason}"),
+        )),
         (Ok(answer), _) => show(answer),
-        (Err(reason), Ok(())) => show(killed_alone(&run, &silence_of(&reason))),
+        (Err(reason), Ok(())) => show(killed_directly(&run, &orchestrator_state(&reason))),
         (Err(reason), Err(error)) => Err(Failure::trouble(not_killed(&run, &reason, &error))),
     }
 }
 
-fn silence_of(reason: &LiveError) -> String {
+fn orchestrator_state(reason: &LiveError) -> String {
     match reason {
         LiveError::Abandoned(_) => "its orchestrator has died".to_owned(),
         LiveError::Silent(_) => "its orchestrator does not answer".to_owned(),
@@ -111,9 +112,9 @@ fn silence_of(reason: &LiveError) -> String {
     }
 }
 
-fn killed_alone(run: &MachineRun, orchestrator: &str) -> Answer {
+fn killed_directly(run: &MachineRun, orchestrator: &str) -> Answer {
     Answer::Done(format!(
-        "killed: the motors of the run `{}` rest until its end; {orchestrator}, so its services were told directly",
+        "killed: the motors of the run `{}` are stopped until its end; {orchestrator}, so the kill was sent to its services directly",
         run.name()
     ))
 }
@@ -121,8 +122,8 @@ fn killed_alone(run: &MachineRun, orchestrator: &str) -> Answer {
 fn not_killed(run: &MachineRun, reason: &LiveError, error: &std::io::Error) -> String {
     let pids: Vec<_> = run.pids().map(|pid| pid.to_string()).collect();
     format!(
-        "NOT killed: {reason}; the services cannot be told directly either ({error}); cut the power, or end the run's \
-         processes (`kill -KILL {}`): then no frames leave, and the receiver's failsafe decides",
+        "NOT killed: {reason}; the services cannot be reached directly either ({error}); cut the power, or end the run's \
+         processes (`kill -KILL {}`): then no frames are sent, and the receiver's failsafe acts",
         pids.join(" ")
     )
 }

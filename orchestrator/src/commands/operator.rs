@@ -20,12 +20,12 @@ const WAIT: Timespec = Timespec {
 /// Prints the signals of a device, until Ctrl-C.
 ///
 /// # Errors
-/// [`Failure`] if the device cannot be read, with the fix, or is gone.
+/// [`Failure`] if the device cannot be read, with the fix, or was removed.
 pub fn probe(arguments: &OperatorProbe) -> Result<Exit, Failure> {
     let mut device = Device::open(&arguments.device, arguments.baud).map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let shown = arguments.device.display();
-    print(format!("{shown}: press the button; Ctrl-C ends this.\n"));
+    print(format!("{shown}: press the button; Ctrl-C quits.\n"));
     loop {
         let read = device.read(|signal| {
             if !signal.is_separator() {

@@ -1,4 +1,4 @@
-//! `gerono rc`: a radio link on the ground, and what its channels mean in the air.
+//! `gerono rc`: tests a radio link on the ground and identifies its calibration from a log.
 
 use command_line::exit::Exit;
 use identification::link;
@@ -10,7 +10,7 @@ use crate::cli::{RcIdentify, RcProbe};
 /// `gerono rc probe`.
 ///
 /// # Errors
-/// [`Failure`] if the scenario has no link but the simulated one, or its device cannot be used.
+/// [`Failure`] if the scenario's link is simulated, or its device cannot be used.
 pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     rc_probe::probe(&scenario, arguments.seconds, arguments.propellers_off)
@@ -19,7 +19,7 @@ pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
 /// `gerono rc identify`: fits the calibration of a link from a log.
 ///
 /// # Errors
-/// [`Failure`] if the log has nothing to fit.
+/// [`Failure`] if the log lacks samples for the fit.
 pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
     let found = link::identify(&log_path(&arguments.log), arguments.from.into(), arguments.mass);
     print_found(&found.map_err(Failure::trouble)?, arguments.json)

@@ -1,4 +1,4 @@
-//! `gerono replay`: does a log's steps again and says whether the same comes of them. `gerono diff`: compares two logs.
+//! `gerono replay`: repeats the steps of a log and compares the results. `gerono diff`: compares two logs.
 
 use comfy_table::{Table, presets};
 use shared_types::ServiceId;
@@ -115,22 +115,22 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     if !replayed.foreign_checkpoints.is_empty() {
         let services = names(&replayed.foreign_checkpoints);
         text +=
-            &format!("Another build has written the checkpoints of {services}; they were not looked at.\n");
+            &format!("Another build has written the checkpoints of {services}; they were not compared.\n");
     }
     if let Some(service) = replayed.not_replayable {
         text += &format!(
-            "The steps of `{service}` are not done again: in this flight they took what the laboratory's cameras sent.\n"
+            "The steps of `{service}` are not repeated: in this flight they received poses from the laboratory's cameras.\n"
         );
     }
     if !replayed.external_services.is_empty() {
         text += &format!(
-            "The steps of {} cannot be computed again: external services flew there.\n",
+            "The steps of {} cannot be computed again: they were made by external services.\n",
             names(&replayed.external_services)
         );
     }
     for (service, topic) in &replayed.without_inputs {
         text += &format!(
-            "The steps of {service} cannot be done again: the log has only a part of its input `{topic}` (`[record]`).\n"
+            "The steps of {service} cannot be repeated: the log has only a part of its input `{topic}` (`[record]`).\n"
         );
     }
     if replayed
@@ -145,19 +145,19 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     }
     if let Some(CheckpointDifference { service, tick, time }) = replayed.first_checkpoint {
         text += &format!(
-            "{} of {} checkpoints differ; the first is what `{service}` knew after its step at tick {tick} ({time} s).\n",
+            "{} of {} checkpoints differ; the first is the state of `{service}` after its step at tick {tick} ({time} s).\n",
             replayed.checkpoints_different, replayed.checkpoints
         );
     }
     if replayed.steps_without_inputs > 0 {
         text += &format!(
-            "{} steps could not be done again: what they saw, or what the service knew by then, was not recorded.\n",
+            "{} steps could not be repeated: their inputs or the state of the service were not recorded.\n",
             replayed.steps_without_inputs
         );
     }
     if replayed.resumptions > 0 {
         text += &format!(
-            "{} times a service went on from a checkpoint, its steps before it not having been recorded whole.\n",
+            "Resumed from a checkpoint {} times: earlier steps were not fully recorded.\n",
             replayed.resumptions
         );
     }
@@ -169,46 +169,45 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     }
     if replayed.left_out() > 0 {
         text += &format!(
-            "{} samples were made of which the log has none, as `[record]` says, and were not compared.\n",
+            "{} samples are excluded from the log by `[record]` and were not compared.\n",
             replayed.left_out()
         );
     }
     let (steps, compared, checkpoints) = (replayed.steps, replayed.compared(), replayed.checkpoints);
-    let by_whom = if options.in_processes.is_some() {
-        ", done by service processes"
+    let host = if options.in_processes.is_some() {
+        ", in service processes"
     } else {
         ""
     };
     if replayed.is_identical() && replayed.log_ends.is_some() {
         text += &format!(
-            "as far as the log goes: all {compared} samples of {steps} steps and {checkpoints} checkpoints agree{by_whom}\n"
+            "in the intact part of the log: all {compared} samples of {steps} steps and {checkpoints} checkpoints agree{host}\n"
         );
     } else if replayed.is_identical() {
-        text +=
-            &format!("identical: {compared} samples of {steps} steps, {checkpoints} checkpoints{by_whom}\n");
+        text += &format!("identical: {compared} samples of {steps} steps, {checkpoints} checkpoints{host}\n");
     } else {
         text += &format!(
-            "not identical: {compared} samples of {steps} steps and {checkpoints} checkpoints were compared{by_whom}\n"
+            "not identical: {compared} samples of {steps} steps and {checkpoints} checkpoints were compared{host}\n"
         );
     }
     text
 }
 
-/// Returns where the services began.
+/// Describes the starts of the services.
 fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
     if replayed.starts.is_empty() {
-        return "No checkpoint was recorded before: begun with the flight.".to_owned();
+        return "No earlier checkpoint was recorded: started at the beginning of the flight.".to_owned();
     }
     let services = match options.services.len() {
         0 => ServiceId::ALL.len(),
         count => count,
     };
-    let done_again = services
+    let repeated = services
         - usize::from(replayed.not_replayable.is_some())
         - replayed.external_services.len()
         - replayed.without_inputs.len();
-    let rest = if replayed.starts.len() < done_again {
-        "; the others with the flight"
+    let rest = if replayed.starts.len() < repeated {
+        "; the others at the beginning of the flight"
     } else {
         ""
     };
@@ -216,7 +215,7 @@ fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
     let starts: Vec<_> = starts
         .map(|start| format!("{} at {} s", start.service, start.time))
         .collect();
-    format!("Begun from checkpoints: {}{rest}.", starts.join(", "))
+    format!("Started from checkpoints: {}{rest}.", starts.join(", "))
 }
 
 fn names(services: &[ServiceId]) -> String {

@@ -1,4 +1,4 @@
-//! `gerono report`: logs as one page, and the paper's figures.
+//! `gerono report`: writes logs as one page, with the paper's figures.
 
 use super::{Failure, log_path, note, print};
 use crate::cli::ReportArguments;
@@ -9,7 +9,7 @@ use reproduce::log_figures::LogFigures;
 /// `gerono report`.
 ///
 /// # Errors
-/// [`Failure`]; a log that breaks off is none, as long as it holds a sample.
+/// [`Failure`]. A log that breaks off after its first sample is no failure.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
     let written =
@@ -18,7 +18,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             _ => Failure::trouble(error),
         })?;
     for reason in &written.broken {
-        note(format_args!("{reason}; the report shows that part"));
+        note(format_args!("{reason}; the report shows the part before it"));
     }
     print(format!("{}\n", written.page.display()));
     for figure in &written.figures {

@@ -1,4 +1,4 @@
-//! `gerono reproduce`: the paper's figures over many seeds, judged and drawn.
+//! `gerono reproduce`: flies, judges and draws the paper's figures over many seeds.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ use run_log::run_folder::RunFolder;
 /// `gerono reproduce`.
 ///
 /// # Errors
-/// [`Failure`] if nothing was judged; a number that regressed is an [`Exit`].
+/// [`Failure`] if there are no results; a regression is an [`Exit`].
 pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
     let count = arguments
         .seeds
@@ -39,7 +39,7 @@ pub fn reproduce(arguments: &Reproduce) -> Result<Exit, Failure> {
         show_figures(arguments, &seeds, &folder, &interrupt)?
     };
     if let Exit::Signal(_) = end {
-        resumes(folder.path());
+        print_resume_hint(folder.path());
     } else {
         print(format!("results: {}\n", folder.path().display()));
     }
@@ -120,22 +120,22 @@ fn show_figures(
     })
 }
 
-/// The figures asked for, in the paper's order and each once.
+/// Returns the requested figures, in the paper's order and each once.
 fn figures(arguments: &Reproduce) -> Vec<Figure> {
-    let asked = if !arguments.figures.is_empty() {
+    let requested = if !arguments.figures.is_empty() {
         &arguments.figures[..]
     } else if arguments.quick {
         &Figure::QUICK[..]
     } else {
         &Figure::ALL[..]
     };
-    let mut figures = asked.to_vec();
+    let mut figures = requested.to_vec();
     figures.sort_unstable();
     figures.dedup();
     figures
 }
 
-/// Flies all jobs on all cores, with a progress bar on a terminal; returns none if it was interrupted.
+/// Flies all jobs on all cores, with a progress bar on a terminal. Returns `None` if the campaign was interrupted.
 fn fly(jobs: &[Job], folder: &RunFolder, interrupt: &Interrupt) -> Result<Option<FlightResults>, Failure> {
     let bar = progress::flights(jobs.len());
     let flown = |flights: usize| bar.set_position(flights as u64);
@@ -144,25 +144,25 @@ fn fly(jobs: &[Job], folder: &RunFolder, interrupt: &Interrupt) -> Result<Option
     Ok(results?)
 }
 
-/// Returns the exit of a command that was interrupted.
+/// Returns the exit code of an interrupted command.
 fn ended(interrupt: &Interrupt) -> Exit {
     interrupt.signal().map_or(Exit::Success, Exit::Signal)
 }
 
-/// Draws what belongs to the figures, of the first seed in the first laboratory, and writes a page of the first flight of each;
-/// says what could be drawn and which pages there are.
+/// Draws the figures from the first seed in the first laboratory, and writes a page about the first flight of each. Returns the
+/// drawings and pages that were written.
 fn draw(
     figures: &[Figure],
     jobs: &[Job],
     folder: &Path,
     interrupt: &Interrupt,
 ) -> Result<(Vec<Drawing>, Vec<FlightPage>), Failure> {
-    let wanted: Vec<Drawing> = DRAWINGS
+    let requested: Vec<Drawing> = DRAWINGS
         .into_iter()
         .filter(|drawing| figures.contains(&drawing.figure))
         .collect();
-    // Jobs come in the order of laboratory and seed: the first of a name is the one to draw.
-    let mut names: Vec<_> = wanted
+    // Jobs are in the order of laboratory and seed: the first job of a name is drawn.
+    let mut names: Vec<_> = requested
         .iter()
         .flat_map(|drawing| drawing.flights)
         .copied()
@@ -191,14 +191,14 @@ fn draw(
     }
     pages.retain(|page| flights.contains_key(page.flight));
     let can_be_drawn = |drawing: &Drawing| drawing.flights.iter().all(|&flight| flights.contains_key(flight));
-    let drawable: Vec<Drawing> = wanted.into_iter().filter(can_be_drawn).collect();
+    let drawable: Vec<Drawing> = requested.into_iter().filter(can_be_drawn).collect();
     for drawing in &drawable {
         write(&folder.join(drawing.file), &drawing.svg(&flights))?;
     }
     Ok((drawable, pages))
 }
 
-/// Flies a job once more for its traces; nothing if it came to nothing, which its numbers have told.
+/// Repeats a flight for its traces. Returns `None` if it was not completed, which the results report already.
 fn trace(job: &Job, interrupt: &Interrupt) -> Option<Traces> {
     let schedule = flight::schedule_of(&job.scenario).ok()?;
     let mut tracer = Tracer::new(&job.scenario, &schedule);

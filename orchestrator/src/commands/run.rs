@@ -1,4 +1,4 @@
-//! `gerono run`: flies a scenario, records it, and says how it went.
+//! `gerono run`: flies a scenario, records it and prints the results.
 
 use std::time::Duration;
 
@@ -23,8 +23,8 @@ use supervisor::real_time::Clients;
 use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
 use supervisor::{Ending, Outcome, RunFailure, lock_step, real_time};
 
-/// Returns the first option that concerns processes of services.
-fn of_processes(deployment: &DeploymentArguments) -> Option<&'static str> {
+/// Returns the first given option that concerns processes of services.
+fn process_option(deployment: &DeploymentArguments) -> Option<&'static str> {
     let options = [
         ("--crash", !deployment.crash.is_empty()),
         ("--restarts", !deployment.restarts.is_empty()),
@@ -42,7 +42,7 @@ fn of_processes(deployment: &DeploymentArguments) -> Option<&'static str> {
 /// `gerono run`.
 ///
 /// # Errors
-/// [`Failure`] if nothing was flown; a flight that ends badly is an [`Exit`].
+/// [`Failure`] if the flight did not begin; other outcomes of a flight are an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let mut scenario = load(&arguments.scenario)?;
     refuse_host(&scenario, arguments.host)?;
@@ -56,17 +56,17 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess
-        && let Some(option) = of_processes(&arguments.deployment)
+        && let Some(option) = process_option(&arguments.deployment)
     {
         return Err(Failure::bad_input(format!(
-            "{option} concerns the processes of services, and with --host inprocess there is but one process"
+            "{option} applies to processes of services, and --host inprocess has a single process"
         )));
     }
     refuse_crashes(&scenario, &schedule, &arguments.deployment.crash)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
-    let kept = super::keep_plugins(&mut scenario, &folder)?;
+    let kept = super::copy_plugins(&mut scenario, &folder)?;
     let manifest = Manifest::new(&scenario);
     let mut log = run_log(&folder, &manifest, arguments.recording).map_err(Failure::not_written)?;
     if arguments.host == Host::Realtime {
@@ -90,14 +90,12 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     flown.conclude(sink, &mut progress, ending)
 }
 
-/// A crash that never comes shows nothing.
+/// Refuses crashes that would never happen.
 fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCrash]) -> Result<(), Failure> {
     let last = schedule.last_tick();
     for ServiceCrash { service, crash } in crashes {
         let reason = if scenario.program_of(*service).is_some() {
-            format!(
-                "--crash tells a service where to die, and a program of its own in place of `{service}` cannot be told"
-            )
+            format!("--crash works for Gerono's services only, and `{service}` is an external service")
         } else if crash.place.is_in_a_step() && crash.tick > last {
             format!(
                 "--crash {service}@{}: the last tick of the flight is {last}",
@@ -111,7 +109,7 @@ fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCr
     Ok(())
 }
 
-/// A laboratory is for real time only, with an operator who arms; external services are for processes only.
+/// Refuses a laboratory except in real time with an operator, and external services except as processes.
 fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
         Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),

@@ -1,4 +1,4 @@
-//! `gerono service`: a service of a flight, as the supervisor starts it.
+//! `gerono service`: runs a service of a flight, started by the supervisor.
 
 use command_line::exit::Exit;
 

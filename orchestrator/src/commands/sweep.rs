@@ -34,7 +34,7 @@ fn prepared(sweep: &Path) -> Result<Prepared, Failure> {
     Source::read(sweep).and_then(Prepared::new).map_err(failure)
 }
 
-/// Returns the failure of a command from that of a sweep.
+/// Converts the error of a sweep to the failure of the command.
 fn failure(error: SweepError) -> Failure {
     match error {
         SweepError::Scenario(error) => error.into(),
@@ -48,13 +48,13 @@ fn failure(error: SweepError) -> Failure {
 /// `gerono sweep merge`.
 ///
 /// # Errors
-/// [`Failure`] if shards lack, differ or are damaged, or nothing can be written.
+/// [`Failure`] if shards are missing, differ or are damaged, or results cannot be written.
 fn merge(arguments: &SweepMerge) -> Result<Exit, Failure> {
-    merge_and_tell(&arguments.results, arguments.mixed_builds, arguments.latex)
+    merge_and_print(&arguments.results, arguments.mixed_builds, arguments.latex)
 }
 
 /// Merges the shards of a folder and prints the report.
-fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
+fn merge_and_print(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
     let (report, refused) = merge_folder(folder, mixed_builds).map_err(failure)?;
     if latex {
         write(&folder.join("sweep.tex"), &latex_file(&report.tables()))?;
@@ -67,7 +67,7 @@ fn merge_and_tell(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit
     }
     match report.laws.iter().find(|law| law.flown() == 0) {
         Some(law) => Err(Failure::bad_input(format!(
-            "not one sample was flown with `{}`: all {} were refused, see `reason` in the table",
+            "no sample was flown with `{}`: all {} were refused, see `reason` in the table",
             law.name, law.refused
         ))),
         None => Ok(Exit::Success),

@@ -17,7 +17,7 @@ const COLUMNS: u16 = 80;
 /// Shows a live run until the user quits or it ends, or prints its state once.
 ///
 /// # Errors
-/// [`Failure`] if there is no such run, or no terminal to show it in.
+/// [`Failure`] if there is no such run, or no terminal.
 pub fn top(arguments: &Top) -> Result<Exit, Failure> {
     let is_terminal = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
     if !is_terminal && !arguments.once {
@@ -47,7 +47,7 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
             return Err(Failure::trouble(text));
         }
         Answer::Description(_) | Answer::Newest(_) | Answer::Values(_) => {
-            return Err(Failure::trouble("the run answered something else"));
+            return Err(Failure::trouble("the run gave an unexpected answer"));
         }
     };
     if arguments.json {
@@ -60,6 +60,6 @@ fn print_once(arguments: &Top, run: &LiveRun) -> Result<Exit, Failure> {
 }
 
 fn ending(run: &str, last: Option<&Snapshot>) -> String {
-    let seen = last.map(|last| format!("; last seen at {:.1} s of {:.1} s", last.time, last.duration));
-    format!("the run `{run}` has ended{}\n", seen.unwrap_or_default())
+    let state = last.map(|last| format!("; last state at {:.1} s of {:.1} s", last.time, last.duration));
+    format!("the run `{run}` has ended{}\n", state.unwrap_or_default())
 }

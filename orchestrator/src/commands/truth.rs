@@ -1,4 +1,4 @@
-//! `gerono truth`: how far the vehicle truly was from its path.
+//! `gerono truth`: prints the true distance from the path.
 
 use comfy_table::{Table, presets};
 
@@ -10,7 +10,7 @@ use reproduce::windows::AVERAGED;
 /// `gerono truth`.
 ///
 /// # Errors
-/// [`Failure`] if a log cannot be read, or does not tell what is asked of it.
+/// [`Failure`] if a log cannot be read or lacks the required samples.
 pub fn truth(arguments: &Arguments) -> Result<(), Failure> {
     let flight = log_path(&arguments.flight);
     let world = arguments.world.as_ref().map(|world| log_path(world));

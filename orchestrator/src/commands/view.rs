@@ -46,7 +46,7 @@ fn show(log: &Path, arguments: &View, interrupt: &Interrupt) -> Result<Exit, Fai
     let (html, broken) =
         report::page(&log_path(log), &mut LogFigures::default()).map_err(Failure::trouble)?;
     if let Some(reason) = &broken {
-        note(format_args!("{reason}; the page shows that part"));
+        note(format_args!("{reason}; the page shows the part before it"));
     }
     let (server, site) = listen(arguments, false)?;
     print_url("", &server, &site);
@@ -122,7 +122,7 @@ fn listen(arguments: &View, is_live: bool) -> Result<(Server, Site), Failure> {
             SocketAddr::from((address, arguments.port))
         ))
     })?;
-    // Otherwise only this machine reaches the server. A permitted host name means a proxy, through which others do.
+    // By default only this machine can reach the server. A permitted host name means a proxy, through which others can.
     let is_for_others = arguments.bind.is_some() || !arguments.allow_host.is_empty();
     let token = is_for_others.then(|| Token::draw(server.address().port()));
     let site = Site {

@@ -22,13 +22,13 @@ use hil_simulator::record::Record;
 use hil_simulator::{HilReport, HilSimulator, Timing};
 use run_log::run_folder::RunFolder;
 
-/// From the making of the world to its first tick.
+/// Time from the creation of the simulator to its first tick.
 const COUNTDOWN: Duration = Duration::from_millis(20);
 
 /// `gerono world`.
 ///
 /// # Errors
-/// [`Failure`] if the scenario has no laboratory, or what the flight is to find cannot be had.
+/// [`Failure`] if the scenario has no laboratory, or a port for the flight cannot be opened.
 pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     schedule_of(&scenario)?;
@@ -47,7 +47,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(Failure::not_written)?;
     let world = HilSimulator::new(&scenario, clock, onboard, cameras, record);
     let world = world.map_err(|error| {
-        // The same command finds the folder as it was.
+        // The folder is left unchanged for the next attempt.
         folder.remove_logs();
         folder.remove_if_empty();
         Failure::bad_input(error)
@@ -59,7 +59,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         .seconds
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
     let report = world.run(ticks, &interrupt).map_err(Failure::not_written)?;
-    let summary = Summary::of(&report, clock.tick_ns);
+    let summary = Summary::new(&report, clock.tick_ns);
     write_json(&folder.summary(), &summary)?;
     if !arguments.quiet {
         print(&summary);
@@ -71,14 +71,14 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {
     let Some((system, stated)) = scenario.capture_system() else {
         let key: Key = ["motion_capture", "source"].into_iter().collect();
-        let reason = "the scenario's flight simulates the world itself";
+        let reason = "the scenario's flight simulates the laboratory itself";
         let systems = CaptureSystem::ALL.map(CaptureSystem::name);
         return Err(refused(key, reason, &format!("state {}", one_of(&systems))));
     };
     let period = (1.0 / (timing.capture_rate * scenario.schedule.tick)).round();
     if period < 1.0 {
         let reason = format!(
-            "cameras do not see more often than once a tick of {} s",
+            "cameras capture at most once per tick of {} s",
             scenario.schedule.tick
         );
         return Err(Failure::bad_input(format!(
@@ -116,7 +116,7 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
     Ok(Autopilot::RateLoop(line, Box::new(radio)))
 }
 
-/// Returns words as a choice: "`a`, `b` or `c`".
+/// Formats a choice of words: "`a`, `b` or `c`".
 fn one_of(words: &[&str]) -> String {
     let (last, others) = words.split_last().unwrap_or((&"", &[]));
     format!("`{}` or `{last}`", others.join("`, `"))
@@ -143,31 +143,31 @@ fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> 
         )
     };
     format!(
-        "cameras: `{system}`, {capture_rate:.1} poses a second, {:.1} ms after their exposure\n{onboard}\n\
-         the world's time begins now; fly with the same settings, and end it with Ctrl-C\n",
+        "cameras: `{system}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure\n{onboard}\n\
+         the simulation starts now; fly with the same settings, and end it with Ctrl-C\n",
         1e3 * capture_latency,
     )
 }
 
-/// The result of a world, for people and programs.
+/// Summary of a simulation, printed and written as JSON.
 #[derive(Serialize)]
 struct Summary {
-    /// Time that was simulated, s.
+    /// Simulated time, s.
     seconds: f64,
-    /// Poses that were sent.
+    /// Poses sent.
     poses: u64,
-    /// Frames that asked for something, or packets of motors.
+    /// Frames with commands, or packets of motors.
     frames: u64,
-    /// Bytes that belonged to none.
+    /// Bytes outside of valid frames.
     skipped: u64,
-    /// Number of times that none came for too long.
+    /// Link losses.
     losses: u64,
-    /// The lateness of ticks: half of them, 99 of 100, and all, s.
+    /// Lateness of ticks: median, 99th percentile and maximum, s.
     late: [f64; 3],
 }
 
 impl Summary {
-    fn of(report: &HilReport, tick_ns: u64) -> Self {
+    fn new(report: &HilReport, tick_ns: u64) -> Self {
         let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
         Self {
             seconds: seconds(report.ticks * tick_ns),
@@ -182,11 +182,11 @@ impl Summary {
 
 impl Display for Summary {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let [half, most, all] = self.late.map(|late| 1e3 * late);
+        let [p50, p99, max] = self.late.map(|late| 1e3 * late);
         writeln!(
             formatter,
             "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
-             ticks late by {half:.3} ms (half of them), {most:.3} ms (99 of 100), {all:.3} ms at most",
+             lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms",
             self.seconds, self.poses, self.frames, self.skipped, self.losses
         )
     }

@@ -1,4 +1,4 @@
-//! Completion of command lines by the program itself, so that a shell offers keys of scenarios, topics and services too.
+//! Completion of command lines by the program itself, which includes keys of scenarios, topics and services.
 //!
 //! The script of a shell calls `gerono` with `COMPLETE` set, and [`answer`] prints the candidates.
 
@@ -10,21 +10,21 @@ use clap_complete::engine::{ArgValueCandidates, ArgValueCompleter, CompletionCan
 use clap_complete::env::{CompleteEnv, Shells};
 use shared_types::{ServiceId, Topic};
 
-/// Environment variable with the name of the shell that asks.
+/// Environment variable with the name of the calling shell.
 const VARIABLE: &str = "COMPLETE";
 
-/// Shells that the program can complete in.
+/// Returns the supported shells.
 #[must_use]
 pub fn shells() -> Vec<&'static str> {
     Shells::builtins().names().collect()
 }
 
-/// Prints the candidates and ends the process if a shell asks for them.
+/// Prints the candidates and ends the process if a shell requests them.
 pub fn answer(command: fn() -> Command) {
     CompleteEnv::with_factory(command).var(VARIABLE).complete();
 }
 
-/// Returns the script by which a shell completes `gerono`.
+/// Returns the completion script of a shell.
 ///
 /// # Errors
 /// [`io::ErrorKind::InvalidInput`] for a shell that is not in [`shells`].
@@ -70,13 +70,13 @@ pub fn tunable_setting() -> ArgValueCompleter {
     })
 }
 
-/// Candidates for the name of a topic.
+/// Returns the candidates for the name of a topic.
 #[must_use]
 pub fn topic() -> ArgValueCandidates {
     ArgValueCandidates::new(|| Vec::from(Topic::ALL.map(|topic| CompletionCandidate::new(topic.name()))))
 }
 
-/// Candidates for the name of a service.
+/// Returns the candidates for the name of a service.
 #[must_use]
 pub fn service() -> ArgValueCandidates {
     ArgValueCandidates::new(|| {

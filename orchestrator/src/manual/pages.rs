@@ -1,4 +1,4 @@
-//! Man pages, and the reference of commands in the manual.
+//! Man pages, and the page of commands in the manual.
 
 use std::fs;
 use std::io;
@@ -8,13 +8,13 @@ use clap::Command;
 use clap_mangen::Man;
 use command_line::exit::Exit;
 
-/// Columns of the help in the page of commands.
+/// Width of the help in the page of commands.
 const COLUMNS: usize = 100;
 
 /// Writes `gerono.1` and a page for each command into `folder`.
 ///
 /// # Errors
-/// What creating the folder or writing a file returns.
+/// The error of creating the folder or writing a file.
 pub fn write_man_pages(command: Command, folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     let mut command = command.disable_help_subcommand(true);
@@ -31,14 +31,14 @@ pub fn write_man_pages(command: Command, folder: &Path) -> io::Result<()> {
 /// Returns the man page of the whole program.
 ///
 /// # Errors
-/// None in practice: it is written to memory.
+/// Never in practice: the page is written to memory.
 pub fn man_page(command: Command) -> io::Result<Vec<u8>> {
     let mut page = Vec::new();
     Man::new(command).render(&mut page)?;
     Ok(page)
 }
 
-/// The page of commands: the help of each, and the exit codes.
+/// Returns the parts of the page of commands: the help of each, and the exit codes.
 #[must_use]
 pub fn commands(command: Command) -> (String, String) {
     let mut command = command.disable_help_subcommand(true).term_width(COLUMNS);
@@ -55,7 +55,7 @@ pub fn commands(command: Command) -> (String, String) {
     )
 }
 
-/// A command and those inside it, as users write them, those that only the program starts left out.
+/// Returns a command and its subcommands with their full names, without hidden ones.
 fn visible<'a>(command: &'a Command, before: &str) -> Vec<(String, &'a Command)> {
     let name = format!("{before}{}", command.get_name());
     let inside = command.get_subcommands().filter(|inside| !inside.is_hide_set());

@@ -1,9 +1,9 @@
-//! The wiring table as a picture.
+//! The wiring table as a diagram.
 
 use shared_types::schedule::acts_before_delivery;
 use shared_types::{ServiceId, Topic};
 
-/// The wiring table as a Mermaid diagram.
+/// Returns the wiring table as a Mermaid diagram.
 #[must_use]
 pub fn mermaid() -> String {
     let mut text = String::from("flowchart LR\n");

@@ -1,4 +1,4 @@
-//! `gerono sweep fly`: one sample again, with its log, and its row beside the one of the results.
+//! `gerono sweep fly`: repeats one sample with a log and compares its row with the results.
 
 use command_line::exit::Exit;
 use command_line::interrupt;
@@ -13,7 +13,7 @@ use crate::commands::{Failure, note, print};
 /// `gerono sweep fly`.
 ///
 /// # Errors
-/// [`Failure`] if there is no such sample, or nothing can be flown or written.
+/// [`Failure`] if there is no such sample, or it cannot be flown or written.
 pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     let (prepared, known) =
         find(&arguments.results, arguments.sample, |reason| note(reason)).map_err(failure)?;
@@ -35,7 +35,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
             .ok_or_else(|| {
                 let names: Vec<_> = plan.entries.iter().map(|entry| entry.name.as_str()).collect();
                 Failure::bad_input(format!(
-                    "nothing is called `{name}`; there is {}",
+                    "there is no law `{name}`; there are {}",
                     names.join(", ")
                 ))
             })?,
@@ -54,7 +54,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     }
     let mut settings = plan.settings_of(&sample, entry);
     if let Ok(scenario) = plan.scenario(&sample, entry) {
-        // A varied gain that this law does not use.
+        // Drops varied gains that this law does not use.
         settings.retain(|setting| scenario_file::concerns(setting, scenario.controller.law));
     }
     let sets: String = settings
@@ -64,7 +64,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     let path = &plan.source.scenario_path;
     if std::fs::read_to_string(path).ok().as_ref() != Some(&plan.source.scenario_text) {
         note(format!(
-            "{} is another scenario today: the command below flies that one",
+            "{} has changed since the sweep: the command below flies the changed scenario",
             path.display()
         ));
     }
@@ -76,11 +76,11 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     ));
     match known.and_then(|rows| rows.into_iter().find(|known| known[..2] == row[..2])) {
         None => {
-            note("no row of it is known to compare");
+            note("there is no recorded row to compare");
             Ok(Exit::Success)
         }
         Some(known) if is_same(&known, &row) => {
-            print("its row is that of the results, to the last bit\n");
+            print("the row matches the results bit for bit\n");
             Ok(Exit::Success)
         }
         Some(known) => {

@@ -1,4 +1,4 @@
-//! `gerono sweep plan`: what would be flown, and the script that flies it on a cluster.
+//! `gerono sweep plan`: shows the samples and the estimated time, and prints the script for a cluster.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use super::failure;
 use crate::cli::SweepPlan;
 use crate::commands::{Failure, print};
 
-/// Flights that are flown to know how long one takes.
+/// Number of samples flown to estimate the time of a flight.
 const TRIED: u64 = 4;
 
 /// `gerono sweep plan`.
@@ -68,7 +68,7 @@ pub(super) fn plan(arguments: &SweepPlan) -> Result<(), Failure> {
         }
     }
     print(format!(
-        "\nfly it here:            gerono sweep run {sweep}\nfly it on a cluster:    gerono sweep plan {sweep} --slurm > sweep.sh; sh sweep.sh\n"
+        "\non this machine:        gerono sweep run {sweep}\non a cluster:           gerono sweep plan {sweep} --slurm > sweep.sh; sh sweep.sh\n"
     ));
     Ok(())
 }

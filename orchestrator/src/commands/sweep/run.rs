@@ -17,10 +17,10 @@ use super::{failure, merge_and_tell};
 use crate::cli::SweepRun;
 use crate::commands::{Failure, note, print};
 
-/// Time between two lines of progress where standard error is no terminal.
+/// Period of progress lines if standard error is no terminal.
 const LINE_PERIOD: Duration = Duration::from_secs(30);
 
-/// Returns the folder for the results of a sweep unless another is asked for.
+/// Returns the default folder for the results of a sweep.
 fn default_folder(sweep: &Path) -> PathBuf {
     let name = sweep
         .file_stem()
@@ -31,7 +31,7 @@ fn default_folder(sweep: &Path) -> PathBuf {
 /// `gerono sweep run`.
 ///
 /// # Errors
-/// [`Failure`] if nothing can be flown or written; a flight that is lost is a row.
+/// [`Failure`] if a flight cannot begin or a row cannot be written; a lost flight is a row.
 pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
     let prepared = super::prepared(&arguments.sweep)?;
     prepared.plan.check_flyable().map_err(failure)?;
@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
         let flown = fly(&prepared, shard, &folder, threads, &interrupt)?;
         if let Some(signal) = interrupt.signal() {
             note(format_args!(
-                "{} of {} rows are kept in {}; the same command goes on from there",
+                "{} of {} rows are stored in {}; the same command resumes from there",
                 flown.rows,
                 flown.total,
                 folder.display()
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
             return Ok(Exit::Signal(signal));
         }
         print(format!(
-            "{} flights in {:.1} s, {:.1} a second, {:.2} million vehicle steps a second\n",
+            "{} flights in {:.1} s, {:.1} per second, {:.2} million vehicle steps per second\n",
             flown.rows - flown.before,
             flown.seconds,
             flown.per_second(flown.rows - flown.before),
@@ -68,12 +68,12 @@ pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
         ));
     }
     if arguments.shard.is_none() {
-        return merge_and_tell(&folder, false, arguments.latex);
+        return merge_and_print(&folder, false, arguments.latex);
     }
     Ok(Exit::Success)
 }
 
-/// Flies a shard, and shows its progress.
+/// Flies a shard and shows the progress.
 fn fly(
     prepared: &Prepared,
     shard: Shard,
@@ -82,8 +82,10 @@ fn fly(
     interrupt: &Interrupt,
 ) -> Result<ShardFlown, Failure> {
     let mut counter = None;
-    let flown = fly_shard(prepared, shard, folder, threads, interrupt, |done, of| {
-        counter.get_or_insert_with(|| Counter::new(of, done)).count(done);
+    let flown = fly_shard(prepared, shard, folder, threads, interrupt, |done, total| {
+        counter
+            .get_or_insert_with(|| Counter::new(total, done))
+            .count(done);
     });
     if let Some(counter) = counter {
         counter.bar.finish_and_clear();
@@ -91,44 +93,44 @@ fn fly(
     flown.map_err(failure)
 }
 
-/// Progress of the flights: a bar on a terminal, a line now and then elsewhere.
+/// Progress of the flights: a bar on a terminal, otherwise a line every [`LINE_PERIOD`].
 struct Counter {
     bar: progress::ProgressBar,
     done: u64,
-    of: u64,
+    total: u64,
     begun: Instant,
     before: u64,
-    told: Instant,
+    last_line: Instant,
 }
 
 impl Counter {
-    fn new(of: u64, before: u64) -> Self {
-        let bar = progress::rated_flights(of);
+    fn new(total: u64, before: u64) -> Self {
+        let bar = progress::rated_flights(total);
         bar.set_position(before);
         bar.reset_eta();
         let now = Instant::now();
         Self {
             bar,
             done: before,
-            of,
+            total,
             begun: now,
             before,
-            told: now,
+            last_line: now,
         }
     }
 
     fn count(&mut self, done: u64) {
         self.done = done;
         self.bar.set_position(self.done);
-        if self.bar.is_hidden() && self.told.elapsed() >= LINE_PERIOD {
-            self.told = Instant::now();
+        if self.bar.is_hidden() && self.last_line.elapsed() >= LINE_PERIOD {
+            self.last_line = Instant::now();
             #[expect(clippy::cast_precision_loss, reason = "for a person")]
             let rate = (self.done - self.before) as f64 / self.begun.elapsed().as_secs_f64();
             #[expect(clippy::cast_precision_loss, reason = "for a person")]
-            let left = (self.of - self.done) as f64 / rate;
+            let left = (self.total - self.done) as f64 / rate;
             note(format_args!(
-                "{} of {} flights, {rate:.1} a second, {left:.0} s left",
-                self.done, self.of
+                "{} of {} flights, {rate:.1} per second, {left:.0} s left",
+                self.done, self.total
             ));
         }
     }
