@@ -1,7 +1,7 @@
-"""Builds the wheel: the module by maturin, and beside it the command, which Cargo builds first.
+"""Builds the wheel: the module by maturin, and the command, which Cargo builds first.
 
-A wheel of maturin has a module or a program. The command goes in as a script of the wheel, so that `pip install`
-puts the real binary on the path: services of a flight are started from it.
+Maturin packs either a module or a program. The command is therefore added as a script of the wheel, so that `pip
+install` puts the binary itself on the path: services of a flight are started from it.
 """
 
 import json
@@ -24,22 +24,22 @@ SCRIPTS = ROOT / "python" / "gerono.data" / "scripts"
 
 
 def build_command():
-    """Build the command and put it where maturin takes it from."""
+    """Build the command and copy it into the folder from which maturin packs scripts."""
     build = ["cargo", "build", "--release", "--locked", "--package", "orchestrator", "--bin", "gerono"]
-    told = subprocess.run([*build, "--message-format", "json"], cwd=ROOT, stdout=subprocess.PIPE, check=True)
-    messages = map(json.loads, told.stdout.splitlines())
+    built = subprocess.run([*build, "--message-format", "json"], cwd=ROOT, stdout=subprocess.PIPE, check=True)
+    messages = map(json.loads, built.stdout.splitlines())
     [program] = [message["executable"] for message in messages if message.get("executable")]
     SCRIPTS.mkdir(parents=True, exist_ok=True)
     shutil.copy2(program, SCRIPTS / "gerono")
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    """Build the wheel, as PEP 517 says."""
+    """Build the wheel (PEP 517)."""
     build_command()
     return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
-    """Build what `pip install --editable` takes, as PEP 660 says."""
+    """Build the wheel of `pip install --editable` (PEP 660)."""
     build_command()
     return maturin.build_editable(wheel_directory, config_settings, metadata_directory)

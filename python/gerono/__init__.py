@@ -5,9 +5,9 @@
     print(flight.summary.steady.rmse, flight.digest)
     z1 = flight["control/errors"]["z1"]  # m, a numpy array of shape (60001, 3)
 
-`Scenario.fly` flies at once, `Scenario.start` step by step; `Controller` is the base of own controllers; `sweep` flies
-thousands of variants; `Log` reads what any flight has recorded. `gerono.gym` makes an environment for learning of a
-scenario, `gerono.external` a service of a running flight of a controller. Units are SI and rad.
+`Scenario.fly` flies at once, `Scenario.start` step by step; `Controller` is the base class of controllers in Python;
+`sweep` flies thousands of variants; `Log` reads the log of any flight. `gerono.gym` turns a scenario into a Gymnasium
+environment, `gerono.external` a controller into a service of a running flight. Units are SI and rad.
 """
 
 from gerono._gerono import ScenarioError, Snapshot, __version__

@@ -1,4 +1,4 @@
-"""Types of what Rust gives to the package."""
+"""Types of the compiled module."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,7 +39,7 @@ class Scenario:
     def _start(self, sets: list[str], seed: int | None) -> Simulation: ...
 
 class Snapshot:
-    """State of a simulation, from which it can go on any number of times."""
+    """State of a simulation, which can be restored any number of times."""
 
 class Simulation:
     time: float

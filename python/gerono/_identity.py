@@ -1,4 +1,4 @@
-"""Identity of a controller: a hash over its code, over what the code uses, and over its numbers."""
+"""Identity of a controller: a hash over its code, the objects that the code uses, and its numbers."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from typing import Any
 
 import numpy as np
 
-from gerono.controller import PLACES
+from gerono.controller import FLIGHT_FIELDS
 
 
 def identity_of(controller: Any) -> str:
-    """Return the name of a controller's class, and a hash over all that decides what it commands.
+    """Return the name of a controller's class, and a hash over everything on which its commands depend.
 
     That is the code of its classes; the functions, classes, objects and numbers that the code names, also in modules
     that are not installed libraries; the libraries' versions; and the content of the object itself. It is the same in
-    every process. What has no content that could be read is a TypeError.
+    every process. An object with unreadable content raises a TypeError.
     """
     kind = type(controller)
     walk = _Walk()
-    parts = walk.numbers(controller), walk.of(kind), walk.used_of_modules()
+    parts = walk.numbers(controller), walk.of(kind), walk.module_members()
     return f"{kind.__module__}.{kind.__qualname__} {_joined(*parts).hex()[:32]}"
 
 
@@ -43,14 +43,14 @@ Shared = dict[int, tuple[Any, bytes]]
 def numbers_of(controller: Any, shared: Shared | None = None) -> str:
     """Return a hash over the content of a controller's object, and over its class.
 
-    What objects share is no part of it, for flights may change it: variables of modules do not count, and classes and
-    functions that `shared` knows count as they were when it got to know them.
+    Shared objects are left out, as flights may change them: variables of modules do not count, and classes and functions
+    in `shared` count with their hash there.
     """
     walk = _Walk({} if shared is None else shared)
     return _joined(walk.numbers(controller), walk.of(type(controller))).hex()
 
 
-# What is known by its type and its text.
+# Types hashed by name and `repr`.
 _PLAIN = (bool, int, float, complex, str, bytes, bytearray, type(None), type(...), type(NotImplemented), range)
 
 # Functions and members of compiled modules.
@@ -64,10 +64,10 @@ _COMPILED = (
     types.WrapperDescriptorType,
 )
 
-# Its code is that of all functions that dispatch by a type.
+# All functions that dispatch by type share its code.
 _DISPATCHING: Any = functools.singledispatch(repr)
 
-# What decides nothing: of a cached property, for example.
+# Without effect on commands; cached properties have one.
 _LOCKS = (type(threading.Lock()), type(threading.RLock()))
 
 
@@ -81,14 +81,14 @@ def _joined(*parts: object) -> bytes:
 
 
 class _Walk:
-    """A walk through all that decides; the hash of an object depends on its content and on no address.
+    """Recursive hash of objects, which depends on their content and on no address.
 
-    With `shared` it leaves out the variables of modules, and takes from there the hashes of classes and functions.
+    With `shared`, variables of modules are left out, and the hashes of classes and functions are taken from it.
     """
 
     def __init__(self, shared: Shared | None = None) -> None:
         self._shared = shared
-        # Hashes by the number of the object, which is kept so that no other one gets its number.
+        # Hashes by the `id` of the object, with a reference to it so that the `id` is not reused.
         self._known: MutableMapping[int, tuple[Any, bytes]] = {}
         self._open: list[int] = []
         self._path: list[str] = []
@@ -99,13 +99,13 @@ class _Walk:
         """Return a hash over the content of a controller's object."""
         self._path = [type(controller).__qualname__]
         self._open.append(id(controller))
-        return self._named(vars(controller), skip=PLACES)
+        return self._named(vars(controller), skip=FLIGHT_FIELDS)
 
-    def used_of_modules(self) -> bytes:
-        """Return a hash over what the code names of modules that are not libraries."""
+    def module_members(self) -> bytes:
+        """Return a hash over the members that the code names in modules that are not libraries."""
         done: set[tuple[str, str]] = set()
         parts: list[object] = []
-        # What is found may name more.
+        # Members may name further members.
         while found := sorted({(module, name) for module in self._modules for name in self._names} - done):
             done.update(found)
             for module, name in found:
@@ -126,13 +126,13 @@ class _Walk:
         if number in self._open:
             return _joined("circle", len(self._open) - self._open.index(number))
         self._open.append(number)
-        digest = self._content(value) if shared is None else self._alone(self._content, value)
+        digest = self._content(value) if shared is None else self._isolated(self._content, value)
         self._open.pop()
         (self._known if shared is None else shared)[number] = value, digest
         return digest
 
-    def _alone(self, hashed: Callable[[Any], bytes], value: Any) -> bytes:
-        """Return a hash of a value of which nothing stays known, so that those of others are the same without it."""
+    def _isolated(self, hashed: Callable[[Any], bytes], value: Any) -> bytes:
+        """Hash a value without adding to the known hashes, so that the hashes of other values do not depend on it."""
         known = self._known
         self._known = ChainMap({}, known)
         digest = hashed(value)
@@ -152,8 +152,8 @@ class _Walk:
         return _joined(*parts)
 
     def _unordered(self, values: Iterable[Any]) -> bytes:
-        """Return a hash that does not depend on the order: nothing is known of one value when the next is read."""
-        return _joined(*sorted(self._alone(self.of, value) for value in values))
+        """Return a hash that does not depend on the order."""
+        return _joined(*sorted(self._isolated(self.of, value) for value in values))
 
     def _content(self, value: Any) -> bytes:
         kind = type(value)
@@ -165,7 +165,7 @@ class _Walk:
             is_namespace = all(type(key) is str for key in value)
             return _joined("dict", self._named(value) if is_namespace else self._unordered(value.items()))
         if kind is np.ndarray or isinstance(value, np.generic):
-            # The memory of objects has addresses, and that of structures has gaps.
+            # Arrays of objects hold addresses, and structures have padding.
             has_memory = not value.dtype.hasobject and value.dtype.names is None
             content = np.ascontiguousarray(value).tobytes() if has_memory else self.of(value.tolist())
             return _joined(kind.__name__, repr(value.dtype), np.shape(value), content)
@@ -178,7 +178,7 @@ class _Walk:
         if isinstance(value, types.CodeType):
             return self._code(value)
         if isinstance(value, logging.Logger):
-            # Its handlers and levels are the program's, and decide nothing.
+            # Its handlers and levels have no effect on commands.
             return _joined("logger", value.name)
         if isinstance(value, types.MethodType | types.BuiltinMethodType) and _is_of_library(value):
             return _joined(type(value.__self__).__module__, value.__name__, _version(type(value.__self__).__module__))
@@ -196,25 +196,25 @@ class _Walk:
         kind = type(value)
         wrapped = getattr(value, "__wrapped__", None)
         if isinstance(wrapped, types.FunctionType) and _is_installed(kind.__module__):
-            # A function that a library keeps, compiles or dispatches.
+            # A function that a library caches, compiles or dispatches.
             return _joined(kind.__module__, kind.__qualname__, self.of(wrapped))
         reduce = copyreg.dispatch_table.get(kind)
         try:
             if isinstance(value, ctypes.CDLL) or (isinstance(value, np.ufunc) and "(vectorized)" in value.__name__):
-                raise TypeError("its code is not Python's")
+                raise TypeError("its code is not Python")
             reduced = reduce(value) if reduce else value.__reduce_ex__(2)
         except Exception as error:
             raise self._refusal(kind, str(error)) from error
         parts = (reduced,) if isinstance(reduced, str) else reduced
         lists = [list(part) if isinstance(part, Iterator) else part for part in parts]
-        # `__getstate__` may leave out what decides.
+        # `__getstate__` may leave out members.
         return _joined(self.of(kind), self.of(getattr(value, "__dict__", None)), self._all_of(lists))
 
     def _refusal(self, kind: type, reason: str) -> TypeError:
         return TypeError(
-            f"{'.'.join(self._path)} is a {kind.__module__}.{kind.__qualname__}, whose content cannot be read ({reason}), so that "
-            "rows of a sweep could not be told to be of this controller: keep numbers, arrays and objects of your own "
-            "classes, or give its class a `__reduce__`"
+            f"{'.'.join(self._path)} is a {kind.__module__}.{kind.__qualname__}, whose content cannot be read ({reason}), so "
+            "rows of a sweep could not be checked to be flown by this controller: use numbers, arrays and objects of your "
+            "own classes, or define `__reduce__` in its class"
         )
 
     def _kind(self, kind: type) -> bytes:
@@ -229,13 +229,13 @@ class _Walk:
         return _joined(*parts)
 
     def _function(self, function: types.FunctionType) -> bytes:
-        # `__module__` may be that of another function, which this one wraps.
+        # `__module__` may be that of the wrapped function.
         module = str(function.__globals__.get("__name__"))
         self._path.append(function.__name__)
         parts: list[object] = [module, function.__qualname__]
         is_library = _is_installed(module)
         if function.__code__ is _DISPATCHING.__code__:
-            # The other members are caches.
+            # Its other members are caches.
             parts.append(self.of(vars(function)["registry"]))
         elif not is_library or function.__closure__:
             parts.append(self._all_of([function.__defaults__, function.__kwdefaults__, None if is_library else vars(function)]))
@@ -264,7 +264,7 @@ class _Walk:
             return _joined(module.__name__, _version(module.__name__))
         self._modules[module.__name__] = module
         file = getattr(module, "__file__", None) or ""
-        # What is compiled has no code that could be walked.
+        # Compiled modules have no Python code to hash.
         is_compiled = file.endswith(tuple(importlib.machinery.EXTENSION_SUFFIXES))
         return _joined(module.__name__, Path(file).read_bytes() if is_compiled else "")
 
@@ -274,13 +274,13 @@ class _Walk:
         if not module and type(owner).__name__ == "PyCapsule":
             return _joined("gerono.math", value.__name__)
         own = None if _is_installed(module) else sys.modules.get(module)
-        # A method of an object, such as `generator.normal`; the owner of a function is its module.
+        # The object of a method such as `generator.normal`; a function's owner is its module.
         bound = None if isinstance(owner, types.ModuleType) or type(owner).__name__ == "PyCapsule" else owner
         return _joined(module, value.__qualname__, _version(module), self._all_of([own, bound]))
 
 
 def _instructions(code: types.CodeType) -> Iterator[list[dis.Instruction]]:
-    """Return the instructions of code, and those of each function in it."""
+    """Yield the instructions of code, and those of each function in it."""
     yield list(dis.get_instructions(code))
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
@@ -288,28 +288,28 @@ def _instructions(code: types.CodeType) -> Iterator[list[dis.Instruction]]:
 
 
 def _globals(code: types.CodeType, names: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the variables of a module that code reads."""
+    """Return the module variables that code reads."""
     steps = (step for steps in _instructions(code) for step in steps)
     read = {step.argval for step in steps if "GLOBAL" in step.opname or step.opname == "LOAD_NAME"}
     return {name: names[name] for name in read & names.keys()}
 
 
 def _imported(code: types.CodeType, names: Mapping[str, Any]) -> Iterator[types.ModuleType]:
-    """Return the modules that code imports when it runs; they are imported for this already."""
+    """Yield the modules that code imports when it runs; they are imported here."""
     for steps in _instructions(code):
         for level, items, step in zip(steps, steps[1:], steps[2:]):
             if step.opname == "IMPORT_NAME":
                 try:
                     yield __import__(step.argval, names, None, items.argval, level.argval)
                 except ImportError:
-                    continue  # as the code would find
+                    continue  # it would fail in the code as well
 
 
 _LIBRARY = os.path.dirname(os.__file__) + os.sep
 
 
 def _is_installed(module: str) -> bool:
-    """Return whether a module is of the interpreter, or of an installed package, whose version stands for its code."""
+    """Return whether a module belongs to the interpreter or an installed package, and is identified by its version."""
     root = module.partition(".")[0]
     if root in ("builtins", "gerono"):
         return True
@@ -321,7 +321,7 @@ def _is_installed(module: str) -> bool:
 
 
 def _is_of_library(method: Any) -> bool:
-    """Return whether a method of an object is a library's function, such as `random.gauss`: its object is nobody's content."""
+    """Return whether a bound method is a library's function, such as `random.gauss`, whose object does not count."""
     module = type(method.__self__).__module__
     return _is_installed(module) and getattr(sys.modules.get(module), method.__name__, None) is method
 
@@ -340,5 +340,5 @@ def _version(module: str) -> str:
 
 
 def _is_of_interpreter(name: str, value: Any) -> bool:
-    """Return whether a member is a note of the interpreter, some of which come and go, and no method such as `__init__`."""
+    """Return whether a member is metadata of the interpreter, which may vary, and no method such as `__init__`."""
     return name == "_abc_impl" or (name.startswith("__") and not callable(value) and not isinstance(value, classmethod))

@@ -1,4 +1,4 @@
-"""Samples as structured arrays: what a message definition says, as numpy understands it."""
+"""Samples as structured arrays: message definitions as numpy types."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _KINDS = {"float64": "<f8", "uint64": "<u8", "uint32": "<u4", "uint16": "<u2", "
 def dtype_of(definition: str) -> np.dtype[Any]:
     """Return the type of a topic's samples.
 
-    Members have the names and units of docs/topics.md; those of the header stand first. Rotation matrices have shape
-    (3, 3), texts are bytes without their trailing zeros.
+    Members have the names and units of docs/topics.md, the header's first. Rotation matrices have shape (3, 3), texts are
+    bytes without trailing zeros.
     """
     names: list[str] = []
     formats: list[np.dtype[Any]] = []
     offsets: list[int] = []
     end = 0
-    # What follows the line of `=` says what a Header is; lines with a `=` are constants.
+    # The definition of Header follows the line of `=`; lines with a `=` are constants.
     for kind, length, name in _MEMBER.findall(definition.split("=" * 80)[0]):
         for own_name, own_format in _members(kind, int(length or 0), name):
             if not own_name.startswith("pad"):
@@ -52,15 +52,15 @@ MODES = {int(mode): name for name, mode in re.findall(r"^uint32 MODE_(\w+)=(\d+)
 
 
 def samples_of(topic: str, words: np.ndarray) -> np.ndarray:
-    """Return whole words as the samples of a topic, without a copy."""
+    """View words as samples of a topic."""
     return words.view(DTYPES[topic])
 
 
 def columns(samples: np.ndarray, telemetry: list[str] | None = None) -> dict[str, np.ndarray]:
     """Return samples as columns of numbers: `z1` becomes `z1.0`, `z1.1`, `z1.2`, matrices row by row.
 
-    The first column is `time`, s; names of elements are those of `gerono export --csv`, of faults and of sweeps. Of own
-    telemetry only the numbers that the scenario names are there.
+    The first column is `time`, s; elements are named as by `gerono export --csv`, in faults and in sweeps. Telemetry has
+    only the numbers that the scenario names.
     """
     found = {"time": samples["stamp_ns"] / 1e9}
     for name in samples.dtype.names or ():

@@ -13,10 +13,10 @@ from gerono._samples import DTYPES, MODES
 
 _INPUTS = ("vehicle/state", "path/reference")
 _OUTPUTS = ("control/command", "control/adaptation", "control/errors", "control/telemetry")
-# Whole numbers up to this one are floating-point numbers too.
+# Integers up to this one are exact in floating point.
 _LARGEST_WHOLE = 2**53
-# What flights put into a controller and what is no part of its state.
-PLACES = ("_flown", "adaptation", "telemetry")
+# Attributes that a flight sets, which are not part of the state.
+FLIGHT_FIELDS = ("_flown", "adaptation", "telemetry")
 
 
 class Now:
@@ -30,22 +30,22 @@ class Now:
         self.elapsed = 0.0
 
 
-# Modes of `control/command`, of which the first is that of a sample of zeros.
+# Modes of `control/command`; a sample of zeros has the first.
 TORQUE, RATES = 0, 1
-#: Mode of `control/command`: no command, the vehicle is to do what its failsafe says.
+#: Mode of `control/command`: no command; the vehicle executes its failsafe.
 FAILSAFE = 2
 
 
 class Controller:
-    """A control law that flies instead of Gerono's.
+    """Base class of controllers that replace the built-in control laws.
 
     Numbers and numpy arrays, of the class or of the object, are its state: a flight saves and restores them, so that
-    it can be repeated to the bit, and faults and `Simulation.restore` work. They must all be there before the first
+    it can be repeated bit for bit, and faults and `Simulation.restore` work. They must all exist before the first
     step, and keep their shape. Texts, tuples, functions and modules are constants: a flight that changes one is
-    refused. A class that keeps its state in anything else overrides `save` and `restore`. Now and then a flight gives
-    the saved state to a copy of the object, which takes some of the same steps and must command the same: so state
-    that is forgotten is an error. After a flight the object has the state with which it ended; the next one begins
-    with that of the first again, except for what was set in between.
+    refused. A class with state of any other type overrides `save` and `restore`. Now and then a flight restores the
+    saved state in a copy of the object, which repeats some steps and must give the same outputs: state that is not
+    saved is an error. After a flight the object has its final state; the next flight begins with the initial state of
+    the first again, except for members set in between.
 
     `self.telemetry` has room for the numbers, at most 32, that `controller.telemetry` of the scenario names, and is
     recorded under these names; `self.adaptation` is the sample of `control/adaptation`.
@@ -58,9 +58,9 @@ class Controller:
         """Compute the command of one period.
 
         `state` and `reference` are the newest samples of `vehicle/state` and `path/reference`, or None before the
-        first; `command` and `errors` are the samples of `control/command` and `control/errors` that are sent, and are
-        zero when the step begins. All are views of the same memory at every step: copy what must outlive it. Frame
-        {I} has its third axis down; the thrust, N, acts along −R e3; torques, N m, and rates, rad/s, are in {B}.
+        first; `command` and `errors` are the samples of `control/command` and `control/errors` that are published, and
+        are zero when the step begins. All are views of the same memory at every step: copy values that must outlive it.
+        Frame {I} has its third axis down; the thrust, N, acts along −R e3; torques, N m, and rates, rad/s, are in {B}.
         """
         raise NotImplementedError
 
@@ -78,23 +78,23 @@ class Controller:
         for item in items:
             if abs(int(item)) > _LARGEST_WHOLE:
                 raise ValueError(
-                    f"{type(self).__name__}.{name} has the whole number {item}, but a saved state is exact up to 2**53 only: keep "
-                    "it as two smaller numbers, as a text if it is constant, or override `save` and `restore`"
+                    f"{type(self).__name__}.{name} is the integer {item}, but a saved state is exact up to 2**53 only: split it "
+                    "into two smaller numbers, store it as a text if it is constant, or override `save` and `restore`"
                 )
 
     def restore(self, numbers: list[float]) -> None:
-        """Take the state back from `save`."""
-        place = 0
+        """Restore the state returned by `save`."""
+        offset = 0
         for name, value in self._state().items():
             if isinstance(value, np.ndarray):
-                value[...] = np.reshape(numbers[place : place + value.size], value.shape)
-                place += value.size
+                value[...] = np.reshape(numbers[offset : offset + value.size], value.shape)
+                offset += value.size
             else:
-                setattr(self, name, type(value)(numbers[place]))
-                place += 1
+                setattr(self, name, type(value)(numbers[offset]))
+                offset += 1
 
     def _state(self) -> dict[str, Any]:
-        return {name: value for name, value in sorted(vars(self).items()) if name not in PLACES and _is_state(value)}
+        return {name: value for name, value in sorted(vars(self).items()) if name not in FLIGHT_FIELDS and _is_state(value)}
 
 
 def _is_state(value: Any) -> bool:
@@ -102,7 +102,7 @@ def _is_state(value: Any) -> bool:
 
 
 def _is_saved(value: Any) -> bool:
-    """Return whether a number or an array goes through a saved state without a loss."""
+    """Return whether a saved state holds a number or an array exactly."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.dtype.kind in "fiub" and value.dtype.itemsize <= 8
     return _is_state(value)
@@ -115,7 +115,7 @@ def _is_constant(value: Any) -> bool:
 
 
 def refuse_other(controller: Any) -> None:
-    """Refuse what is no object of a controller's class."""
+    """Refuse anything but an object of a controller's class."""
     if isinstance(controller, type):
         raise TypeError(f"a controller is an object: pass {controller.__name__}(), not the class")
     if not isinstance(controller, Controller):
@@ -123,7 +123,7 @@ def refuse_other(controller: Any) -> None:
 
 
 def _declare_state(controller: Controller) -> None:
-    """Give the object its own of what the class declares, and refuse what could not be saved."""
+    """Copy state that the class declares to the object, and refuse values that cannot be saved."""
     for kind in type(controller).__mro__:
         if kind in (Controller, object):
             break
@@ -134,7 +134,7 @@ def _declare_state(controller: Controller) -> None:
     if type(controller).save is not Controller.save:
         return
     for name, value in vars(controller).items():
-        if name in PLACES or _is_constant(value):
+        if name in FLIGHT_FIELDS or _is_constant(value):
             continue
         if not _is_saved(value):
             what = type(value).__name__ + (f" of {value.dtype}" if isinstance(value, np.ndarray) else "")
@@ -146,18 +146,18 @@ def _declare_state(controller: Controller) -> None:
 
 
 def _begin(controller: Controller) -> list[float]:
-    """Give an object that has flown the state of its first flight's beginning, except for what was set since; return it."""
+    """Restore the initial state of the first flight, except for members set since its end; return the state."""
     now = controller.save()
     if "_flown" not in vars(controller):
         return now
     flown = vars(controller)["_flown"]
     if flown is None or len(now) != len(flown[1]):
         raise RuntimeError(
-            f"the last flight of {type(controller).__name__} has changed a constant, or the size of its state, so that no other "
-            "can begin as the first: make a new object"
+            f"the last flight of {type(controller).__name__} has changed a constant, or the size of its state, so no other flight "
+            "can begin with the state of the first: make a new object"
         )
     first, last = flown
-    # To the bit, because a number that is not one equals nothing.
+    # Bits, because NaN does not equal itself.
     bits, last_bits = (np.array(numbers, np.float64).view(np.uint64) for numbers in (now, last))
     state: list[float] = np.where(bits == last_bits, first, now).tolist()
     controller.restore(state)
@@ -165,7 +165,7 @@ def _begin(controller: Controller) -> list[float]:
 
 
 def _constants(controller: Controller) -> dict[str, Any]:
-    """Return what is no state, of the class and of the object, as it is now; a class that saves itself has no constants."""
+    """Return the present members of class and object that are not state; none if the class overrides `save`."""
     if type(controller).save is not Controller.save:
         return {}
     kinds = type(controller).__mro__
@@ -173,11 +173,11 @@ def _constants(controller: Controller) -> dict[str, Any]:
     for kind in reversed(kinds[: kinds.index(Controller)]):
         own |= {name: value for name, value in vars(kind).items() if not name.startswith("__")}
     own |= vars(controller)
-    return {name: _frozen(value) for name, value in own.items() if name not in PLACES and not _is_state(value)}
+    return {name: _frozen(value) for name, value in own.items() if name not in FLIGHT_FIELDS and not _is_state(value)}
 
 
 def _frozen(value: Any) -> Any:
-    """Return what equals itself for as long as the content of a value is the same."""
+    """Return a copy of a value that compares by content."""
     if isinstance(value, tuple | list):
         return type(value), [*map(_frozen, value)]
     if isinstance(value, dict):
@@ -190,7 +190,7 @@ def _frozen(value: Any) -> Any:
 
 
 class _Telemetry(np.ndarray):
-    """Room for the numbers that the scenario names; what has no room is an error, where numpy cuts off slices."""
+    """Array of the numbers that the scenario names; access beyond its end is an error, also by slices, which numpy cuts."""
 
     room: int
 
@@ -198,30 +198,30 @@ class _Telemetry(np.ndarray):
         self.room = getattr(source, "room", np.size(self))
 
     def __getitem__(self, key: Any) -> Any:
-        self._refuse_places(key)
+        self._refuse_outside(key)
         return super().__getitem__(key)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        self._refuse_places(key)
+        self._refuse_outside(key)
         values = np.asarray(value, np.float64)
         if values.ndim and values.size > self.room:
             raise ValueError(self._refusal())
         super().__setitem__(key, values)
 
-    def _refuse_places(self, key: Any) -> None:
+    def _refuse_outside(self, key: Any) -> None:
         size = np.size(self)
         for part in key if isinstance(key, tuple) else (key,):
             is_slice = isinstance(part, slice)
-            places = (part.start or 0, part.stop or 0) if is_slice else np.ravel(part).tolist()
-            for place in places:
-                is_place = isinstance(place, int | np.integer) and not isinstance(place, bool)
-                if is_place and not -size <= place < size + is_slice:
+            indices = (part.start or 0, part.stop or 0) if is_slice else np.ravel(part).tolist()
+            for index in indices:
+                is_index = isinstance(index, int | np.integer) and not isinstance(index, bool)
+                if is_index and not -size <= index < size + is_slice:
                     raise IndexError(self._refusal())
 
     def _refusal(self) -> str:
         return (
-            f"`telemetry` has room for {self.room} numbers, as many as `controller.telemetry` of the scenario names: name all "
-            "that are written"
+            f"`telemetry` has room for {self.room} numbers, as many as `controller.telemetry` of the scenario names: add a name "
+            "for each number that is written"
         )
 
 
@@ -233,28 +233,28 @@ def _sample(topic: str, words: np.ndarray) -> Any:
     return words.view(DTYPES[topic])[0]
 
 
-# A trial of the saved state begins at the second step, when there is something to forget, and after so many steps again;
-# it has so many steps.
+# Period and length of the trials of the saved state, steps. The first begins at the second step, when there is state to
+# lose.
 _TRIAL_PERIOD, _TRIAL_STEPS = 500, 10
 
 
 def _copy_of(controller: Controller) -> Controller:
-    """Return a controller with the same constants, and a state of its own."""
+    """Return a controller with the same constants and a copy of the state."""
     second = copy.copy(controller)
     for name, value in vars(controller).items():
-        if name not in PLACES and not _is_constant(value):
+        if name not in FLIGHT_FIELDS and not _is_constant(value):
             try:
                 setattr(second, name, copy.deepcopy(value))
             except Exception as error:
                 raise TypeError(
-                    f"{type(controller).__name__}.{name} cannot be copied ({error}), so that no flight can try whether the "
-                    "saved state is whole: give its type a `__deepcopy__`"
+                    f"{type(controller).__name__}.{name} cannot be copied ({error}), so a flight cannot check that the saved "
+                    "state is complete: define `__deepcopy__` in its class"
                 ) from error
     return second
 
 
 class Bridge:
-    """What stands between a flight and a controller: memory for inputs and outputs, and a step without samples."""
+    """Interface between a flight and a controller: memory for inputs and outputs, and a step that uses it."""
 
     def __init__(
         self, controller: Controller, mode: int = TORQUE, telemetry_size: int | None = None, has_trials: bool = True
@@ -267,7 +267,7 @@ class Bridge:
         self._command, adaptation, self._errors, telemetry = map(_sample, _OUTPUTS, self.output_words)
         self._modes = self.output_words[0].view(DTYPES[_OUTPUTS[0]])["mode"]
         controller.adaptation, controller.telemetry = adaptation, telemetry["values"][:telemetry_size].view(_Telemetry)
-        self._places = controller.adaptation, controller.telemetry
+        self._flight_fields = controller.adaptation, controller.telemetry
         _declare_state(controller)
         self._first = _begin(controller) if has_trials else []
         self._constants = _constants(controller) if has_trials else {}
@@ -289,9 +289,9 @@ class Bridge:
             self._advance(arrived)
             return
         before = self._saved()
-        second._take(self)
+        second._copy_inputs(self)
         self._advance(arrived)
-        # Last of all: what both share, such as a variable of the module, is then as it would be without the trial.
+        # After the first one's step, which therefore sees shared objects, such as module variables, as without a trial.
         second._controller.restore(before)
         second._advance(arrived)
         self._compare(second)
@@ -314,10 +314,10 @@ class Bridge:
         )
         self._refuse_mode(self._modes.item())
         own = self._controller
-        if own.adaptation is not self._places[0] or own.telemetry is not self._places[1]:
+        if own.adaptation is not self._flight_fields[0] or own.telemetry is not self._flight_fields[1]:
             raise ValueError(
-                f"{type(own).__name__} replaces its `adaptation` or `telemetry`, so that nothing would be recorded: assign to "
-                "what is in it, such as `self.telemetry[:] = …`"
+                f"{type(own).__name__} replaces its `adaptation` or `telemetry`, so nothing would be recorded: assign to its "
+                "elements, such as `self.telemetry[:] = …`"
             )
 
     def _refuse_mode(self, mode: int) -> None:
@@ -329,12 +329,12 @@ class Bridge:
             )
         if mode == RATES and self._mode == TORQUE:
             raise ValueError(
-                f"{name} commands body rates (mode {RATES}), but the scenario has no `[controller.rates]`, so that its vehicle "
-                f"takes torques: leave the mode at {TORQUE}"
+                f"{name} commands body rates (mode {RATES}), but the scenario has no `[controller.rates]`, so its vehicle takes "
+                f"torques: leave the mode at {TORQUE}"
             )
 
-    def _take(self, first: Bridge) -> None:
-        """Take what another bridge gets for the step that comes."""
+    def _copy_inputs(self, first: Bridge) -> None:
+        """Copy the memory of another bridge before its step."""
         self.now_words[:] = first.now_words
         own, others = self.input_words + self.output_words, first.input_words + first.output_words
         for words, given in zip(own, others):
@@ -342,40 +342,40 @@ class Bridge:
 
     def _compare(self, second: Bridge) -> None:
         for topic, words, others in zip(_OUTPUTS, self.output_words, second.output_words):
-            # The header is the host's.
+            # The host writes the header.
             if words[3:].tobytes() != others[3:].tobytes():
                 name = type(self._controller).__name__
                 raise RuntimeError(
                     f"{name} forgets a part of its state: a copy that got the saved state wrote another `{topic}` at tick "
-                    f"{self._now.tick}; let numbers and arrays of the object, or `save` and `restore`, keep all on which "
-                    "a step depends besides its samples"
+                    f"{self._now.tick}; keep everything on which a step depends besides its samples in numbers and arrays of the "
+                    "object, or override `save` and `restore`"
                 )
 
     def _saved(self) -> list[float]:
         numbers = self._controller.save()
         if len(numbers) != self.state_size:
             raise RuntimeError(
-                f"the state of {type(self._controller).__name__} has changed its size from {self.state_size} to {len(numbers)} "
+                f"the size of the state of {type(self._controller).__name__} has changed from {self.state_size} to {len(numbers)} "
                 "numbers: declare all of it before the first step"
             )
         return numbers
 
     def _refuse_changed(self) -> None:
-        """Refuse constants that the flight has changed, which the next one would begin with."""
+        """Refuse constants that the flight has changed, with which the next flight would begin."""
         before, now = self._constants, _constants(self._controller)
         for name in sorted(before.keys() | now.keys()):
-            # In lists, where an object equals itself whatever its type says.
+            # In lists, where identical objects are equal whatever their `__eq__` returns.
             if [name in before, before.get(name)] != [name in now, now.get(name)]:
                 raise RuntimeError(
-                    f"a flight has changed {type(self._controller).__name__}.{name}, which is no number and no numpy array, so that "
-                    "it is neither saved nor restored: keep numbers in its place, or override `save` and `restore`"
+                    f"a flight has changed {type(self._controller).__name__}.{name}, which is neither a number nor a numpy array, so "
+                    "it is neither saved nor restored: use numbers instead, or override `save` and `restore`"
                 )
 
     def __enter__(self) -> Bridge:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Let the object know with which state its flight has begun and ended; an error of the flight comes first."""
+        """Store the initial and the final state of the flight in the object; an error of the flight takes precedence."""
         own = self._controller
         vars(own)["_flown"] = None
         try:

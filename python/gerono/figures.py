@@ -2,8 +2,8 @@
 
     python -m gerono.figures runs/sweep-laboratory
 
-writes both as SVG and as PDF with its fonts, into the folder of the results. `distribution` and `differences` draw into
-axes of your own. Needs `pip install ".[figures]"`.
+writes both as SVG and as PDF with embedded fonts, into the folder of the results. `distribution` and `differences` draw
+into given axes. Needs `pip install ".[figures]"`.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-# Colours that are told apart also by people who do not see all of them (Okabe and Ito).
+# Colours for all colour vision (Okabe and Ito).
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
 
-# Results of flights (docs/sweeps.md) by the unit in which they are drawn, and how many of it are one of the column's. What
-# is varied has the unit that the scenario's key has, which the rows do not say.
+# Results of flights (docs/sweeps.md) with the unit in which they are drawn, and the factor from the column's unit. The rows
+# do not state the units of varied keys.
 _DISTANCES = "rmse mean deviation p50 p95 p99 max steady_rmse steady_p95 steady_max transient_rmse transient_max ultimate ultimate_bound"
 _UNITS = (
     (_DISTANCES, "cm", 100.0),
@@ -47,7 +47,7 @@ def _unit_of(column: str) -> tuple[str, float]:
 
 
 def _rows(results: Sweep | str | os.PathLike[str], column: str) -> tuple[pandas.DataFrame, list[str]]:
-    """Return the rows of flights, and the names of their laws, the sweep's first one first."""
+    """Return the rows of flights, and the names of the laws in the order of the sweep."""
     sweep = results if isinstance(results, Sweep) else Sweep(results)
     rows = sweep.to_pandas()
     if column not in rows or rows[column].dtype.kind != "f":
@@ -57,15 +57,15 @@ def _rows(results: Sweep | str | os.PathLike[str], column: str) -> tuple[pandas.
 
 
 def distribution(results: Sweep | str | os.PathLike[str], axes: Axes, column: str = "steady_rmse") -> None:
-    """Draw the share of the flights of each law that stay below a value; a flight that was lost stays below none."""
+    """Draw the share of flights below a value for each law; a lost flight is below no value."""
     unit, factor = _unit_of(column)
     rows, laws = _rows(results, column)
-    for place, law in enumerate(laws):
+    for index, law in enumerate(laws):
         flown = rows[rows["law"] == law]
         values = flown.loc[flown["outcome"] == "completed", column].dropna().sort_values()
         shares = [(rank + 1) / len(flown) for rank in range(len(values))]
         label = f"{law} ({len(values)} of {len(flown)} flights)"
-        axes.step(factor * values, shares, where="post", label=label, color=_COLORS[place % len(_COLORS)])
+        axes.step(factor * values, shares, where="post", label=label, color=_COLORS[index % len(_COLORS)])
     axes.set_xlabel(f"{column}{unit}")
     axes.set_ylabel("share of the flights below")
     axes.set_ylim(0.0, 1.0)
@@ -75,10 +75,10 @@ def distribution(results: Sweep | str | os.PathLike[str], axes: Axes, column: st
 def differences(
     results: Sweep | str | os.PathLike[str], axes: Axes, column: str = "steady_rmse", reference: str | None = None
 ) -> None:
-    """Draw the differences from a law, unless named the first, of the flights that both completed, sample by sample.
+    """Draw the differences from a reference law [default: the first] in samples that both laws completed.
 
-    Boxes are quartiles, whiskers 5 and 95 %; below a law is the number of its pairs, and of the flights that it alone
-    and that the reference alone did not survive.
+    Boxes are quartiles, whiskers 5 and 95 %; each law is labelled with its number of pairs, and the numbers of flights
+    that only it and only the reference did not survive.
     """
     unit, factor = _unit_of(column)
     rows, laws = _rows(results, column)
@@ -98,8 +98,8 @@ def differences(
         names.append(f"{law}\n{len(boxes[-1])} pairs; lost alone {alone[0]}, {alone[1]}")
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     drawn = axes.boxplot(boxes, whis=(5.0, 95.0), sym=".", patch_artist=True, tick_labels=names)
-    for place, box in enumerate(drawn["boxes"]):
-        box.set_facecolor(_COLORS[(laws.index(others[place])) % len(_COLORS)])
+    for law, box in zip(others, drawn["boxes"]):
+        box.set_facecolor(_COLORS[laws.index(law) % len(_COLORS)])
         box.set_alpha(0.5)
     for line in drawn["medians"]:
         line.set_color("black")
@@ -109,7 +109,7 @@ def differences(
 def save(
     results: Sweep | str | os.PathLike[str], folder: str | os.PathLike[str], column: str = "steady_rmse"
 ) -> list[Path]:
-    """Write the figures of a sweep into a folder, as SVG and PDF; return the files. One law has no differences."""
+    """Write the figures of a sweep into a folder, as SVG and PDF; return the files. Differences need two laws."""
     from matplotlib.figure import Figure
 
     sweep = results if isinstance(results, Sweep) else Sweep(results)
@@ -117,9 +117,9 @@ def save(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     files = []
-    # A column may be a key of the scenario with any character in it.
+    # A column may be a key of the scenario, with any character.
     name = re.sub(r"[^\w.+-]+", "_", column)
-    # TrueType fonts in the file, as publishers want them, and the same bytes each time.
+    # Embedded TrueType fonts, as publishers require, and reproducible bytes.
     with matplotlib.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "gerono", "font.size": 9.0}):
         for draw in drawings:
             width = 3.5 if draw is distribution else max(3.5, 1.75 * (len(sweep.summary.laws) - 1))
@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Write the figures of a sweep; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m gerono.figures", description=__doc__.split("\n", 1)[0])
     parser.add_argument("results", type=Path, help="folder of a sweep, with results.parquet and sweep.json")
-    parser.add_argument("--column", default="steady_rmse", help="the result that is drawn [default: steady_rmse]")
+    parser.add_argument("--column", default="steady_rmse", help="result to draw [default: steady_rmse]")
     parser.add_argument("--out", type=Path, help="folder for the figures [default: that of the results]")
     chosen = parser.parse_args(arguments)
     try:

@@ -35,13 +35,13 @@ class Tables:
         raise NotImplementedError
 
     def to_pandas(self, topic: str) -> pandas.DataFrame:
-        """Return the samples of a topic as a `pandas.DataFrame`, vectors in a column for each axis."""
+        """Return the samples of a topic as a `pandas.DataFrame`, vectors with a column for each axis."""
         import pandas
 
         return pandas.DataFrame(columns(self[topic], self._telemetry))
 
     def to_polars(self, topic: str) -> polars.DataFrame:
-        """Return the samples of a topic as a `polars.DataFrame`, vectors in a column for each axis."""
+        """Return the samples of a topic as a `polars.DataFrame`, vectors with a column for each axis."""
         import polars
 
         return polars.DataFrame(columns(self[topic], self._telemetry))
@@ -54,16 +54,16 @@ class Tables:
         variables = {}
         for name in samples.dtype.names or ():
             shape = samples[name].shape[1:]
-            axes = [f"axis{length}" if length == 3 else f"{name}_{place}" for place, length in enumerate(shape)]
-            axes = [axis if place == 0 else f"{axis}_{place}" for place, axis in enumerate(axes)]
+            axes = [f"axis{length}" if length == 3 else f"{name}_{index}" for index, length in enumerate(shape)]
+            axes = [axis if index == 0 else f"{axis}_{index}" for index, axis in enumerate(axes)]
             variables[name] = (("time", *axes), samples[name])
         return xarray.Dataset(variables, {"time": samples["stamp_ns"] / 1e9})
 
 
 class Flight(Tables):
-    """A flight that was flown in this process: the bytes are those of `gerono run`.
+    """A flight in this process, whose samples are byte for byte those of `gerono run`.
 
-    `summary` has what `summary.json` has (docs/metrics.md), as attributes.
+    `summary` has the members of `summary.json` (docs/metrics.md) as attributes.
     """
 
     def __init__(self, flown: _gerono.Flight, scenario: Any) -> None:
@@ -85,14 +85,14 @@ class Flight(Tables):
         return self._flown.digest
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write `run.mcap`, the bytes of `gerono run`, and `summary.json` into a folder; return the log's path."""
+        """Write `run.mcap`, byte for byte that of `gerono run`, and `summary.json` into a folder; return the log's path."""
         return self._flown.save(Path(folder))
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError("a Flight is not pickled: save it with `Flight.save`, and open it with `gerono.Log`")
+        raise TypeError("a Flight cannot be pickled: save it with `Flight.save`, and open it with `gerono.Log`")
 
     def __copy__(self) -> Flight:
-        return self  # nothing changes it
+        return self  # immutable
 
     def __deepcopy__(self, memo: object) -> Flight:
         return self
@@ -104,10 +104,10 @@ class Flight(Tables):
 
 
 class Log(Tables):
-    """The log of a flight: simulated or real, whole or damaged.
+    """The log of a simulated or real flight, complete or damaged.
 
-    `path` is a log or the folder of a run. Of a log that is cut off or damaged, what comes before the damage is
-    there, and `damage` says what is not.
+    `path` is a log or the folder of a run. A truncated or damaged log has the samples before the damage, and `damage`
+    describes the loss.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -119,7 +119,7 @@ class Log(Tables):
 
     @property
     def damage(self) -> str | None:
-        """What is missing of a log that is damaged or cut off, or None of a whole one; it is read for this."""
+        """Loss of data of a damaged or truncated log, or None; reads the log."""
         if not self._read:
             self["run/events"]
         return self._damage
@@ -131,7 +131,7 @@ class Log(Tables):
 
     @cached_property
     def summary(self) -> Any:
-        """What `summary.json` beside the log says, or None without one."""
+        """Content of `summary.json` beside the log, or None without one."""
         beside = self.path.parent / "summary.json"
         return namespace(beside.read_text()) if beside.exists() else None
 

@@ -10,44 +10,44 @@ import numpy as np
 
 from gerono.scenario import Observation, Scenario, Settings, Simulation, refuse_seed, settings_of
 
-# What the largest action means where the scenario's actuators do not say it: multiples of the weight, N m, rad/s.
+# The largest action if the scenario states no limits of its actuators: multiples of the weight, N m, rad/s.
 _THRUST_IN_WEIGHTS, _TORQUE, _RATE = 3.0, 0.1, 10.0
 
 
-def observe_errors(seen: Observation) -> np.ndarray:
+def observe_errors(observation: Observation) -> np.ndarray:
     """Return 18 numbers: position error z1, m, and velocity error, m/s, in {I}; R by rows; Ω in {B}, rad/s.
 
-    The velocity error is that to the reference along the path at its present pace.
+    The velocity error is relative to the velocity of the reference along the path.
     """
-    state, reference = seen.state, seen.reference
+    state, reference = observation.state, observation.reference
     if state is None or reference is None:
         return np.zeros(18)
     rotation = state["world_from_body"]
-    wanted = reference["derivative1_world"] * reference["gamma_dot"]
+    reference_velocity = reference["derivative1_world"] * reference["gamma_dot"]
     return np.concatenate(
         (
             state["position_world"] - reference["position_world"],
-            rotation @ state["velocity_body"] - wanted,
+            rotation @ state["velocity_body"] - reference_velocity,
             rotation.ravel(),
             state["angular_velocity_body"],
         )
     )
 
 
-def reward_distance(seen: Observation, action: np.ndarray) -> float:
+def reward_distance(observation: Observation, action: np.ndarray) -> float:
     """Return minus the distance from the path, m."""
-    if seen.state is None or seen.reference is None:
+    if observation.state is None or observation.reference is None:
         return 0.0
-    return -float(np.linalg.norm(seen.state["position_world"] - seen.reference["position_world"]))
+    return -float(np.linalg.norm(observation.state["position_world"] - observation.reference["position_world"]))
 
 
 class Env(gymnasium.Env[np.ndarray, np.ndarray]):
-    """A flight of a scenario, one period of the controller a step.
+    """A flight of a scenario; a step is one period of the controller.
 
-    An action is four numbers from −1 to 1: the thrust from none to the largest, and the torque or, where the scenario
-    has `[controller.rates]`, the body rates; `largest` has what 1 means, N and N m or rad/s. The episode terminates
-    when the vehicle is lost, and is truncated at the end of the flight. `reset(seed)` seeds the flight; without one
-    each episode has another flight, drawn from the last seed.
+    An action is four numbers from −1 to 1: the thrust from zero to the largest, and the torque or, if the scenario has
+    `[controller.rates]`, the body rates; `largest` has the values at 1, N and N m or rad/s. The episode terminates when
+    the vehicle is lost, and is truncated at the end of the flight. `reset(seed)` seeds the flight; without a seed each
+    episode draws another one.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
@@ -80,7 +80,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin a flight; `options={"set": …}` changes keys of its scenario besides."""
+        """Begin a flight; `options={"set": …}` changes further keys of its scenario."""
         super().reset(seed=seed)
         flight_seed = int(self.np_random.integers(1 << 62)) if seed is None else seed
         settings = self._set + settings_of((options or {}).get("set"))
@@ -89,13 +89,13 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Fly one period of the controller."""
-        follows = "rates_body" if self._has_rates else "torque_body"
+        commanded = "rates_body" if self._has_rates else "torque_body"
         turn = self.largest[1:] * action[1:]
-        seen = self._simulation.step(self.largest[0] * (action[0] + 1.0) / 2.0, **{follows: turn})
+        samples = self._simulation.step(self.largest[0] * (action[0] + 1.0) / 2.0, **{commanded: turn})
         lost = self._simulation.lost
         info = {"time": self._simulation.time} | ({"lost": lost} if lost else {})
-        observation = self._observe(seen)
-        return observation, self._reward(seen, action), lost is not None, self._simulation.done, info
+        observation = self._observe(samples)
+        return observation, self._reward(samples, action), lost is not None, self._simulation.done, info
 
 
 def _largest(values: Mapping[str, Any], has_rates: bool) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Elementary functions with the same bytes on every machine, for controllers.
 
-Those of Python's `math` and of numpy are the machine's, and may differ in the last bit from one machine to another; so may
-sums of `@` and `numpy.dot`, whose order is the machine's. `+ - * /` and `sqrt` do not.
+Those of Python's `math` and of numpy come from the machine's libraries, and may differ in the last bit from one machine to
+another; so may `@` and `numpy.dot`, whose order of summation depends on the machine. `+ - * /` and `sqrt` do not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Scenarios, and the flights that are flown of them."""
+"""Scenarios and their flights."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Settings = Mapping[str, Any] | Iterable[str] | None
 
 
 def _text(text: str) -> str:
-    """Return a text as TOML, which knows no halves of surrogate pairs, and no bare control characters."""
+    """Return a text as TOML, which has no halves of surrogate pairs, and no bare control characters."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise ValueError(f"{text!r} has half of a surrogate pair, which is no character: leave it out") from error
+        raise ValueError(f"{text!r} has half of a surrogate pair, which is no character: remove it") from error
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -48,14 +48,14 @@ def toml_of(value: Any) -> str:
 
 
 def settings_of(settings: Settings) -> list[str]:
-    """Return settings as `--set` has them: from a mapping, or as they are."""
+    """Return settings as arguments of `--set`: from a mapping, or a list of them as it is."""
     if isinstance(settings, Mapping):
         return [f"{key}={toml_of(value)}" for key, value in settings.items()]
     if settings is None:
         return []
     texts = list(settings) if isinstance(settings, Iterable) and not isinstance(settings, str) else [settings]
     if isinstance(settings, str) or not all(isinstance(text, str) for text in texts):
-        raise TypeError(f"settings are a mapping, such as {{'duration': 1.0}}, or a list of texts, and not {settings!r}")
+        raise TypeError(f"settings are a mapping, such as {{'duration': 1.0}}, or a list of texts, not {settings!r}")
     return texts
 
 
@@ -66,15 +66,15 @@ def refuse_seed(sets: Iterable[str], reason: str) -> None:
 
 
 def _stated(settings: Settings, seed: int | None) -> list[str]:
-    """Return settings beside a seed."""
+    """Return settings; refuse a second seed among them."""
     sets = settings_of(settings)
     if seed is not None:
-        refuse_seed(sets, "the argument `seed` is another one; leave one of both out")
+        refuse_seed(sets, "the argument `seed` replaces it; remove one of them")
     return sets
 
 
 class Observation(NamedTuple):
-    """What a controller sees: the newest samples of `vehicle/state` and `path/reference`, or None before the first."""
+    """Inputs of a controller: the newest samples of `vehicle/state` and `path/reference`, or None before the first."""
 
     state: np.void | None
     reference: np.void | None
@@ -83,7 +83,7 @@ class Observation(NamedTuple):
 class Scenario:
     """A scenario: the file that `gerono run` flies, with the same checks and the same messages.
 
-    `text` replaces the content of the file, whose folder then only says where files are that it names.
+    `text` replaces the content of the file, whose folder is then only used to find the files that the scenario names.
     """
 
     def __init__(self, path: str | os.PathLike[str], text: str | None = None) -> None:
@@ -100,7 +100,7 @@ class Scenario:
         return self._scenario.text
 
     def values(self, set: Settings = None, seed: int | None = None) -> dict[str, Any]:  # noqa: A002
-        """Return all values of the scenario, SI units and rad, as docs/scenarios.md names them."""
+        """Return all values of the scenario by their keys (docs/scenarios.md), in SI units and rad."""
         values: dict[str, Any] = json.loads(self._scenario._json(_stated(set, seed), seed))
         return values
 
@@ -111,10 +111,10 @@ class Scenario:
         controller: Controller | None = None,
         topics: Iterable[str] | None = None,
     ) -> Flight:
-        """Fly in this process, as fast as it goes and without Python's lock; return the flight.
+        """Fly in this process, as fast as possible and without Python's lock; return the flight.
 
-        `set` changes keys, as `--set` does: `{"controller.k1": 5.0}`. `controller` flies instead of Gerono's law, whose
-        gains `set` may not change then.
+        `set` changes keys, as `--set` does: `{"controller.k1": 5.0}`. `controller` replaces the built-in law, whose gains
+        `set` may not change then.
         `topics` are recorded [default: all, which `Flight.save` and `Flight.digest` need].
         """
         sets = _stated(set, seed)
@@ -129,20 +129,20 @@ class Scenario:
         return Flight(flown, values)
 
     def _beside_own(self, sets: list[str], seed: int | None = None) -> list[str]:
-        """Return what settings need besides, so that a controller of the caller's can fly with them."""
-        # Only a program in place of Gerono's controller has telemetry of its own; this one is such a program.
+        """Return further settings that a controller in Python needs."""
+        # Telemetry needs a program in place of the controller, which a controller in Python is.
         program = ['programs.controller=["python"]']
         try:
             has_telemetry = self.values(sets + program, seed)["controller"].get("telemetry")
         except _gerono.ScenarioError:
-            return []  # what is wrong is told of the settings as they are stated
+            return []  # the caller reports errors of the settings
         return program if has_telemetry else []
 
     def _check_own(self, sets: list[str], varied: list[str]) -> None:
         self._scenario._check_own(sets, varied)
 
     def start(self, seed: int | None = None, set: Settings = None) -> Simulation:  # noqa: A002
-        """Begin a flight that is flown step by step, with commands from outside in place of Gerono's law."""
+        """Begin a flight that is advanced step by step, with commands passed to `step` instead of those of a law."""
         sets = _stated(set, seed)
         self._check_own(sets, [])
         has_rates = bool(self.values(sets, seed)["controller"].get("rates"))
@@ -156,21 +156,21 @@ class Scenario:
 
 
 def name_of(controller: Controller) -> str:
-    """Return what a log says of a controller: module and class."""
+    """Return the name of a controller in a log: module and class."""
     return f"{type(controller).__module__}.{type(controller).__qualname__}"
 
 
 def bridge_of(controller: Controller, values: Mapping[str, Any]) -> Bridge:
     """Return the bridge of a controller in a scenario."""
-    about = values["controller"]
-    return Bridge(controller, RATES if about.get("rates") else TORQUE, len(about.get("telemetry") or ()))
+    section = values["controller"]
+    return Bridge(controller, RATES if section.get("rates") else TORQUE, len(section.get("telemetry") or ()))
 
 
 class Simulation:
     """A flight between two steps of its controller.
 
-    `time` is that of the step that is due; the command given to `step` acts from there on, as that of a controller
-    in the flight would.
+    `time` is that of the next step; the command passed to `step` acts from there on, as that of a controller in the
+    flight would.
     """
 
     def __init__(self, simulation: _gerono.Simulation, has_rates: bool) -> None:
@@ -179,12 +179,12 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Time of the step that is due, s."""
+        """Time of the next step, s."""
         return self._simulation.time
 
     @property
     def done(self) -> bool:
-        """Whether the flight is at its end."""
+        """Whether the flight has ended."""
         return self._simulation.done
 
     @property
@@ -193,7 +193,7 @@ class Simulation:
         return self._simulation.lost
 
     def observe(self) -> Observation:
-        """Return what a controller sees now."""
+        """Return the present inputs of a controller."""
         return Observation(self["vehicle/state"], self["path/reference"])
 
     def step(
@@ -204,8 +204,8 @@ class Simulation:
     ) -> Observation:
         """Command a thrust, N, and a torque, N m, or body rates, rad/s, for one period of the controller.
 
-        Returns what the controller sees at its next step. A vehicle follows body rates where the scenario has
-        `[controller.rates]`, and torques elsewhere; what is left out is zero.
+        Returns the controller's inputs at its next step. The vehicle follows body rates if the scenario has
+        `[controller.rates]`, and torques otherwise; arguments left out are zero.
         """
         if (torque_body if self._has_rates else rates_body) is not None:
             given, followed = ("torque_body", "rates_body") if self._has_rates else ("rates_body", "torque_body")
@@ -214,7 +214,7 @@ class Simulation:
                 f"`{given}` has no effect, because the scenario {has} `[controller.rates]`: command `{followed}`"
             )
         if self.done:
-            self._simulation.save()  # which says so if a step has failed
+            self._simulation.save()  # raises if a step has failed
             raise RuntimeError("the flight is at its end: `restore` a snapshot, or `start` another flight")
         zero = (0.0, 0.0, 0.0)
         torque, rates = ([*map(float, zero if turn is None else turn)] for turn in (torque_body, rates_body))
@@ -222,21 +222,21 @@ class Simulation:
         return self.observe()
 
     def __getitem__(self, topic: str) -> np.void | None:
-        """Return the newest sample of a topic, or None before the first; `vehicle/truth` is what nobody knows."""
+        """Return the newest sample of a topic, or None before the first; no service receives `vehicle/truth`."""
         words = self._simulation._newest(topic)
         return None if words is None else samples_of(topic, words)[0]
 
     def save(self) -> _gerono.Snapshot:
-        """Return the state of all services and what is on its way between them, exact."""
+        """Return the exact state of all services and of the samples in transit between them."""
         return self._simulation.save()
 
     def restore(self, snapshot: _gerono.Snapshot) -> None:
-        """Go on from a saved state of this flight, any number of times; that of another one is a ValueError."""
+        """Restore a saved state of this flight, any number of times; that of another flight is a ValueError."""
         self._simulation.restore(snapshot)
 
     def __reduce__(self) -> NoReturn:
         raise TypeError(
-            "a Simulation is neither pickled nor copied: `start` another one of the same scenario and seed, and `restore` a "
+            "a Simulation cannot be pickled or copied: `start` another one with the same scenario and seed, and `restore` a "
             "snapshot of this one, or repeat its steps in another process"
         )
 
@@ -249,10 +249,10 @@ class Simulation:
 
 def _refuse_snapshot(snapshot: _gerono.Snapshot) -> NoReturn:
     raise TypeError(
-        "a Snapshot is neither pickled nor copied: it does not change, and any simulation of its flight in this process may "
+        "a Snapshot cannot be pickled or copied: it does not change, and any simulation of its flight in this process may "
         "`restore` it"
     )
 
 
-# It is compiled, so that it has no method of Python's.
+# A compiled class, to which no method can be added here.
 copyreg.pickle(_gerono.Snapshot, _refuse_snapshot)

@@ -1,4 +1,4 @@
-"""Sweeps: thousands of varied flights, their rows and their statistics."""
+"""Sweeps: thousands of flights with varied values, their rows and their statistics."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Make = Callable[[], Controller]
 
 
 def uniform(low: float, high: float, levels: int | None = None) -> Vary:
-    """Return what is drawn evenly between two bounds; in a grid it has five levels, or as many as stated."""
+    """Vary uniformly between two bounds; in a grid with five levels, or as many as stated."""
     return _stated(uniform=[low, high], levels=levels)
 
 
 def log_uniform(low: float, high: float, levels: int | None = None) -> Vary:
-    """Return what is drawn evenly in its logarithm between two positive bounds; levels as in `uniform`."""
+    """Vary log-uniformly between two positive bounds; levels as in `uniform`."""
     return _stated(log_uniform=[low, high], levels=levels)
 
 
@@ -40,7 +40,7 @@ def normal(
     max: float | None = None,  # noqa: A002
     levels: int | None = None,
 ) -> Vary:
-    """Return what is drawn from a normal distribution, cut off at bounds; levels as in `uniform`."""
+    """Vary by a normal distribution, truncated at bounds; levels as in `uniform`."""
     return _stated(normal=[mean, deviation], min=min, max=max, levels=levels)
 
 
@@ -49,12 +49,12 @@ def _stated(**values: Any) -> Vary:
 
 
 def choice(*values: Any) -> Vary:
-    """Return what is one of some values."""
+    """Vary between the given values."""
     return {"choice": list(values)}
 
 
 class Rate(NamedTuple):
-    """Share of flights that met a criterion, with its Wilson interval, which only random samples have; None if none was flown."""
+    """Share of flights that met a criterion, with its Wilson interval for random samples; None if none was flown."""
 
     value: float | None
     low: float | None
@@ -75,7 +75,7 @@ class Sweep:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         self.summary = namespace((self.folder / "sweep.json").read_text())
-        self._keep: Any = None
+        self._temporary_folder: Any = None
 
     @property
     def parquet(self) -> Path:
@@ -95,7 +95,7 @@ class Sweep:
         return polars.read_parquet(self.parquet)
 
     def rate(self, criterion: str = "survived", law: str | None = None) -> Rate:
-        """Return the share of flights that met a criterion; of several laws, of the first unless one is named."""
+        """Return the share of flights that met a criterion, of a law [default: the first]."""
         laws = {entry.name: entry for entry in self.summary.laws}
         if law is not None and law not in laws:
             raise KeyError(f"no {law!r} was compared; there are {', '.join(laws)}")
@@ -113,7 +113,7 @@ class Sweep:
         return f"<Sweep {self.folder}: {self.summary.samples} samples, survived: {survived}>"
 
 
-# Name of what flies where nothing is compared.
+# Name of the only law of a sweep that compares none.
 _ONLY = "as stated"
 
 
@@ -133,7 +133,7 @@ def sweep_text(
 ) -> str:
     """Return a sweep as the text of a `sweep.toml`.
 
-    `laws` has the settings of what is compared, and `own` the identities of controllers in Python, by law.
+    `laws` has the settings of the compared laws by name, and `own` the identities of controllers in Python.
     """
     own = own or {}
     lines = [f"scenario = {toml_of(str(scenario.path))}", f"seed = {seed}", f"method = {toml_of(method)}"]
@@ -172,16 +172,16 @@ def sweep(
 ) -> Sweep:
     """Fly a sweep in this process, on all cores or `jobs` of them, and return its results.
 
-    The arguments are the keys of `sweep.toml` (docs/sweeps.md) but `map`, and the rows those of `gerono sweep`. `vary` takes
-    `uniform`, `log_uniform`, `normal`, `choice`, a constant, an expression of other varied values, or a list of these;
-    `compare` has settings or controllers by name, all flown on the same samples: `{"mine": Mine, "indi":
-    {"controller.law": "indi"}}` has the paired statistics of a class and a law. In a `folder` an interrupted sweep goes
-    on where it was, a complete one is only read, and one of other values, code or build is refused;
-    without a folder the results live as long as the returned object.
+    The arguments are the keys of `sweep.toml` (docs/sweeps.md) except `map`, and the rows those of `gerono sweep`. `vary`
+    takes `uniform`, `log_uniform`, `normal`, `choice`, a constant, an expression of other varied values, or a list of
+    these; `compare` has settings or controllers by name, all flown on the same samples: `{"mine": Mine, "indi":
+    {"controller.law": "indi"}}` gives the paired statistics of a class and a law. In a `folder` an interrupted sweep
+    is continued, a complete one is only read, and one with other values, code or build is refused; without a folder the
+    results exist as long as the returned object.
 
-    A controller is made for each flight by a class, or a function; `controller` makes that of every law. Settings that
-    name another one, or gains of Gerono's own law, are refused where it flies. A flight that raises or is interrupted
-    leaves no row. Flights of such a sweep follow each other on one core, as Python's lock wants it; `multiprocessing`
+    A controller is made for each flight by a class or a function; `controller` makes that of every law. Its settings
+    may not choose another controller or set gains of a built-in law. A flight that raises or is interrupted
+    leaves no row. Flights of such a sweep follow one another on one core, because of Python's lock; `multiprocessing`
     with other `seed`s uses more.
     """
     makes = _makes(controller, compare)
@@ -191,28 +191,28 @@ def sweep(
     for stated in (sets, *laws.values()):
         refuse_seed(stated, "the argument `seed` gives each flight of a sweep its own")
     if jobs is not None and jobs < 1:
-        raise ValueError(f"a sweep flies on one core at least, not on {jobs}: leave `jobs` out for all of them")
+        raise ValueError(f"a sweep flies on one core at least, not on {jobs}: omit `jobs` for all cores")
     if makes and jobs not in (None, 1):
-        raise ValueError(f"flights of a controller in Python follow one another on one core, not on {jobs}: leave `jobs` out")
-    keep = None
+        raise ValueError(f"flights of a controller in Python follow one another on one core, not on {jobs}: omit `jobs`")
+    temporary_folder = None
     if folder is None:
-        keep = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
-        folder = keep.name
+        temporary_folder = tempfile.TemporaryDirectory(prefix="gerono-sweep-")
+        folder = temporary_folder.name
     if not makes:
         text = sweep_text(scenario, samples, seed, method, vary, laws, judge, require, sets, logs, rank)
         _gerono.run_sweep(text, scenario.path, scenario.text, Path(folder), jobs)
     else:
         if logs != "none":
-            raise ValueError("flights of a controller in Python keep no logs: fly the sample again and save it")
+            raise ValueError("flights of a controller in Python write no logs: fly the sample again and save it")
         values = {}
         for law in makes:
             own_sets = laws.get(law, sets)
             own_sets += scenario._beside_own(sets + laws.get(law, []))
-            of_law = sets + laws.get(law, [])
-            # What is varied is a setting as well.
+            law_settings = sets + laws.get(law, [])
+            # Varied keys are settings as well.
             varied = [f"{key}=0" for key in vary if key.partition(".")[0] == "controller"]
-            scenario._check_own(of_law, varied)
-            values[law] = scenario.values(of_law)
+            scenario._check_own(law_settings, varied)
+            values[law] = scenario.values(law_settings)
         first = {law: make() for law, make in makes.items()}
         for made in first.values():
             refuse_other(made)
@@ -228,29 +228,29 @@ def sweep(
             refuse_other(made)
             if numbers_of(made, shared.copy()) != numbers[law]:
                 raise RuntimeError(
-                    f"the controller of {law!r} is not the same at every call, and all its flights are one law's: make a new "
+                    f"the controller of {law!r} is not the same at every call, but all its flights count for one law: make a new "
                     "object with the same content each time"
                 )
             return bridge_of(made, values[law]), name_of(made)
 
         _gerono.sweep_with(text, scenario.path, scenario.text, Path(folder), make_own)
     results = Sweep(folder)
-    results._keep = keep
+    results._temporary_folder = temporary_folder
     return results
 
 
 def _makes(controller: Make | None, compare: Mapping[str, Settings | Make] | None) -> dict[str, Make]:
-    """Return the makers of controllers by the names of their laws."""
+    """Return the functions that make controllers, by law."""
     for entry in (controller, *(compare or {}).values()):
         if isinstance(entry, Controller):
             raise TypeError(
                 "a controller is made for each flight: pass the class or a function that makes one, not a "
-                f"{type(entry).__name__} that is made already"
+                f"{type(entry).__name__} object"
             )
     if controller is not None and not callable(controller):
         raise TypeError(f"`controller` is a class or a function that makes a controller, not {controller!r}")
     if controller is None:
         return {name: entry for name, entry in (compare or {}).items() if callable(entry)}
     if any(callable(entry) for entry in (compare or {}).values()):
-        raise ValueError("`controller` flies every law: name the classes in `compare` alone, or leave them out of it")
+        raise ValueError("`controller` flies every law: name classes in `compare` only, or only settings")
     return dict.fromkeys(compare or (_ONLY,), controller)

@@ -9,8 +9,7 @@ use shared_types::service::{ErasedService, InputView, OutputSlot};
 use shared_types::{Now, ServiceId};
 use zerocopy::IntoBytes;
 
-/// Controller of a flight. Its object is a `gerono._bridge.Bridge`: arrays for inputs and outputs, and a step without
-/// arguments.
+/// Controller of a flight, called through a `gerono.controller.Bridge`: arrays for inputs and outputs, and a step.
 pub(crate) struct PythonController {
     step: Py<PyAny>,
     pack: Py<PyAny>,
@@ -19,7 +18,7 @@ pub(crate) struct PythonController {
     inputs: Vec<Py<PyArray1<u64>>>,
     /// Command, adaptation, errors and telemetry.
     outputs: Vec<Py<PyArray1<u64>>>,
-    /// Numbers of the state.
+    /// Size of the state, in numbers.
     state: usize,
     error: Error,
 }
@@ -69,7 +68,7 @@ impl PythonController {
         })
     }
 
-    /// Returns the place of the first error.
+    /// Returns the slot for the first error.
     pub(crate) fn error(&self) -> Error {
         self.error.clone()
     }
@@ -102,7 +101,7 @@ impl PythonController {
             stepped?;
             return Err(crate::errors::other(
                 "the controller changed the floating-point mode in its step, which would change the last bits of all numbers; \
-                 set it back, or do not flush subnormal numbers to zero",
+                 restore the mode, or do not flush subnormal numbers to zero",
             ));
         }
         stepped?;
@@ -110,7 +109,7 @@ impl PythonController {
             if let Some(bytes) = slot.bytes.as_deref_mut() {
                 let array = array.bind(py).try_readonly()?;
                 let written = array.as_slice()?.as_bytes();
-                // The header is the host's.
+                // The host writes the header.
                 let header = size_of::<shared_types::Header>();
                 bytes[header..].copy_from_slice(&written[header..]);
             }
@@ -147,19 +146,19 @@ impl ErasedService for PythonController {
         self.state * size_of::<f64>()
     }
 
-    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
+    fn save_with(&self, write: &mut dyn FnMut(&[u8])) {
         let packed = Python::attach(|py| -> PyResult<Vec<f64>> { self.pack.call0(py)?.extract(py) });
         match packed {
-            Ok(state) if state.len() == self.state => keep(state.as_bytes()),
+            Ok(state) if state.len() == self.state => write(state.as_bytes()),
             Ok(_) => {
                 self.error.set(crate::errors::other(
-                    "the controller's state has changed its size",
+                    "the size of the controller's state has changed",
                 ));
-                keep(vec![0; self.state_size()].as_slice());
+                write(vec![0; self.state_size()].as_slice());
             }
             Err(error) => {
                 self.error.set(error);
-                keep(vec![0; self.state_size()].as_slice());
+                write(vec![0; self.state_size()].as_slice());
             }
         }
     }

@@ -10,31 +10,31 @@ use pyo3::types::{PyCFunction, PyDict};
 #[pyfunction]
 pub fn elementary_functions(python: Python<'_>) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
     let (one, two) = (PyDict::new(python), PyDict::new(python));
-    // Made once, when the module is imported.
-    let of_c = |name: &str| &*Box::leak(CString::new(name).expect("a name").into_boxed_c_str());
+    // Leaked once, when the module is imported.
+    let c_name = |name: &str| &*Box::leak(CString::new(name).expect("a name").into_boxed_c_str());
     for &(name, function) in UNARY {
-        let of = PyCFunction::new_closure(
+        let callable = PyCFunction::new_closure(
             python,
-            Some(of_c(name)),
+            Some(c_name(name)),
             None,
             move |arguments, _| -> PyResult<f64> {
                 let (x,): (f64,) = arguments.extract()?;
                 Ok(function(x))
             },
         )?;
-        one.set_item(name, of)?;
+        one.set_item(name, callable)?;
     }
     for &(name, function) in BINARY {
-        let of = PyCFunction::new_closure(
+        let callable = PyCFunction::new_closure(
             python,
-            Some(of_c(name)),
+            Some(c_name(name)),
             None,
             move |arguments, _| -> PyResult<f64> {
                 let (x, y): (f64, f64) = arguments.extract()?;
                 Ok(function(x, y))
             },
         )?;
-        two.set_item(name, of)?;
+        two.set_item(name, callable)?;
     }
     Ok((one, two))
 }

@@ -1,4 +1,4 @@
-//! Errors as Python sees them, with the words of the command.
+//! Exceptions of Python, with the messages of the command.
 
 use flight::failure::FlightFailure;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
@@ -26,20 +26,20 @@ fn text(diagnostic: &dyn Diagnostic) -> String {
 }
 
 /// Error of a scenario.
-pub(crate) fn of_scenario(error: &scenario_file::ScenarioError) -> PyErr {
+pub(crate) fn scenario(error: &scenario_file::ScenarioError) -> PyErr {
     ScenarioError::new_err(text(error))
 }
 
-/// Error of a scenario that cannot be flown as it is asked for.
+/// Error of a scenario that cannot be flown with the given arguments.
 pub(crate) fn refused(message: &str) -> PyErr {
     ScenarioError::new_err(message.to_owned())
 }
 
 /// Error of a sweep.
-pub(crate) fn of_sweep(error: &SweepError) -> PyErr {
+pub(crate) fn sweep(error: &SweepError) -> PyErr {
     let message = text(report_of(error).as_ref());
     match error {
-        SweepError::Scenario(error) => of_scenario(error),
+        SweepError::Scenario(error) => scenario(error),
         SweepError::Flight(FlightFailure::Refused(_)) | SweepError::BadInput(_) => {
             ScenarioError::new_err(message)
         }
@@ -48,7 +48,7 @@ pub(crate) fn of_sweep(error: &SweepError) -> PyErr {
     }
 }
 
-/// Error of anything else.
+/// Any other error.
 pub(crate) fn other(error: impl std::fmt::Display) -> PyErr {
     PyRuntimeError::new_err(error.to_string())
 }

@@ -1,4 +1,4 @@
-//! Flights that were flown in this process.
+//! Flights in this process.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub(crate) struct Flight {
     scenario: scenario::Scenario,
     has_all: bool,
     names: Vec<&'static str>,
-    /// Arrays that own the samples, made when they are first asked for.
+    /// Arrays that own the samples, created at the first access.
     arrays: Vec<Option<Py<PyArray1<u64>>>>,
     samples: Samples,
     summary: String,
@@ -43,23 +43,23 @@ impl Flight {
             .clone_ref(py)
     }
 
-    /// Hands the samples of all topics to `look`.
-    fn with_all<R>(&mut self, py: Python<'_>, look: impl FnOnce(&[(Topic, &[u64])]) -> R) -> PyResult<R> {
+    /// Passes the samples of all topics to `read`.
+    fn with_all<R>(&mut self, py: Python<'_>, read: impl FnOnce(&[(Topic, &[u64])]) -> R) -> PyResult<R> {
         if !self.has_all {
             return Err(PyValueError::new_err(
                 "not all topics were recorded: fly without `topics`",
             ));
         }
         let arrays = Topic::ALL.map(|topic| (topic, self.array(py, topic)));
-        let read: Vec<(Topic, PyReadonlyArray1<'_, u64>)> = arrays
+        let borrowed: Vec<(Topic, PyReadonlyArray1<'_, u64>)> = arrays
             .iter()
             .map(|(topic, array)| (*topic, array.bind(py).readonly()))
             .collect();
-        let slices: Result<Vec<(Topic, &[u64])>, _> = read
+        let slices: Result<Vec<(Topic, &[u64])>, _> = borrowed
             .iter()
             .map(|(topic, array)| array.as_slice().map(|slice| (*topic, slice)))
             .collect();
-        Ok(look(&slices.map_err(errors::other)?))
+        Ok(read(&slices.map_err(errors::other)?))
     }
 }
 
@@ -86,7 +86,7 @@ impl Flight {
         self.with_all(py, memory::digest)
     }
 
-    /// Write the log `run.mcap` into a folder: the bytes of `gerono run`.
+    /// Write the log `run.mcap` into a folder, byte for byte that of `gerono run`.
     fn save(&mut self, py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf> {
         std::fs::create_dir_all(&folder)?;
         if std::fs::read_dir(&folder)?.next().is_some() {
@@ -99,7 +99,7 @@ impl Flight {
             let mut log = RunLogWriter::create_result(&path, &manifest, Compression::None)?;
             memory::in_order(samples, |topic, bytes, ends_tick| {
                 if ends_tick {
-                    log.end_tick(u64::read_from_bytes(bytes).expect("the end of a tick has its number"))
+                    log.end_tick(u64::read_from_bytes(bytes).expect("the end of a tick comes with its number"))
                 } else {
                     log.write(topic, bytes)
                 }

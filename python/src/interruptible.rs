@@ -1,4 +1,4 @@
-//! Work without Python's lock that Ctrl-C ends.
+//! Work without Python's lock that Ctrl-C interrupts.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -7,18 +7,17 @@ use std::time::Duration;
 use flight::interrupt::Interrupt;
 use pyo3::prelude::*;
 
-/// Time between two looks at what signals have asked for.
+/// Period at which pending signals are checked.
 const PERIOD: Duration = Duration::from_millis(100);
 
 /// SIGINT.
 const CTRL_C: i32 = 2;
 
-/// Does `work` on a thread of its own, and lets this one handle signals meanwhile: Python's handlers run between two of its
-/// own steps only, and on its main thread.
+/// Runs `work` on another thread while this one handles signals: Python runs its handlers only between its own
+/// instructions, and on its main thread.
 ///
 /// # Errors
-/// What a handler of a signal has raised, such as KeyboardInterrupt. The work has ended then; it was asked to by the
-/// interrupt.
+/// The exception raised by a signal handler, such as KeyboardInterrupt; `work` has been interrupted and has ended.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&Interrupt) -> T + Send,
@@ -26,17 +25,17 @@ pub(crate) fn interruptible<T: Send>(
     let interrupt = Interrupt::never();
     let (done, raised) = py.detach(|| {
         std::thread::scope(|scope| {
-            let (at_work, end) = channel::<()>();
+            let (running, end) = channel::<()>();
             let worker = scope.spawn(|| {
-                // Dropped at the end, by a panic as well.
-                let _at_work = at_work;
+                // Dropped at the end, also by a panic.
+                let _running = running;
                 work(&interrupt)
             });
             let mut raised = None;
             while end.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
                 #[expect(
                     clippy::redundant_closure_for_method_calls,
-                    reason = "the method is of one lifetime, and the closure of any"
+                    reason = "the method has one lifetime, the closure any"
                 )]
                 let checked = Python::attach(|py| py.check_signals());
                 if let Err(error) = checked {

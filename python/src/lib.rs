@@ -1,11 +1,11 @@
-//! `_gerono`: what the Python package `gerono` is made of.
+//! `_gerono`: the compiled module of the Python package `gerono`.
 //!
-//! Flights in process release Python's lock; only a controller written in Python takes it, once a step. Samples are handed
-//! out as arrays of whole words without a copy; the package sees them as structured arrays.
+//! Flights in process release Python's lock; only a controller written in Python takes it, once a step. Samples are passed
+//! to Python as arrays of 64-bit words without a copy; the package views them as structured arrays.
 
 #![expect(
     clippy::needless_pass_by_value,
-    reason = "functions of Python own their arguments"
+    reason = "functions called from Python own their arguments"
 )]
 
 mod controller;

@@ -1,4 +1,4 @@
-//! Logs of flights: simulated and real ones, also those that were never closed.
+//! Logs of simulated and real flights, also those that were never closed.
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ impl Log {
         self.path.clone()
     }
 
-    /// What was lost, if the log was recovered.
+    /// The loss of data, if the log was recovered.
     #[getter]
     fn recovery(&self) -> Option<String> {
         self.recovery.clone()
@@ -61,9 +61,9 @@ impl Log {
             let mut samples = Samples::new(Some(&[topic]));
             loop {
                 match reader.next_sample() {
-                    Ok(Some(logged)) => samples.keep(logged.topic, logged.bytes),
+                    Ok(Some(logged)) => samples.add(logged.topic, logged.bytes),
                     Ok(None) => return Ok::<_, PyErr>((samples, None)),
-                    // What comes before the damage is whole.
+                    // The samples before the damage are complete.
                     Err(error) => return Ok((samples, Some(error.to_string()))),
                 }
             }

@@ -1,4 +1,4 @@
-//! Samples of a flight in memory: of each topic one after the other, in whole words.
+//! Samples of a flight in memory: those of each topic one after the other, as 64-bit words.
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
@@ -12,22 +12,21 @@ use zerocopy::IntoBytes;
 #[derive(Debug)]
 pub(crate) struct Samples {
     topics: Vec<Vec<u64>>,
-    /// `true` for topics that are kept.
-    wanted: [bool; Topic::ALL.len()],
+    is_recorded: [bool; Topic::ALL.len()],
 }
 
 impl Samples {
-    /// Makes a place for samples of some topics, or of all.
-    pub(crate) fn new(wanted: Option<&[Topic]>) -> Self {
+    /// Makes an empty record of the given topics, or of all.
+    pub(crate) fn new(recorded: Option<&[Topic]>) -> Self {
         Self {
             topics: vec![Vec::new(); Topic::ALL.len()],
-            wanted: Topic::ALL.map(|topic| wanted.is_none_or(|wanted| wanted.contains(&topic))),
+            is_recorded: Topic::ALL.map(|topic| recorded.is_none_or(|recorded| recorded.contains(&topic))),
         }
     }
 
-    /// Keeps a sample.
-    pub(crate) fn keep(&mut self, topic: Topic, bytes: &[u8]) {
-        if self.wanted[topic.index()] {
+    /// Adds a sample, if its topic is recorded.
+    pub(crate) fn add(&mut self, topic: Topic, bytes: &[u8]) {
+        if self.is_recorded[topic.index()] {
             let words = bytes
                 .as_chunks::<8>()
                 .0
@@ -37,25 +36,25 @@ impl Samples {
         }
     }
 
-    /// Returns whether all topics are kept.
+    /// Returns whether all topics are recorded.
     pub(crate) fn has_all(&self) -> bool {
-        self.wanted.iter().all(|wanted| *wanted)
+        self.is_recorded.iter().all(|is_recorded| *is_recorded)
     }
 
-    /// Returns the samples of a topic as an array of words that owns them: they are handed out once and not copied. They are
-    /// read-only, because they are the flight that is saved and hashed.
+    /// Moves the samples of a topic into an array of words, without a copy. It is read-only, because the flight is saved and
+    /// hashed from it.
     pub(crate) fn take<'py>(&mut self, py: Python<'py>, topic: Topic) -> Bound<'py, PyArray1<u64>> {
         let array = PyArray1::from_vec(py, std::mem::take(&mut self.topics[topic.index()]));
         array.readwrite().make_nonwriteable();
         array
     }
 
-    /// Returns the names of the topics of which there are samples.
+    /// Returns the names of the topics that have samples.
     pub(crate) fn names(&self) -> Vec<&'static str> {
-        let kept = Topic::ALL
+        let topics = Topic::ALL
             .into_iter()
             .filter(|topic| !self.topics[topic.index()].is_empty());
-        kept.map(Topic::name).collect()
+        topics.map(Topic::name).collect()
     }
 }
 
@@ -67,21 +66,21 @@ pub(crate) fn in_order<E>(
     let size = |topic: Topic| topic.kind().size / size_of::<u64>();
     let mut order: Vec<(Topic, &[u64])> = arrays.to_vec();
     order.sort_by_key(|(topic, _)| (*topic == Topic::RunEvent, topic.index()));
-    let mut places = vec![0; order.len()];
+    let mut offsets = vec![0; order.len()];
     loop {
-        let next = order.iter().zip(&places).filter_map(|((topic, words), place)| {
-            let sample = words.get(*place..*place + size(*topic))?;
+        let next = order.iter().zip(&offsets).filter_map(|((topic, words), offset)| {
+            let sample = words.get(*offset..*offset + size(*topic))?;
             Some(header_of(sample.as_bytes()).tick)
         });
         let Some(tick) = next.min() else {
             return Ok(());
         };
-        for ((topic, words), place) in order.iter().zip(&mut places) {
-            while let Some(sample) = words.get(*place..*place + size(*topic))
+        for ((topic, words), offset) in order.iter().zip(&mut offsets) {
+            while let Some(sample) = words.get(*offset..*offset + size(*topic))
                 && header_of(sample.as_bytes()).tick == tick
             {
                 sink(*topic, sample.as_bytes(), false)?;
-                *place += size(*topic);
+                *offset += size(*topic);
             }
         }
         // The end of the tick.
@@ -104,7 +103,7 @@ pub(crate) fn digest(arrays: &[(Topic, &[u64])]) -> String {
     }
 }
 
-/// Returns the topic of a name.
+/// Returns the topic with a name.
 pub(crate) fn topic_of(name: &str) -> PyResult<Topic> {
     Topic::from_name(name).ok_or_else(|| {
         let names = Topic::ALL.map(Topic::name).join(", ");

@@ -30,17 +30,17 @@ impl Scenario {
     /// Returns the scenario with settings and a seed.
     pub(crate) fn load(&self, sets: &[String], seed: Option<u64>) -> PyResult<scenario::Scenario> {
         scenario_file::load_from(&self.path, &self.text, sets, seed)
-            .map_err(|error| errors::of_scenario(&error))
+            .map_err(|error| errors::scenario(&error))
     }
 
     fn refuse_other_controllers(&self, scenario: &scenario::Scenario, sets: &[String]) -> PyResult<()> {
         if scenario.has_plugin(ServiceId::Controller) {
             return Err(errors::refused(
-                "a plug-in and a controller of Python cannot both fly: leave `plugins.controller` or the controller out",
+                "a plug-in and a controller in Python cannot both fly: remove `plugins.controller`, or pass no controller",
             ));
         }
         scenario_file::refuse_own_law(&self.path, &self.text, sets)
-            .map_err(|error| errors::of_scenario(&error))
+            .map_err(|error| errors::scenario(&error))
     }
 }
 
@@ -53,7 +53,7 @@ impl Scenario {
             Some(text) => text,
             None => {
                 std::fs::read_to_string(&path).map_err(|_| match scenario_file::load(&path, &[], None) {
-                    Err(error) => errors::of_scenario(&error),
+                    Err(error) => errors::scenario(&error),
                     Ok(_) => errors::other(format!("cannot read {}", path.display())),
                 })?
             }
@@ -96,14 +96,14 @@ impl Scenario {
         let mut own = None;
         if let Some((controller, name)) = controller {
             self.refuse_other_controllers(&scenario, &sets)?;
-            // The log says that another controller flew.
+            // Recorded in the log.
             scenario.programs = Some(Programs::own_controller(name));
             own = Some(PythonController::new(controller.bind(py))?);
         }
         fly(py, scenario, topics.as_deref(), own)
     }
 
-    /// Refuses settings, with which a controller of the caller's is to fly, that name another controller or its gains.
+    /// Refuses settings for a controller in Python that choose another controller or set its gains.
     fn _check_own(&self, sets: Vec<String>, varied: Vec<String>) -> PyResult<()> {
         let scenario = self.load(&sets, None)?;
         self.refuse_other_controllers(&scenario, &[sets, varied].concat())
@@ -131,8 +131,8 @@ fn fly(
     let flight = |interrupt: &Interrupt| {
         let schedule = flight::schedule_of(&scenario).map_err(|error| error.to_string())?;
         let mut samples = Samples::new(topics);
-        let mut keep = |topic: Topic, bytes: &[u8]| samples.keep(topic, bytes);
-        let mut sink = RecordingSink::new(&scenario, &schedule, None, Arc::default()).with_copy(&mut keep);
+        let mut add = |topic: Topic, bytes: &[u8]| samples.add(topic, bytes);
+        let mut sink = RecordingSink::new(&scenario, &schedule, None, Arc::default()).with_copy(&mut add);
         if let Some(failed) = &failed {
             sink = sink.until(|| failed.is_set());
         }

@@ -22,17 +22,17 @@ use crate::memory::topic_of;
 #[pyclass(module = "gerono", subclass)]
 pub(crate) struct Simulation {
     host: Mutex<InProcess>,
-    command: Arc<Mutex<Commanded>>,
+    command: Arc<Mutex<Command>>,
     judge: FlightSummary,
     tick_ns: u64,
     is_done: bool,
-    /// `true` once a step has failed: the flight stands within a tick, and only a restored state can go on.
+    /// `true` once a step has failed: the flight has stopped within a tick, and can only continue from a restored state.
     has_failed: bool,
-    /// The scenario as JSON: a state is one of its flight alone.
+    /// The scenario as JSON: a state can only be restored in a flight of the same scenario.
     scenario: Arc<str>,
 }
 
-/// State of a simulation, from which it can go on any number of times.
+/// State of a simulation, which can be restored any number of times.
 #[pyclass(frozen, module = "gerono")]
 pub(crate) struct Snapshot {
     state: FlightState,
@@ -43,29 +43,29 @@ pub(crate) struct Snapshot {
 
 /// Command that acts until the next step.
 #[derive(Clone, Copy, Debug, Default)]
-struct Commanded {
+struct Command {
     thrust: f64,
     torque_body: [f64; 3],
     rates_body: [f64; 3],
     mode: u32,
 }
 
-/// Controller that commands what it was told.
-struct Told(Arc<Mutex<Commanded>>);
+/// Controller that publishes the command passed to `step`.
+struct ExternalCommand(Arc<Mutex<Command>>);
 
-impl ErasedService for Told {
+impl ErasedService for ExternalCommand {
     fn id(&self) -> ServiceId {
         ServiceId::Controller
     }
 
     fn step(&mut self, _now: &Now, _inputs: &[InputView<'_>], outputs: &mut [OutputSlot<'_>]) {
         if let Some(bytes) = outputs[0].bytes.as_deref_mut() {
-            let told = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let given = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
             let command = ControlCommand::mut_from_bytes(bytes).expect("the first output is the command");
-            command.thrust = told.thrust;
-            command.torque_body = told.torque_body;
-            command.rates_body = told.rates_body;
-            command.mode = told.mode;
+            command.thrust = given.thrust;
+            command.torque_body = given.torque_body;
+            command.rates_body = given.rates_body;
+            command.mode = given.mode;
         }
     }
 
@@ -73,8 +73,8 @@ impl ErasedService for Told {
         0
     }
 
-    fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {
-        keep(&[]);
+    fn save_with(&self, write: &mut dyn FnMut(&[u8])) {
+        write(&[]);
     }
 
     fn restore(&mut self, _bytes: &[u8]) {}
@@ -95,15 +95,15 @@ impl TickSink for Judge<'_> {
 impl Simulation {
     pub(crate) fn new(scenario: &scenario::Scenario) -> PyResult<Self> {
         let mut host = in_process::host(scenario).map_err(errors::other)?;
-        let command = Arc::new(Mutex::new(Commanded {
+        let command = Arc::new(Mutex::new(Command {
             mode: if scenario.controller.rates.is_some() {
                 ControlCommand::MODE_RATES
             } else {
                 ControlCommand::MODE_TORQUE
             },
-            ..Commanded::default()
+            ..Command::default()
         }));
-        host.replace(Box::new(Told(Arc::clone(&command))));
+        host.replace(Box::new(ExternalCommand(Arc::clone(&command))));
         let judge = FlightSummary::new(scenario, host.schedule());
         let mut simulation = Self {
             tick_ns: host.schedule().tick_ns(),
@@ -131,7 +131,7 @@ impl Simulation {
         }
     }
 
-    /// Flies on to the next step of the controller.
+    /// Flies to the next step of the controller.
     fn advance(&mut self) -> PyResult<()> {
         let _mode = StandardFloatMode::enter();
         let Self {
@@ -143,7 +143,7 @@ impl Simulation {
         } = self;
         let host = host.get_mut().unwrap_or_else(PoisonError::into_inner);
         match host.fly_to(ServiceId::Controller, &mut Judge(judge)) {
-            Ok(goes_on) => *is_done = !goes_on,
+            Ok(continues) => *is_done = !continues,
             Err(FlightError::NonFinite(found)) => {
                 (*is_done, *has_failed) = (true, true);
                 let suspects = Suspects::of([ServiceId::Controller], &found);
@@ -157,14 +157,14 @@ impl Simulation {
 
 #[pymethods]
 impl Simulation {
-    /// Time of the controller's step that is due, s.
+    /// Time of the controller's next step, s.
     #[getter]
     fn time(&mut self) -> f64 {
         let tick = self.host().next_tick();
         seconds(tick * self.tick_ns)
     }
 
-    /// Whether the flight is at its end.
+    /// Whether the flight has ended.
     #[getter]
     fn done(&self) -> bool {
         self.is_done
@@ -208,7 +208,7 @@ impl Simulation {
         Ok(bytes.map(|bytes| PyArray1::from_vec(py, words(bytes))))
     }
 
-    /// Return the state of the whole flight, to the last bit.
+    /// Return the exact state of the whole flight.
     fn save(&mut self) -> PyResult<Snapshot> {
         self.refuse_failed()?;
         Ok(Snapshot {
@@ -219,7 +219,7 @@ impl Simulation {
         })
     }
 
-    /// Go back, or forth, to a state of this flight: of the same scenario with the same settings and the same seed.
+    /// Restore a state of this flight, earlier or later: of the same scenario with the same settings and the same seed.
     fn restore(&mut self, snapshot: &Snapshot) -> PyResult<()> {
         if snapshot.scenario != self.scenario {
             return Err(PyValueError::new_err(

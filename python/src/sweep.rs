@@ -24,11 +24,11 @@ pub(crate) fn run_sweep(
     interruptible(py, |interrupt| {
         sweep::library::run(text, scenario_path, scenario_text, &folder, jobs, interrupt)
     })?
-    .map_err(|error| errors::of_sweep(&error))
+    .map_err(|error| errors::sweep(&error))
 }
 
-/// As [`run_sweep`], with controllers of the caller's: `make` makes that of a flight from the name of its law, and None for a
-/// law of Gerono's own.
+/// As [`run_sweep`], with controllers written in Python: `make` gets the name of a law and returns the controller of one
+/// flight, or None for a built-in law.
 #[pyfunction]
 pub(crate) fn sweep_with(
     py: Python<'_>,
@@ -43,7 +43,7 @@ pub(crate) fn sweep_with(
     let flown = py.detach(|| {
         let mut own = |entry: &Entry| {
             let made = Python::attach(|py| {
-                // Flights of Gerono's own laws run no code of Python, which would see Ctrl-C.
+                // Flights of built-in laws run no Python code that would see Ctrl-C.
                 py.check_signals()?;
                 make_own(make.bind(py), &entry.name)
             });
@@ -67,7 +67,7 @@ pub(crate) fn sweep_with(
     let failed = last.and_then(|error| error.take());
     match (raised.or(failed), flown) {
         (Some(error), _) => Err(error),
-        (None, Err(error)) => Err(errors::of_sweep(&error)),
+        (None, Err(error)) => Err(errors::sweep(&error)),
         (None, Ok(())) => Ok(()),
     }
 }

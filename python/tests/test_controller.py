@@ -201,7 +201,7 @@ def test_whole_numbers_that_a_state_would_round_are_refused(hover, value):
     class Counts(controller.Hover):
         seed = value
 
-    with pytest.raises(ValueError, match=r"Counts\.seed has the whole number -?\d{16,}, .* exact up to 2\*\*53"):
+    with pytest.raises(ValueError, match=r"Counts\.seed is the integer -?\d{16,}, .* exact up to 2\*\*53"):
         hover.fly(controller=Counts(), set={"duration": 0.1})
     Counts.seed = 2**53
     assert hover.fly(controller=Counts(), set={"duration": 0.1}).summary.outcome == "completed"

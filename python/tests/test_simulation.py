@@ -127,6 +127,6 @@ def test_a_seed_is_given_once(fig1):
     for use in (fig1.fly, fig1.start, fig1.values):
         with pytest.raises(ValueError, match="`seed` in the settings has no effect: the argument `seed`"):
             use(seed=3, set={"seed": 5})
-        with pytest.raises(ValueError, match="leave one of both out"):
+        with pytest.raises(ValueError, match="remove one of them"):
             use(seed=3, set=["seed = 5"])
     assert fig1.values(set={"seed": 5})["seed"] == fig1.values(seed=5)["seed"] == 5
