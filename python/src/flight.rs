@@ -99,7 +99,9 @@ impl Flight {
             let mut log = RunLogWriter::create_result(&path, &manifest, Compression::None)?;
             memory::in_order(samples, |topic, bytes, ends_tick| {
                 if ends_tick {
-                    log.end_tick(u64::read_from_bytes(bytes).expect("the end of a tick comes with its number"))
+                    log.end_tick(
+                        u64::read_from_bytes(bytes).expect("the end of a tick comes with its number"),
+                    )
                 } else {
                     log.write(topic, bytes)
                 }

@@ -29,8 +29,7 @@ pub(crate) struct Scenario {
 impl Scenario {
     /// Returns the scenario with settings and a seed.
     pub(crate) fn load(&self, sets: &[String], seed: Option<u64>) -> PyResult<scenario::Scenario> {
-        scenario_file::load_from(&self.path, &self.text, sets, seed)
-            .map_err(|error| errors::scenario(&error))
+        scenario_file::load_from(&self.path, &self.text, sets, seed).map_err(|error| errors::scenario(&error))
     }
 
     fn refuse_other_controllers(&self, scenario: &scenario::Scenario, sets: &[String]) -> PyResult<()> {
@@ -39,8 +38,7 @@ impl Scenario {
                 "a plug-in and a controller in Python cannot both fly: remove `plugins.controller`, or pass no controller",
             ));
         }
-        scenario_file::refuse_own_law(&self.path, &self.text, sets)
-            .map_err(|error| errors::scenario(&error))
+        scenario_file::refuse_own_law(&self.path, &self.text, sets).map_err(|error| errors::scenario(&error))
     }
 }
 
