@@ -1,7 +1,8 @@
 //! External services: one that keeps the process contract flies as the service itself would,
 //! and what becomes of those that do not.
 //!
-//! The external services are processes of this very test, which `an_external_service` is when it finds itself started as one, and shells.
+//! The external services are processes of this very test, which `an_external_service` is when it finds itself started as one,
+//! and shells.
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 

@@ -91,14 +91,14 @@ pub enum Command {
     /// Draw the distance from the path over time as an SVG figure.
     ///
     /// Several logs are drawn into one figure.
-    /// Draws the true distance; for a laboratory flight, which has no truth, the estimated one. The theorem's bound is drawn where
-    /// it applies, and planned faults are shaded.
+    /// Draws the true distance; for a laboratory flight, which has no truth, the estimated one. The theorem's bound is drawn
+    /// where it applies, and planned faults are shaded.
     Plot(Plot),
     /// Print the true distance from the path, part by part.
     ///
     /// Also for flights in the HIL simulator.
-    /// The distance is that of the true position from the reference point at the same time, at every tick, not the controller's z1,
-    /// which is based on an estimate. The truth is in the flight's log, or in that of `gerono world`.
+    /// The distance is that of the true position from the reference point at the same time, at every tick, not the
+    /// controller's z1, which is based on an estimate. The truth is in the flight's log, or in that of `gerono world`.
     /// Parts: 5 s before the scenario's first event (a fan, a change), from there to the last part, the last part, all.
     #[command(after_help = TruthArguments::EXAMPLES)]
     Truth(TruthArguments),
@@ -106,8 +106,8 @@ pub enum Command {
     ///
     /// Numbers are written exactly; those that are not finite are the words NaN, inf and -inf.
     ///
-    /// With --view, writes an MCAP file with every message of the log and the data that Foxglove, Lichtblick and Rerun need to show
-    /// the flight in space: frames, the vehicle, its trajectory and the reference (docs/viewing.md).
+    /// With --view, writes an MCAP file with every message of the log and the data that Foxglove, Lichtblick and Rerun need
+    /// to show the flight in space: frames, the vehicle, its trajectory and the reference (docs/viewing.md).
     #[command(after_help = Export::EXAMPLES)]
     Export(Export),
     /// Print the SHA-256 of a log's messages.
@@ -125,8 +125,8 @@ pub enum Command {
     ///
     /// The steps are repeated on their recorded inputs.
     /// Every service receives the recorded samples, so a difference identifies the service that made it. Works on logs of
-    /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The states of the
-    /// services are compared with the checkpoints in host.mcap, from which they resume after a gap in the log.
+    /// simulated and of real time (with host.mcap beside run.mcap), with planned faults, and on incomplete ones. The states
+    /// of the services are compared with the checkpoints in host.mcap, from which they resume after a gap in the log.
     #[command(after_help = Replay::EXAMPLES)]
     Replay(Replay),
     /// Compare two logs by topic.
@@ -165,8 +165,8 @@ pub enum Command {
     /// Fly thousands of varied scenarios, and evaluate the results.
     ///
     /// Flies on all cores or on a cluster.
-    /// A sweep.toml states the varied values, the compared laws and the criteria; docs/sweeps.md explains it. Sample i is a function
-    /// of the sweep and of i alone: shards are independent, and every row can be repeated.
+    /// A sweep.toml states the varied values, the compared laws and the criteria; docs/sweeps.md explains it. Sample i is a
+    /// function of the sweep and of i alone: shards are independent, and every row can be repeated.
     #[command(after_help = Sweep::EXAMPLES)]
     Sweep(Sweep),
     /// Simulate a laboratory: vehicle, cameras, receiver.
@@ -177,8 +177,8 @@ pub enum Command {
     /// received at a pseudo-terminal named `rc_output.transmitter.device` or at a socket. The flight, `gerono run --host
     /// realtime` with the same settings, shares nothing else with it.
     ///
-    /// Times in `[vehicle]` and `[cameras]` count from its start. Writes run.mcap with the truth, host.mcap with the start time, and
-    /// summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
+    /// Times in `[vehicle]` and `[cameras]` count from its start. Writes run.mcap with the truth, host.mcap with the start
+    /// time, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.
     #[command(after_help = HilSimulator::EXAMPLES, visible_alias = "hil")]
     World(HilSimulator),
     /// Diagnose a motion-capture system, or emulate one.
@@ -191,9 +191,9 @@ pub enum Command {
     Operator(OperatorCommand),
     /// Identify markers, delay and noise for the estimator, from a log.
     ///
-    /// Markers away from the centre of mass, frames that act later than modelled, and cameras noisier than stated make a laboratory
-    /// unstable, and are not visible in the vehicle's state. Fly a figure such as the eight for at least twenty seconds; the
-    /// table compares the scenario with the identified values, and the lines for the scenario are printed.
+    /// Markers away from the centre of mass, frames that act later than modelled, and cameras noisier than stated make a
+    /// laboratory unstable, and are not visible in the vehicle's state. Fly a figure such as the eight for at least twenty
+    /// seconds; the table compares the scenario with the identified values, and the lines for the scenario are printed.
     #[command(after_help = Identify::EXAMPLES)]
     Identify(Identify),
     /// Arm a flight in real time: motors idle, then it takes off.

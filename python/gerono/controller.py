@@ -190,7 +190,7 @@ def _frozen(value: Any) -> Any:
 
 
 class _Telemetry(np.ndarray):
-    """Array of the numbers that the scenario names; access beyond its end is an error, also by slices, which numpy cuts."""
+    """Array of the numbers that the scenario names; access beyond its end is an error, also in slices."""
 
     room: int
 

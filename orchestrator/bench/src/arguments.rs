@@ -22,9 +22,9 @@ pub struct GeronoBench {
 pub enum Measurement {
     /// Measure the cost of recording a sample, compared with the MCAP library alone, and the growth of memory.
     ///
-    /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed. Shown are
-    /// medians of the repetitions, and the median of the pairwise ratios of CPU time. Then MIN minutes of flight are recorded to
-    /// /dev/null, and the process's memory after a tenth of them is compared with that at the end.
+    /// The writer of run.mcap and the library itself write the same messages of Fig. 1 to memory, in turn, uncompressed.
+    /// Shown are medians of the repetitions, and the median of the pairwise ratios of CPU time. Then MIN minutes of flight
+    /// are recorded to /dev/null, and the process's memory after a tenth of them is compared with that at the end.
     #[command(after_help = BenchRecorder::EXAMPLES)]
     Recorder(BenchRecorder),
     /// Measure the effect of crashing services on a flight in real time and on the other services.
@@ -37,18 +37,18 @@ pub enum Measurement {
     Deaths(BenchDeaths),
     /// Measure the latency from a capture's packet on a socket to the serial frame that responds to it, in real time.
     ///
-    /// Runs a VRPN server and a receiver on a pseudo-terminal, and between them a flight at 1 kHz that takes off by the poses of the
-    /// server. Then the poses tilt slightly to and fro, eight times a second: the first frame that responds to a tilt is the response
-    /// to its capture. The bare hops for comparison only pass bytes on: through TCP, four times from process to process, and
-    /// through a pseudo-terminal.
+    /// Runs a VRPN server and a receiver on a pseudo-terminal, and between them a flight at 1 kHz that takes off by the poses
+    /// of the server. Then the poses tilt slightly to and fro, eight times a second: the first frame that responds to a tilt
+    /// is the response to its capture. The bare hops for comparison only pass bytes on: through TCP, four times from process
+    /// to process, and through a pseudo-terminal.
     ///
     /// Takes SECONDS and some 20 s.
     Laboratory(BenchLaboratory),
     /// Measure the vehicle steps per second of a sweep's flights, compared with other simulators.
     ///
-    /// Flies Fig. 1 for 60 s at 1 kHz, on one core and on all: by calling the five step functions in a row, in the in-process host,
-    /// and judged, which is a sweep's row without its text. With `--beside` other simulators run in turn with them: any command
-    /// whose last line of output is its number of steps per second. tests/peers/run.sh provides two.
+    /// Flies Fig. 1 for 60 s at 1 kHz, on one core and on all: by calling the five step functions in a row, in the in-process
+    /// host, and judged, which is a sweep's row without its text. With `--beside` other simulators run in turn with them: any
+    /// command whose last line of output is its number of steps per second. tests/peers/run.sh provides two.
     #[command(after_help = BenchSweep::EXAMPLES)]
     Sweep(BenchSweep),
 }

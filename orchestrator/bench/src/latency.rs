@@ -156,7 +156,8 @@ fn flight_of(seconds: u32) -> Result<Scenario> {
     Ok(flight)
 }
 
-/// Returns the reason why `SCHED_FIFO` is not available, if so. Tried in a temporary thread, so that this one keeps its scheduler.
+/// Returns the reason why `SCHED_FIFO` is not available, if so. Tried in a temporary thread, so that this one keeps its
+/// scheduler.
 fn fifo_refused() -> Option<String> {
     let tried = std::thread::spawn(|| deployment::use_scheduler(Scheduler::Fifo)).join();
     let error = tried.ok()?.err()?;
@@ -184,8 +185,8 @@ impl Setup<'_> {
         chain::four_hops(self.core, scheduler == Scheduler::Fifo, self.rounds).map_err(RunFailure::setup)
     }
 
-    /// Returns the timing in the summary of a flight. If the machine stalls for too long, the vehicle may be lost; the measurement
-    /// until then counts.
+    /// Returns the timing in the summary of a flight. If the machine stalls for too long, the vehicle may be lost; the
+    /// measurement until then counts.
     fn fly(&self, scheduler: Scheduler) -> Result<serde_json::Value> {
         let core = self.core.to_string();
         let mut options = vec!["--host", "realtime", "--core", &core];

@@ -358,8 +358,8 @@ impl TickSink for Nowhere {
     }
 }
 
-/// A folder for the logs of measurements, in shared memory if possible, since a disk's write-back would be measured otherwise. It is
-/// cleaned up like a run's shared memory if this process is killed.
+/// A folder for the logs of measurements, in shared memory if possible, since a disk's write-back would be measured
+/// otherwise. It is cleaned up like a run's shared memory if this process is killed.
 pub(super) struct Scratch {
     root: RunRoot,
 }

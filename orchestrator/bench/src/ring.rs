@@ -1,8 +1,9 @@
-//! iceoryx2 alone: the processes, topics, edges and sizes of a lock-step flight through the bare API. The floor of lock-step flight.
+//! iceoryx2 alone: the processes, topics, edges and sizes of a lock-step flight through the bare API. The floor of lock-step
+//! flight.
 //!
-//! Five processes on one core take turns. In its turn each receives the sample of each of its inputs, publishes one on each of its
-//! topics, and passes the turn on by a word of the shared page. A sixth process, like the recorder, subscribes to every topic and
-//! reads once a millisecond. No step is computed, and no sample is examined or stored.
+//! Five processes on one core take turns. In its turn each receives the sample of each of its inputs, publishes one on each
+//! of its topics, and passes the turn on by a word of the shared page. A sixth process, like the recorder, subscribes to
+//! every topic and reads once a millisecond. No step is computed, and no sample is examined or stored.
 
 use std::os::fd::AsFd;
 use std::process::{Child, Stdio};
@@ -31,8 +32,8 @@ const FIRST_DOORBELL_FD: i32 = 4;
 /// Period at which the sixth process reads, as the recorder does.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
 
-/// Measures the thousands of rounds per second of a ring on `core`, in a separate process, since a process can take part in one run
-/// only.
+/// Measures the thousands of rounds per second of a ring on `core`, in a separate process, since a process can take part in
+/// one run only.
 ///
 /// # Errors
 /// If the system does not permit it.
@@ -279,8 +280,8 @@ fn run_member(arguments: &RingMember) -> Result<(), Box<dyn std::error::Error + 
     let turns = |index: usize| block.cells[index].steps_until.load(Ordering::Acquire);
     if arguments.wait == RingWait::Yield {
         doorbells[me].sleep();
-        // Under FIFO, yields preserve the order of the run queue: the first member wakes the others in the order of the ring before
-        // it yields itself.
+        // Under FIFO, yields preserve the order of the run queue: the first member wakes the others in the order of the ring
+        // before it yields itself.
         let others = if me == 0 { &doorbells[1..] } else { &[] };
         others.iter().for_each(Doorbell::ring);
     }

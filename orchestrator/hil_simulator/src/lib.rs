@@ -6,8 +6,8 @@
 //! flight: estimator ◀── poses: VRPN, NatNet, Vicon ───────── cameras ◀──────────┘
 //! ```
 //!
-//! The simulator shares only the scenario with the flight. It simulates the same plant, paced by the system's clock: tick k begins
-//! k·h after the first, and frames that arrive later do not act in it.
+//! The simulator shares only the scenario with the flight. It simulates the same plant, paced by the system's clock: tick k
+//! begins k·h after the first, and frames that arrive later do not act in it.
 //!
 //! * [`mod@receiver_input`]: the port at which frames arrive;
 //! * [`radio`]: the receiver, with its latency;

@@ -1,7 +1,7 @@
 //! The receiver: decodes bytes to frames and delays them by the radio's latency.
 //!
-//! A frame acts a stated latency, that of the air link and the flight controller, after its last byte has arrived. Without a frame
-//! for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors.
+//! A frame acts a stated latency, that of the air link and the flight controller, after its last byte has arrived. Without a
+//! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors.
 
 use std::collections::VecDeque;
 

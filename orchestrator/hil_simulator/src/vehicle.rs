@@ -24,8 +24,8 @@ impl SimulatedVehicle {
         })
     }
 
-    /// Steps the plant over the time since the previous tick with `new_frame`, or else with the last frame. Returns the truth, and a
-    /// pose if `is_captured`.
+    /// Steps the plant over the time since the previous tick with `new_frame`, or else with the last frame. Returns the
+    /// truth, and a pose if `is_captured`.
     pub(super) fn step(
         &mut self,
         tick: u64,

@@ -1,8 +1,8 @@
 //! Calibration of a radio link from a log, as the paper did it for its vehicle.
 //!
-//! For each stick, thrust or body rate = offset + slope · travel is fitted. The travel is taken at the time at which it acts, with
-//! the model's lag (`history`). Thrust and rates are measured from the captured poses (`measured`), which every laboratory has,
-//! or taken from the simulated truth.
+//! For each stick, thrust or body rate = offset + slope · travel is fitted. The travel is taken at the time at which it acts,
+//! with the model's lag (`history`). Thrust and rates are measured from the captured poses (`measured`), which every
+//! laboratory has, or taken from the simulated truth.
 //!
 //! A stick that hardly moves is not identifiable: it explains little of the measured variance, and below [`EXPLAINS`] a fit must
 //! not be used. A short log is not sufficient either: gusts last for seconds, and the intervals are based on the differences
@@ -85,8 +85,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Returns whether the fit differs from the stated calibration: significantly, outside of the 99.9 % interval, and by more than
-    /// [`MATTERS`] of the slope.
+    /// Returns whether the fit differs from the stated calibration: significantly, outside of the 99.9 % interval, and by
+    /// more than [`MATTERS`] of the slope.
     #[must_use]
     pub fn differs(&self) -> bool {
         self.usable().is_some_and(|fit| {

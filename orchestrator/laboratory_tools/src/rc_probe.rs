@@ -21,8 +21,8 @@ const STEP: f64 = 0.01;
 /// Steps between two printed lines.
 const SHOWN_EVERY: u64 = 25;
 
-/// Tests the link of a scenario. Each stick moves from the middle to both ends and back in `seconds`; the thrust stick only if the
-/// link has an arming switch or the propellers are off.
+/// Tests the link of a scenario. Each stick moves from the middle to both ends and back in `seconds`; the thrust stick only
+/// if the link has an arming switch or the propellers are off.
 ///
 /// # Errors
 /// [`Failure`] if the scenario's link is simulated, or its device cannot be used.

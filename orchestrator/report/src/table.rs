@@ -19,8 +19,8 @@ pub(super) fn buckets(logs: usize) -> u64 {
 
 /// Channels of one topic over time.
 ///
-/// A bucket spans `samples_per_bucket` due samples of the topic. A series has two values of each bucket, the extremes in the order
-/// of time, or one if a bucket is a single sample; a bucket without samples has NaN.
+/// A bucket spans `samples_per_bucket` due samples of the topic. A series has two values of each bucket, the extremes in the
+/// order of time, or one if a bucket is a single sample; a bucket without samples has NaN.
 pub(super) struct Table {
     rate: Rate,
     tick_ns: u64,

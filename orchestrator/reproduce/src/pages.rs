@@ -66,8 +66,8 @@ impl FlightPage {
         format!("flight-{}", self.figure.name())
     }
 
-    /// Flies `scenario`, records it, writes the page of the log into `gallery`'s folder and removes the log, which is much larger.
-    /// Returns the traces of the flight; `None` if the flight was not completed.
+    /// Flies `scenario`, records it, writes the page of the log into `gallery`'s folder and removes the log, which is much
+    /// larger. Returns the traces of the flight; `None` if the flight was not completed.
     ///
     /// # Errors
     /// [`PageError`].

@@ -29,8 +29,9 @@ pub enum BenchMeasurement {
     ///
     /// Flies Fig. 1's ideal profile at 1 kHz with all services on one core: estimator, path generator, controller and rc
     /// output, four hops from process to process, each with a step and its samples. The floor is a bare chain: five processes on
-    /// that core pass on an iceoryx2 event four times, once per millisecond. Both are measured in turn: on idle cores, with a busy
-    /// process on another core, and with one on each of both; as ordinary processes, and under SCHED_FIFO if that is permitted.
+    /// that core pass on an iceoryx2 event four times, once per millisecond. Both are measured in turn: on idle cores, with a
+    /// busy process on another core, and with one on each of both; as ordinary processes, and under SCHED_FIFO if that is
+    /// permitted.
     ///
     /// Times depend on the machine and its other load; the ratios to the floor much less. Shown are medians of the repetitions
     /// and of their pairwise ratios. p50 is the median of the frames, p99 their 99th percentile. On a quiet machine expect some

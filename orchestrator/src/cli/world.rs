@@ -23,8 +23,8 @@ pub struct HilSimulator {
     /// waiting time of a command].
     #[arg(long, value_name = "S", value_parser = between(0.0, 1.0, "s"))]
     pub radio_latency: Option<f64>,
-    /// Use Betaflight, built for simulation, as the onboard autopilot, by its simulator interface on the loopback; the flight's link
-    /// connects to it directly.
+    /// Use Betaflight, built for simulation, as the onboard autopilot, by its simulator interface on the loopback; the
+    /// flight's link connects to it directly.
     #[arg(long)]
     pub betaflight: bool,
     /// Distance of a rotor from the centre, for Betaflight, m.

@@ -126,8 +126,8 @@ fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
     Ok(cases)
 }
 
-/// Flies the scenario without a fault and then all cells, with `--processes` twice. Returns the results, and descriptions of where
-/// the processes differ.
+/// Flies the scenario without a fault and then all cells, with `--processes` twice. Returns the results, and descriptions of
+/// where the processes differ.
 fn fly_all(
     arguments: &Faults,
     scenario: &Scenario,

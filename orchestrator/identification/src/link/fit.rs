@@ -27,8 +27,8 @@ pub struct Fit {
     pub offset: f64,
     /// Value per unit of travel, N or rad/s.
     pub slope: f64,
-    /// Half-widths of the 95 % intervals of offset and slope: for independent residuals or for clustered ones, whichever is wider.
-    /// Residuals are clustered because windows overlap and gusts last.
+    /// Half-widths of the 95 % intervals of offset and slope: for independent residuals or for clustered ones, whichever is
+    /// wider. Residuals are clustered because windows overlap and gusts last.
     pub errors: [f64; 2],
     /// Half-widths of the 99.9 % intervals.
     pub certain: [f64; 2],
@@ -59,8 +59,8 @@ impl Fit {
         CLUSTERS * cluster
     }
 
-    /// Fits a line to points. Returns `None` if there are fewer than `Fit::min_points`, or if travel or instrument vary in a single
-    /// cluster only. `cluster` is the number of neighbours whose residuals may be correlated.
+    /// Fits a line to points. Returns `None` if there are fewer than `Fit::min_points`, or if travel or instrument vary in a
+    /// single cluster only. `cluster` is the number of neighbours whose residuals may be correlated.
     #[must_use]
     pub fn new(points: &[Point], cluster: usize) -> Option<Self> {
         if points.len() < Self::min_points(cluster) {

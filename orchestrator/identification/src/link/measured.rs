@@ -1,11 +1,11 @@
 //! Measured thrust and body rates with the sticks that commanded them: points (travel, value) for each stick.
 //!
-//! * From poses, the rates follow from the rotation between captures a tenth of a second apart. The thrust needs the acceleration,
-//!   and differences of noisy positions are too coarse for it: with a smooth weight φ that vanishes at the ends of a window,
-//!   ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. With a fixed direction n, m ∫φ (g − p̈)·n = ∫φ T n·R e₃: the
-//!   thrust is weighted by the angle between n and the turning thrust axis. A disturbance along the thrust axis counts as
-//!   thrust, and the controller moves the stick against it. The desired thrust of the path is correlated with the stick and not
-//!   with disturbances, and is the instrument of the fit.
+//! * From poses, the rates follow from the rotation between captures a tenth of a second apart. The thrust needs the
+//!   acceleration, and differences of noisy positions are too coarse for it: with a smooth weight φ that vanishes at the ends
+//!   of a window, ∫φ p̈ = ∫φ̈ p, so that only the weight is differentiated. With a fixed direction n, m ∫φ (g − p̈)·n = ∫φ T
+//!   n·R e₃: the thrust is weighted by the angle between n and the turning thrust axis. A disturbance along the thrust axis
+//!   counts as thrust, and the controller moves the stick against it. The desired thrust of the path is correlated with the
+//!   stick and not with disturbances, and is the instrument of the fit.
 //! * From the truth, both are read directly.
 
 use nalgebra::{Matrix3, Vector3};

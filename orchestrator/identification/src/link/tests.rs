@@ -238,8 +238,8 @@ fn the_intervals_of_flights_with_a_wrong_link_hold_the_truth() {
     );
 }
 
-/// Returns which true values of a flight with a correct link are outside their intervals, for offset and slope of each stick, with
-/// the number of intervals.
+/// Returns which true values of a flight with a correct link are outside their intervals, for offset and slope of each stick,
+/// with the number of intervals.
 fn missed_of_a_right_link(found: &Identification) -> (Vec<String>, usize) {
     let fits = || {
         found

@@ -228,8 +228,8 @@ impl Recording {
     }
 }
 
-/// Returns the logarithm of the determinant of the covariance Z of the last innovation. After its correction the pose of the state
-/// has the covariance V − V Z⁻¹ V, where V is that of the captures.
+/// Returns the logarithm of the determinant of the covariance Z of the last innovation. After its correction the pose of the
+/// state has the covariance V − V Z⁻¹ V, where V is that of the captures.
 fn log_determinant(filter: &KalmanFilter, kalman: &Kalman) -> f64 {
     let variances =
         [kalman.position_deviation, kalman.attitude_deviation].map(|deviation| deviation * deviation);

@@ -1,8 +1,8 @@
 //! Marker offset and delay by the prediction-error method, with empirical intervals.
 //!
-//! The whitened innovations of the captures are a function of the filter settings. Gauss–Newton minimises the sum of their squares,
-//! and the process noise is chosen by maximum likelihood. The mass is estimated as well, for every block of some seconds: it may
-//! change in flight, and a wrong mass resembles an offset, because both scale the acceleration by tilt.
+//! The whitened innovations of the captures are a function of the filter settings. Gauss–Newton minimises the sum of their
+//! squares, and the process noise is chosen by maximum likelihood. The mass is estimated as well, for every block of some
+//! seconds: it may change in flight, and a wrong mass resembles an offset, because both scale the acceleration by tilt.
 //!
 //! Intervals are based on the sandwich estimate of the covariance, from sums of the gradient over one second each. They hold with
 //! turbulence, a quantised link and wrong noise parameters of the filter, where the curvature alone is too optimistic.
