@@ -127,7 +127,12 @@ fn run_member(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync
             let quantiles = Quantiles::of(&times).ok_or("no event has reached the end of the chain")?;
             print(serde_json::to_string(&quantiles)?);
         }
-        _ => pass_on(&hop(&node, me - 1)?.open()?, &hop(&node, me)?.create()?, block, me)?,
+        _ => pass_on(
+            &hop(&node, me - 1)?.open()?,
+            &hop(&node, me)?.create()?,
+            block,
+            me,
+        )?,
     }
     Ok(())
 }

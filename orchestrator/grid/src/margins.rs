@@ -237,9 +237,9 @@ mod tests {
         let base = Base::load(None).unwrap();
         let heavy = ["vehicle.change.0.mass=0.6".to_owned()];
         let failure = base.scenario(&heavy, 1).unwrap_err();
-        let lost = beyond_the_vehicle(failure, &[7]).unwrap();
+        let lost = infeasible_value(failure, &[7]).unwrap();
         assert!(lost.reason.contains("5.886 N"), "{lost:?}");
         let failure = base.scenario(&["controller.k9=1.0".to_owned()], 1).unwrap_err();
-        assert!(beyond_the_vehicle(failure, &[7]).is_err());
+        assert!(infeasible_value(failure, &[7]).is_err());
     }
 }

@@ -273,7 +273,7 @@ mod tests {
             marks.observe(Topic::ControlAdaptation, adaptation.as_bytes());
         }
         let marks = marks.finish(&scenario(0.01, 5.0), 5.0);
-        assert_eq!(marks.len(), MOST_MARKS);
+        assert_eq!(marks.len(), MAX_MARKS);
         assert_eq!(marks[0].text, "the controller holds its last command");
     }
 }

@@ -11,7 +11,7 @@ use report::text_table::latex_file;
 use reproduce::flight::FLIGHTS;
 use run_log::run_folder::RunFolder;
 
-use super::{Failure, print, resumes, write, write_json};
+use super::{Failure, print, print_resume_hint, write, write_json};
 use crate::cli::Grid;
 
 /// `gerono grid`.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Failure, print, resumes, write, write_json};
+use super::{Failure, print, print_resume_hint, write, write_json};
 use crate::cli::Reproduce;
 use command_line::exit::Exit;
 use command_line::interrupt;

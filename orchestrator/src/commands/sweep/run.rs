@@ -13,7 +13,7 @@ use sweep::prepared::Prepared;
 use sweep::run::{ShardFlown, fly_shard};
 use sweep::shard::{Shard, is_complete};
 
-use super::{failure, merge_and_tell};
+use super::{failure, merge_and_print};
 use crate::cli::SweepRun;
 use crate::commands::{Failure, note, print};
 
