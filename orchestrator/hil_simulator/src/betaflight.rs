@@ -83,7 +83,7 @@ impl Betaflight {
             sensors,
             rotors: Box::new(rotors),
             mixer: Box::new(mixer),
-            share: Lag::new(actuators.thrust_lag).gone(scenario.schedule.tick),
+            share: Lag::new(actuators.thrust_lag).covered(scenario.schedule.tick),
             commands: [0.0; MOTORS],
             motors: [0.0; MOTORS],
             link_loss: LinkLossTimer::default(),

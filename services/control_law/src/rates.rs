@@ -156,7 +156,7 @@ impl RollOut {
     /// Returns the rates to send: half way between those with the right mean without a lag, and those that bring the
     /// lagging rates to the right end, which alone would ring.
     fn rates_for(&self, now: &Vector3<f64>, end: &Vector3<f64>, mean: &Vector3<f64>) -> Vector3<f64> {
-        if !self.inverts_lags || self.rate_lag.follows_at_once() {
+        if !self.inverts_lags || self.rate_lag.is_instant() {
             return *mean;
         }
         let reaching = now.zip_map(end, |now, end| self.rate_lag.target(now, end, self.hold));

@@ -164,7 +164,7 @@ impl DeadReckoning {
             angular_velocity_body: bounded(state.angular_velocity_body.into()).into(),
             thrust,
             push_world: push.into(),
-            lasting_push_world: between(lasting, push, PUSH_LASTS.gone(airborne)).into(),
+            lasting_push_world: between(lasting, push, PUSH_LASTS.covered(airborne)).into(),
             began_ns: stamp_ns,
             has_begun: true.into(),
             pad0: [0; 7],
@@ -185,7 +185,7 @@ impl DeadReckoning {
         let mut motion = before.motion();
         let (mut thrust, mut push) = (before.thrust, Vector3::from(before.push_world));
         let lasting = Vector3::from(before.lasting_push_world);
-        let fading = PUSH_FADES.left(h);
+        let fading = PUSH_FADES.remaining(h);
         let mut left = count;
         while left >= 1.0 {
             let (r, omega_before) = (motion.world_from_body, motion.angular_velocity_body);
@@ -242,8 +242,8 @@ impl DeadReckoning {
                 let goal = Vector3::from(command.rates_body)
                     .zip_map(&rate_limits, |rate, limit| rate.max(-limit).min(limit));
                 (
-                    between(thrust, command.thrust.max(least).min(most), thrust_lag.gone(h)),
-                    bounded(between(*omega, goal, rate_lag.gone(h))),
+                    between(thrust, command.thrust.max(least).min(most), thrust_lag.covered(h)),
+                    bounded(between(*omega, goal, rate_lag.covered(h))),
                 )
             }
         }

@@ -11,24 +11,24 @@ use vehicle_model::rigid_body::{Body, Wrench};
 
 pub use rate_loop::RateLoop;
 
-/// Conversion of frames into thrust and rotation.
+/// Actuator model: converts frames into thrust and rotation.
 #[derive(Clone, Debug)]
 pub enum Actuators {
-    /// Thrust and torque follow the frame exactly and at once, without limits.
+    /// Thrust and torque equal those of the frame, without lag or limits.
     ///
-    /// They serve frames of `MODE_TORQUE`. A vehicle that follows body rates needs a rate loop, which these
-    /// actuators are not: a scenario that would send `MODE_RATES` to them is refused before the flight.
+    /// For frames of `MODE_TORQUE` only. Body rates need a rate loop: a scenario that sends `MODE_RATES` to ideal
+    /// actuators is refused before the flight.
     Ideal,
-    /// Thrust and body rates follow the frames that are received, as first-order lags within limits.
+    /// Thrust and body rates follow the received frames as first-order lags within limits.
     RateLoop(Box<RateLoop>),
 }
 
 /// Action of the actuators over a tick, about the centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
-    /// Thrust and torque are held.
+    /// Constant thrust and torque.
     Held(Wrench),
-    /// Thrust follows as a lag.
+    /// Thrust with a lag.
     Lagged {
         /// T, N.
         thrust: Approach,
@@ -40,14 +40,14 @@ pub enum Drive {
 /// Cause of the body's rotation over a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turning {
-    /// A torque that is held, and that of the thrust.
+    /// A constant torque, plus the torque of the thrust.
     Torque {
         /// τ in {B}, N m.
         torque_body: Vector3<f64>,
         /// Torque per thrust in {B}, m.
         thrust_lever: Vector3<f64>,
     },
-    /// The rate loop: each component of ω in {B}, rad/s, follows as a lag, whatever torque that takes.
+    /// The rate loop: each component of ω in {B}, rad/s, follows its setpoint with a lag. The torque is not modelled.
     Rates([Approach; 3]),
 }
 
@@ -55,9 +55,9 @@ impl Actuators {
     /// Makes the actuators of a scenario's vehicle.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
-        scenario.vehicle.actuators.as_ref().map_or(Self::Ideal, |stated| {
+        scenario.vehicle.actuators.as_ref().map_or(Self::Ideal, |config| {
             Self::RateLoop(Box::new(RateLoop::new(
-                stated,
+                config,
                 scenario.seed,
                 scenario.schedule.tick,
             )))
@@ -77,7 +77,7 @@ impl Actuators {
         })
     }
 
-    /// Returns the action over a tick on a body that turns with ω (in {B}, rad/s) at its begin; `newest` is the newest
+    /// Returns the action over a tick on a body that rotates with ω (in {B}, rad/s) at its start; `newest` is the newest
     /// frame that the radio delivered.
     #[must_use]
     pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
@@ -88,8 +88,8 @@ impl Actuators {
     }
 }
 
-/// Returns the wrench of ideal actuators, with the thrust through the body's origin. Without a frame the motors stand
-/// still: the vehicle falls freely.
+/// Returns the wrench of ideal actuators, with the thrust through the body's origin. Without a frame the motors are
+/// off and the vehicle falls freely.
 #[must_use]
 #[inline]
 pub fn ideal_wrench(newest: Option<&RcFrame>) -> Wrench {

@@ -1,16 +1,16 @@
-//! Air: drag, turbulence everywhere, and the jet of a fan.
+//! Air: drag, ambient turbulence, and the jet of a fan.
 //!
 //! ```text
 //! a = at + ( Fj(p) − R diag(d) Rᵀ va − c ‖va‖ va − (G(p) − 1) T R e3 ) / m,   va = Rv − w
 //! ```
 //!
 //! a acceleration in {I}, m/s²; at ambient turbulence, an acceleration independent of the mass; Fj force of the fan's
-//! jet, N ([`Jet`]); va velocity through the air, m/s, and w the wind; d drag, N s/m, along each body axis: rotors that
-//! advance through air are dragged by a force linear in the velocity (J.-M. Kai et al., "Nonlinear feedback control of
-//! quadrotors exploiting first-order drag effects", 2017); c parasitic drag of the body, N s²/m²; G ground
-//! effect ([`GroundEffect`]). p and v are those of the centre of mass, on which all of it acts: the air exerts no torque.
+//! jet, N ([`Jet`]); va airspeed, m/s, and w the wind; d drag, N s/m, along each body axis: rotors in forward flight
+//! have a drag linear in the velocity (J.-M. Kai et al., "Nonlinear feedback control of quadrotors exploiting first-order
+//! drag effects", 2017); c parasitic drag of the body, N s²/m²; G ground effect ([`GroundEffect`]). p and v are those of
+//! the centre of mass. All forces act there: the air exerts no torque.
 //!
-//! The parts that depend on time are held over a tick: a [`Wind`].
+//! The time-dependent parts are held over a tick, in a [`Wind`].
 
 mod dryden;
 mod fan;
@@ -42,7 +42,7 @@ pub struct Air {
     ground_effect: Option<GroundEffect>,
 }
 
-/// The air at a tick, and until the next.
+/// The air from one tick to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wind {
     /// d along the body axes, N s/m.
@@ -59,7 +59,7 @@ pub struct Wind {
     pub ground_effect: Option<GroundEffect>,
 }
 
-/// State of the air that continues from tick to tick.
+/// State of the air's random processes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gusts {
     /// at in {I}, m/s².
@@ -78,35 +78,36 @@ impl Air {
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let vehicle = &scenario.vehicle;
         let tick = scenario.schedule.tick;
-        let process = |stated: &scenario::Turbulence, stream| {
+        let process = |config: &scenario::Turbulence, stream| {
             let noise = Noise::new(scenario.seed, stream);
-            OrnsteinUhlenbeck::new(stated.deviation, stated.correlation_time, tick, noise)
+            OrnsteinUhlenbeck::new(config.deviation, config.correlation_time, tick, noise)
         };
         let wind = vehicle.wind.as_ref();
         let gusts = wind.and_then(|wind| wind.gusts.as_ref());
-        let dryden = wind.and_then(|wind| wind.dryden.as_ref().map(|stated| (stated, wind.mean.into())));
+        let dryden = wind.and_then(|wind| wind.dryden.as_ref().map(|config| (config, wind.mean.into())));
         let turbulence = vehicle.turbulence.as_ref();
         let air = Self {
             drag: vehicle.drag.into(),
             parasitic_drag: vehicle.parasitic_drag,
             wind: vehicle.wind.clone(),
-            gusts: gusts.map(|stated| process(stated, Stream::Gusts)),
-            dryden: dryden.map(|(stated, mean)| {
-                Dryden::new(stated, &mean, tick, Noise::new(scenario.seed, Stream::Dryden))
+            gusts: gusts.map(|config| process(config, Stream::Gusts)),
+            dryden: dryden.map(|(config, mean)| {
+                Dryden::new(config, &mean, tick, Noise::new(scenario.seed, Stream::Dryden))
             }),
-            turbulence: turbulence.map(|stated| process(stated, Stream::Turbulence)),
+            turbulence: turbulence.map(|config| process(config, Stream::Turbulence)),
             fan: vehicle
                 .fan
                 .as_ref()
-                .map(|stated| Fan::new(stated, scenario.seed, tick)),
+                .map(|config| Fan::new(config, scenario.seed, tick)),
             ground_effect: vehicle.ground_effect.as_ref().map(GroundEffect::new),
         };
-        let drags = air.drag != Vector3::zeros() || air.parasitic_drag != 0.0;
-        let exerts = drags || air.turbulence.is_some() || air.fan.is_some() || air.ground_effect.is_some();
-        exerts.then_some(air)
+        let has_drag = air.drag != Vector3::zeros() || air.parasitic_drag != 0.0;
+        let exerts_force =
+            has_drag || air.turbulence.is_some() || air.fan.is_some() || air.ground_effect.is_some();
+        exerts_force.then_some(air)
     }
 
-    /// Advances the turbulence by a tick, to `tick`.
+    /// Advances the random processes by a tick, to `tick`.
     pub fn advance(&mut self, tick: u64) {
         if let Some(turbulence) = &mut self.turbulence {
             turbulence.advance(tick);
@@ -122,7 +123,7 @@ impl Air {
         }
     }
 
-    /// Returns the air at a time of the flight, s, with the present turbulence.
+    /// Returns the air at a flight time, s, with the current turbulence.
     #[must_use]
     pub fn wind(&self, time: f64) -> Wind {
         Wind {
@@ -139,7 +140,7 @@ impl Air {
         }
     }
 
-    /// Returns the state that a continuation needs.
+    /// Returns the state of the random processes.
     #[must_use]
     pub fn gusts(&self) -> Gusts {
         let value = |process: Option<&OrnsteinUhlenbeck>| {
@@ -153,7 +154,7 @@ impl Air {
         }
     }
 
-    /// Continues from a saved state.
+    /// Restores a saved state.
     pub fn restore(&mut self, gusts: &Gusts) {
         if let Some(turbulence) = &mut self.turbulence {
             turbulence.restore(gusts.turbulence_world);
@@ -171,7 +172,7 @@ impl Air {
 }
 
 impl Wind {
-    /// Returns a in {I}, m/s², of a body of mass m (kg) under a thrust (N) whose centre moves like `motion`.
+    /// Returns a in {I}, m/s², for the motion of the centre of mass, the thrust (N) and the mass (kg).
     #[must_use]
     #[inline]
     pub fn acceleration(&self, motion: &Motion, thrust: f64, mass: f64) -> Vector3<f64> {

@@ -1,4 +1,4 @@
-//! Motion-capture system: its reports of the motion of the body's origin.
+//! Motion-capture cameras: they measure the motion of the body's origin.
 
 mod imperfect;
 
@@ -14,9 +14,9 @@ pub use imperfect::Imperfect;
 /// Camera model.
 #[derive(Clone, Debug)]
 pub enum CameraModel {
-    /// Cameras that always see the body, at once and without noise, and also measure its velocities.
+    /// Cameras without latency, noise or loss, which also measure velocities.
     Ideal,
-    /// Cameras that see poses, with noise, and not always.
+    /// Cameras that measure poses only, with noise and loss.
     Imperfect(Box<Imperfect>),
 }
 
@@ -24,13 +24,13 @@ impl CameraModel {
     /// Makes the cameras of a scenario.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
-        scenario.cameras.as_ref().map_or(Self::Ideal, |stated| {
-            Self::Imperfect(Box::new(Imperfect::new(stated, scenario.seed)))
+        scenario.cameras.as_ref().map_or(Self::Ideal, |config| {
+            Self::Imperfect(Box::new(Imperfect::new(config, scenario.seed)))
         })
     }
 
-    /// Writes the capture of a tick at which the origin moves like `origin` and its velocity has changed by
-    /// `acceleration_world`, in {I}, m/s², which ideal cameras do not use.
+    /// Writes the capture of a tick from the origin's motion and its acceleration over the last tick
+    /// (`acceleration_world`, in {I}, m/s²), which ideal cameras do not use.
     #[inline]
     pub fn capture(
         &mut self,

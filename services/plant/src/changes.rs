@@ -3,19 +3,19 @@
 use scenario::Scenario;
 use vehicle_model::rigid_body::{Body, Motion};
 
-/// Body over the course of a flight.
+/// Body parameters over the course of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Changes {
     initial: Body,
-    /// Each with the tick from which it is in force, in the order of ticks.
+    /// Bodies after the initial one with the tick from which each is in force, in ascending order.
     later: Vec<(u64, Body)>,
-    move_center: bool,
+    center_moves: bool,
 }
 
 impl Changes {
     /// Makes the body of a scenario's vehicle with its changes.
     ///
-    /// A change keeps what it does not state; of two changes at one tick the one stated last wins.
+    /// A change keeps the parameters that it does not state. Of two changes at the same tick the last one counts.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let vehicle = &scenario.vehicle;
@@ -25,13 +25,13 @@ impl Changes {
             disturbance_world: vehicle.disturbance.into(),
             center_of_mass: vehicle.center_of_mass.into(),
         };
-        let mut stated: Vec<_> = vehicle
+        let mut changes: Vec<_> = vehicle
             .change
             .iter()
             .map(|change| (scenario.tick_of(change.at), change))
             .collect();
-        stated.sort_by_key(|(tick, _)| *tick);
-        let later: Vec<_> = stated
+        changes.sort_by_key(|(tick, _)| *tick);
+        let later: Vec<_> = changes
             .into_iter()
             .scan(initial, |body, (tick, change)| {
                 *body = Body {
@@ -43,10 +43,10 @@ impl Changes {
                 Some((tick, *body))
             })
             .collect();
-        let moves_center = |(_, body): &(u64, Body)| body.center_of_mass != initial.center_of_mass;
+        let is_off_initial = |(_, body): &(u64, Body)| body.center_of_mass != initial.center_of_mass;
         Self {
             initial,
-            move_center: later.iter().any(moves_center),
+            center_moves: later.iter().any(is_off_initial),
             later,
         }
     }
@@ -55,14 +55,14 @@ impl Changes {
     #[must_use]
     #[inline]
     pub fn at(&self, tick: u64) -> &Body {
-        let begun = self.later.partition_point(|(from, _)| *from <= tick);
-        self.later[..begun].last().map_or(&self.initial, |(_, body)| body)
+        let count = self.later.partition_point(|(from, _)| *from <= tick);
+        self.later[..count].last().map_or(&self.initial, |(_, body)| body)
     }
 
-    /// Returns the motion of the centre of mass of the body in force from `to`. Until then the body in force from
-    /// `from` moved like `center`. The origin's motion is continuous, however the centre moves within the body.
+    /// Converts the motion of the centre of mass of the body in force at tick `from` to that of the body in force at tick
+    /// `to`. The origin's motion is continuous when the centre of mass shifts within the body.
     #[must_use]
-    pub fn passed_on(&self, center: &Motion, from: u64, to: u64) -> Motion {
+    pub fn with_center_at(&self, center: &Motion, from: u64, to: u64) -> Motion {
         let (before, after) = (self.at(from), self.at(to));
         if before.center_of_mass == after.center_of_mass {
             *center
@@ -74,7 +74,7 @@ impl Changes {
     /// Returns whether the centre of mass ever moves within the body.
     #[must_use]
     #[inline]
-    pub fn move_center(&self) -> bool {
-        self.move_center
+    pub fn center_moves(&self) -> bool {
+        self.center_moves
     }
 }

@@ -6,7 +6,7 @@ use vehicle_model::rigid_body::{Body, Motion, MotionRate};
 use crate::actuators::Drive;
 use crate::air::Wind;
 
-/// Causes of a motion.
+/// Everything that acts on the body over a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Dynamics<'a> {
     /// The body in force.
@@ -20,8 +20,8 @@ pub struct Dynamics<'a> {
 impl Dynamics<'_> {
     /// Returns the motion of the centre of mass a tick of `h` s later.
     ///
-    /// It converges with the fourth power of h: the lags are exact functions of the time within the step, and drag and
-    /// the jet's force are evaluated at every stage. Parts of the air that change with time are held.
+    /// The error is of fourth order in h: the lags are exact functions of the time within the step, and drag and the jet's
+    /// force are evaluated at every stage. The time-dependent parts of the air are held.
     #[must_use]
     pub fn advanced(&self, motion: &Motion, h: f64) -> Motion {
         let end = advanced(motion, h, |motion, stage| self.motion_rate(motion, stage));
@@ -34,8 +34,7 @@ impl Dynamics<'_> {
         }
     }
 
-    /// Returns the rate of the motion of the centre of mass and of the body about it: (1)–(4) in the wind, except ω if
-    /// a rate loop controls it.
+    /// Returns the rate of the motion: (1)–(4) with the forces of the air, and ω prescribed if there is a rate loop.
     #[must_use]
     pub fn motion_rate(&self, motion: &Motion, stage: Stage) -> MotionRate {
         let wrench = self.drive.wrench(stage);

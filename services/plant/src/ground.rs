@@ -1,8 +1,7 @@
-//! Ground of a flight with phases: a level plane that holds the vehicle and into which it does not sink.
+//! Ground of a flight with phases: a rigid, level plane at the initial height of the origin of {B}.
 //!
-//! It holds the origin of {B} at its initial height. A vehicle that touches it stops at once in all degrees of freedom:
-//! no bounce, no sliding, no tilting. A vehicle that stands on it keeps its pose until the forces lift it, and leaves
-//! the ground with its attitude.
+//! A vehicle that touches it stops immediately in all degrees of freedom: no bounce, no sliding, no tilting. A vehicle on
+//! the ground keeps its pose until the forces lift it.
 
 use nalgebra::Vector3;
 use scenario::Scenario;
@@ -11,13 +10,13 @@ use vehicle_model::rigid_body::{Motion, MotionRate};
 
 use crate::dynamics::Dynamics;
 
-/// Largest height above the ground, by rounding, of a vehicle that stands on it, m.
+/// Height up to which a vehicle counts as standing on the ground, to allow for rounding, m.
 const ROUNDING: f64 = 1e-9;
 
 /// Ground plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
-    /// z of the origin of {B} on it in {I}, m.
+    /// z in {I} of the origin of {B} on the ground, m.
     height: f64,
 }
 
@@ -45,7 +44,7 @@ impl Ground {
         }
     }
 
-    /// Returns whether the vehicle stands on the ground and the forces do not lift it.
+    /// Returns whether the vehicle stands on the ground and the net force does not lift it.
     #[must_use]
     pub fn holds(&self, dynamics: &Dynamics<'_>, motion: &Motion, rate: &MotionRate) -> bool {
         let origin = dynamics.body.origin_of(motion);

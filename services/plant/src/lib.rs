@@ -4,15 +4,15 @@
 //! * [`actuators`]: from the radio's frames to the forces and rates of the body, with lags, limits and lost frames;
 //! * [`air`]: drag, turbulence and a fan's jet;
 //! * [`dynamics`]: all of these together over a tick;
-//! * [`ground`]: support of the vehicle before and after a flight with phases;
+//! * [`ground`]: the ground before take-off and after landing;
 //! * [`changes`]: mass, inertia, centre of mass and disturbance at each tick;
-//! * [`cameras`]: from the motion to the reports of the motion-capture system;
-//! * [`PlantService`]: the step function, with the conventions of time.
+//! * [`cameras`]: the measurements of the motion-capture system;
+//! * [`PlantService`]: the step function, with the time conventions.
 //!
-//! Each module states its model: symbols, units, source. Unstated parts of a scenario are ideal, and cost no time.
-//! Every random number is a function of seed, stream and tick (a lost frame's: of its number).
+//! Each module states its model: symbols, units, source. Parts that a scenario does not state are ideal and cost no
+//! computing time. Every random number is a function of seed, stream and tick (the loss of a frame: of its number).
 //!
-//! The plant never fails: it flies every frame that a host delivers.
+//! The plant never fails, whatever frames it receives.
 
 pub mod actuators;
 pub mod air;

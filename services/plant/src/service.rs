@@ -4,8 +4,8 @@
 //! and in the air that are in force from tick k−1. A change at tick k is published in `truth(k)` and acts from
 //! k·h on. The published motion is that of the body's origin; the state is that of the centre of mass.
 //!
-//! A frame with a number that is not finite, or with an unknown mode, is not received, as a receiver drops a frame with
-//! a wrong checksum: the frame before goes on acting.
+//! A frame with a number that is not finite, or with an unknown mode, is dropped like a frame with a wrong checksum: the
+//! previous frame stays in effect.
 
 use std::ops::Range;
 
@@ -69,9 +69,9 @@ pub struct PlantService {
     air: Option<Air>,
     ground: Option<Ground>,
     cameras: CameraModel,
-    /// Of the centre of mass.
+    /// Motion of the centre of mass.
     motion: Motion,
-    /// The last valid frame; a vehicle with a rate loop keeps its frame itself.
+    /// The last valid frame of ideal actuators; a [`RateLoop`](crate::actuators::RateLoop) stores its own.
     received: Option<RcFrame>,
 }
 
@@ -93,7 +93,7 @@ impl PlantService {
         }
     }
 
-    /// Advances from the previous step to `now`, tick by tick, so that a change acts at exactly its tick and the
+    /// Advances from the previous step to `now`, tick by tick, so that a change acts exactly at its tick and the
     /// integration error does not depend on the period of the plant's steps. Returns the action over the last tick.
     fn advance(&mut self, now: &Now, newest: Option<&RcFrame>) -> Drive {
         let count = libm::round(now.elapsed() / self.tick).max(1.0);
@@ -101,15 +101,15 @@ impl PlantService {
         let ticks = now.tick.saturating_sub(whole(count))..now.tick;
         let received = newest.filter(|frame| frame.is_whole());
         if let Actuators::RateLoop(_) = self.actuators {
-            return self.advance_among_all(ticks, h, received);
+            return self.advance_with_all_models(ticks, h, received);
         }
         let acting = received.or(self.received.as_ref());
         let drive = if self.air.is_none() && self.ground.is_none() {
             let wrench = ideal_wrench(acting);
-            self.advance_ideally(ticks, h, &wrench)
+            self.advance_ideal(ticks, h, &wrench)
         } else {
             let acting = acting.copied();
-            self.advance_among_all(ticks, h, acting.as_ref())
+            self.advance_with_all_models(ticks, h, acting.as_ref())
         };
         if let Some(frame) = received {
             self.received = Some(*frame);
@@ -117,22 +117,22 @@ impl PlantService {
         drive
     }
 
-    /// Advances the ideal vehicle in still air, without the cost of the other models.
+    /// Advances a vehicle with ideal actuators in still air, without the cost of the other models.
     #[inline]
-    fn advance_ideally(&mut self, ticks: Range<u64>, h: f64, exerted: &Wrench) -> Drive {
+    fn advance_ideal(&mut self, ticks: Range<u64>, h: f64, exerted: &Wrench) -> Drive {
         let mut wrench = *exerted;
         for tick in ticks {
             let body = self.changes.at(tick);
             wrench = body.about_center(exerted);
             self.motion = advanced(&self.motion, h, |motion, _| body.motion_rate(motion, &wrench));
-            self.pass_center(tick, tick + 1);
+            self.shift_center(tick, tick + 1);
         }
         Drive::Held(wrench)
     }
 
-    /// Advances the vehicle with its actuators, in the air or on the ground.
+    /// Advances a vehicle with all models: actuators, air and ground.
     #[inline(never)]
-    fn advance_among_all(&mut self, ticks: Range<u64>, h: f64, newest: Option<&RcFrame>) -> Drive {
+    fn advance_with_all_models(&mut self, ticks: Range<u64>, h: f64, newest: Option<&RcFrame>) -> Drive {
         let mut drive = self.actuators.at_start();
         for tick in ticks {
             let (body, wind) = (self.changes.at(tick), self.wind(tick));
@@ -151,19 +151,19 @@ impl PlantService {
             if let Some(air) = &mut self.air {
                 air.advance(tick + 1);
             }
-            self.pass_center(tick, tick + 1);
+            self.shift_center(tick, tick + 1);
         }
         drive
     }
 
     #[inline]
-    fn pass_center(&mut self, from: u64, to: u64) {
-        if self.changes.move_center() {
-            self.motion = self.changes.passed_on(&self.motion, from, to);
+    fn shift_center(&mut self, from: u64, to: u64) {
+        if self.changes.center_moves() {
+            self.motion = self.changes.with_center_at(&self.motion, from, to);
         }
     }
 
-    /// Returns the air at a tick to which it has advanced.
+    /// Returns the air at the tick to which its random processes have advanced.
     #[inline]
     fn wind(&self, tick: u64) -> Option<Wind> {
         #[expect(clippy::cast_precision_loss, reason = "no flight has 2^53 ticks")]
@@ -171,7 +171,7 @@ impl PlantService {
         self.air.as_ref().map(|air| air.wind(time))
     }
 
-    /// Returns the origin's acceleration in {I} up to now, m/s², under the last action.
+    /// Returns the origin's current acceleration in {I}, m/s², under the last action.
     fn origin_acceleration(&self, acted: &Drive, now: &Now) -> Vector3<f64> {
         let body = self.changes.at(now.tick.saturating_sub(1));
         let wind = self.wind(now.tick);
@@ -196,12 +196,12 @@ impl Service for PlantService {
     type Outputs<'a> = PlantOutputs<'a>;
     type State = PlantState;
 
-    /// The first step publishes the initial state unchanged: nothing has acted yet.
+    /// The first step publishes the initial state unchanged.
     fn step(&mut self, now: &Now, inputs: &PlantInputs<'_>, outputs: &mut PlantOutputs<'_>) {
         let acted = if now.elapsed_ns > 0 {
             self.advance(now, inputs.frame.newest())
         } else {
-            self.pass_center(0, now.tick);
+            self.shift_center(0, now.tick);
             self.actuators.at_start()
         };
         let body = self.changes.at(now.tick);
@@ -209,15 +209,15 @@ impl Service for PlantService {
         if let Some(truth) = outputs.truth.due() {
             write_motion(&origin, truth);
             let wrench = acted.wrench(Stage::End);
-            write_acted(&wrench, truth);
+            write_wrench(&wrench, truth);
             write_body(body, truth);
             if let Some(wind) = self.wind(now.tick) {
-                let of_air = wind.acceleration(&self.motion, wrench.thrust, body.mass);
-                truth.disturbance_world = (body.disturbance_world + of_air).into();
+                let air_acceleration = wind.acceleration(&self.motion, wrench.thrust, body.mass);
+                truth.disturbance_world = (body.disturbance_world + air_acceleration).into();
             }
         }
         if let Some(pose) = outputs.pose.due() {
-            // Only cameras with a latency of exposure use the acceleration.
+            // Only cameras with trigger jitter use the acceleration.
             let acceleration_world = match self.cameras {
                 CameraModel::Ideal => Vector3::zeros(),
                 CameraModel::Imperfect(_) => self.origin_acceleration(&acted, now),
@@ -293,12 +293,12 @@ fn write_motion(origin: &Motion, truth: &mut VehicleTruth) {
 }
 
 /// Writes the wrench that acted until now, about the centre of mass.
-fn write_acted(wrench: &Wrench, truth: &mut VehicleTruth) {
+fn write_wrench(wrench: &Wrench, truth: &mut VehicleTruth) {
     truth.thrust = wrench.thrust;
     truth.torque_body = wrench.torque_body.into();
 }
 
-/// Writes the body that is in force from now on, in still air.
+/// Writes the body in force from now on, in still air.
 fn write_body(body: &Body, truth: &mut VehicleTruth) {
     truth.mass = body.mass;
     truth.inertia = body.inertia.into();

@@ -15,16 +15,16 @@ pub struct Lag {
     time_constant: f64,
 }
 
-/// Lag over steps of one length, with the exponentials computed once: a step evaluates it at three times.
+/// Lag over steps of a fixed length, with the exponentials of the three [`Stage`]s precomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LagOverStep {
     /// e^(−t/τ) at each [`Stage`].
-    left: [f64; 3],
-    /// 1/τ, 1/s; 0 without a lag, where no gap is left to close.
+    remaining: [f64; 3],
+    /// 1/τ, 1/s; 0 without a lag, so that the slope is 0.
     rate: f64,
 }
 
-/// Value that follows a lag, over a step.
+/// Response of a lag over one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     start: f64,
@@ -32,12 +32,12 @@ pub struct Approach {
     lag: LagOverStep,
 }
 
-/// Value that can lag behind: a number or a vector.
+/// Type that a lag can filter: a number or a vector.
 pub trait Linear: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self> {}
 
 impl<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<f64, Output = V>> Linear for V {}
 
-/// Returns the value at a share of the way from one to another.
+/// Interpolates linearly: `from` at share 0, `to` at share 1.
 #[must_use]
 #[inline]
 pub fn between<V: Linear>(from: V, to: V, share: f64) -> V {
@@ -55,54 +55,54 @@ impl Lag {
     /// Returns whether there is no lag: τ = 0.
     #[must_use]
     #[inline]
-    pub fn follows_at_once(self) -> bool {
+    pub fn is_instant(self) -> bool {
         self.time_constant <= 0.0
     }
 
-    /// Returns e^(−t/τ), the share of the way to a target that is left after `t` s.
+    /// Returns e^(−t/τ), the share of the distance to the target that remains after `t` s.
     #[must_use]
     #[inline]
-    pub fn left(self, t: f64) -> f64 {
-        if self.follows_at_once() {
+    pub fn remaining(self, t: f64) -> f64 {
+        if self.is_instant() {
             0.0
         } else {
             libm::exp(-t / self.time_constant)
         }
     }
 
-    /// Returns 1 − e^(−t/τ), the share of the way to a target that is done after `t` s.
+    /// Returns 1 − e^(−t/τ), the share of the distance to the target that is covered after `t` s.
     #[must_use]
     #[inline]
-    pub fn gone(self, t: f64) -> f64 {
-        if self.follows_at_once() {
+    pub fn covered(self, t: f64) -> f64 {
+        if self.is_instant() {
             1.0
         } else {
             -libm::expm1(-t / self.time_constant)
         }
     }
 
-    /// Returns the value after `t` s that follows `target` from `start` on.
+    /// Returns the response after `t` s to a constant `target`, from `start`.
     #[must_use]
     #[inline]
     pub fn end<V: Linear>(self, start: V, target: V, t: f64) -> V {
-        between(target, start, self.left(t))
+        between(target, start, self.remaining(t))
     }
 
-    /// Returns the mean over `t` > 0 s of a value that follows `target` from `start` on.
+    /// Returns the mean response over `t` > 0 s to a constant `target`, from `start`.
     #[must_use]
     #[inline]
     pub fn mean<V: Linear>(self, start: V, target: V, t: f64) -> V {
-        between(target, start, self.gone(t) / (t / self.time_constant))
+        between(target, start, self.covered(t) / (t / self.time_constant))
     }
 
-    /// Returns the target that a value must follow to get from `start` to `end` within `t` > 0 s.
+    /// Returns the constant target with which the response moves from `start` to `end` within `t` > 0 s.
     #[must_use]
     #[inline]
     pub fn target(self, start: f64, end: f64, t: f64) -> f64 {
-        if self.follows_at_once() {
+        if self.is_instant() {
             end
         } else {
-            start + (end - start) / self.gone(t)
+            start + (end - start) / self.covered(t)
         }
     }
 
@@ -110,8 +110,8 @@ impl Lag {
     #[must_use]
     pub fn over(self, h: f64) -> LagOverStep {
         LagOverStep {
-            left: [0.0, 0.5, 1.0].map(|share| self.left(share * h)),
-            rate: if self.follows_at_once() {
+            remaining: [0.0, 0.5, 1.0].map(|share| self.remaining(share * h)),
+            rate: if self.is_instant() {
                 0.0
             } else {
                 1.0 / self.time_constant
@@ -121,7 +121,7 @@ impl Lag {
 }
 
 impl LagOverStep {
-    /// Returns the way of a value from `start` towards `target`, over a step.
+    /// Returns the response from `start` towards `target` over a step.
     #[must_use]
     #[inline]
     pub fn approach(&self, start: f64, target: f64) -> Approach {
@@ -134,18 +134,18 @@ impl LagOverStep {
 }
 
 impl Approach {
-    /// Returns x, which lies between start and target to the last bit.
+    /// Returns x. Rounding never moves it past the target.
     #[must_use]
     #[inline]
     pub fn value(&self, stage: Stage) -> f64 {
-        between(self.target, self.start, self.lag.left[stage as usize])
+        between(self.target, self.start, self.lag.remaining[stage as usize])
     }
 
     /// Returns ẋ, per second.
     #[must_use]
     #[inline]
     pub fn slope(&self, stage: Stage) -> f64 {
-        -(self.start - self.target) * self.lag.left[stage as usize] * self.lag.rate
+        -(self.start - self.target) * self.lag.remaining[stage as usize] * self.lag.rate
     }
 }
 
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const STAGES: [Stage; 3] = [Stage::Begin, Stage::Middle, Stage::End];
+    const STAGES: [Stage; 3] = [Stage::Start, Stage::Middle, Stage::End];
 
     #[test]
     fn after_a_time_constant_a_gap_has_fallen_to_one_in_e() {
@@ -170,7 +170,11 @@ mod tests {
             assert_eq!((approach.value(stage), approach.slope(stage)), (2.0, 0.0));
         }
         assert_eq!(
-            [lag.end(5.0, 2.0, 1e-3), lag.mean(5.0, 2.0, 1e-3), lag.gone(1e-3)],
+            [
+                lag.end(5.0, 2.0, 1e-3),
+                lag.mean(5.0, 2.0, 1e-3),
+                lag.covered(1e-3)
+            ],
             [2.0, 2.0, 1.0]
         );
         assert_eq!(lag.target(5.0, 2.0, 1e-3), 2.0);
@@ -215,9 +219,9 @@ mod tests {
         }
 
         #[test]
-        fn the_done_and_the_left_share_are_the_whole_way(time_constant in 0.0..1.0f64, t in 0.0..10.0f64) {
+        fn the_covered_and_the_remaining_share_sum_to_one(time_constant in 0.0..1.0f64, t in 0.0..10.0f64) {
             let lag = Lag::new(time_constant);
-            let shares = [lag.gone(t), lag.left(t)];
+            let shares = [lag.covered(t), lag.remaining(t)];
             prop_assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{:?}", shares);
             prop_assert!((shares[0] + shares[1] - 1.0).abs() < 1e-15);
         }

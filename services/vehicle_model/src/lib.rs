@@ -1,10 +1,10 @@
-//! Vehicle model: the plant uses it with true parameters; filter, roll-out and dead reckoning with estimated ones.
+//! Vehicle model, used by the plant with true parameters, and by filter, roll-out and dead reckoning with estimates.
 //!
 //! * [`rigid_body`]: equations (1)–(4) as a pure vector field, and a centre of mass that is not the origin;
-//! * [`integrator`]: a fourth-order step along it that keeps R in SO(3);
-//! * [`cayley`]: the chart of SO(3) that it works in;
+//! * [`integrator`]: a fourth-order integrator that keeps R in SO(3);
+//! * [`cayley`]: its chart of SO(3);
 //! * [`lag`]: first-order lags, exact over a step;
-//! * [`rotors`]: the rotors as data, and the mixer and the allocation that follow.
+//! * [`rotors`]: rotor positions and coefficients, and the mixer and allocation derived from them.
 //!
 //! {I} has z down, {B} x forward, y right, z down. SI units and radians.
 

@@ -10,19 +10,19 @@
 //! d(Rv)/dt = R S(ω) v + R v̇ = g e3 + b − (T/m) R e3
 //! ```
 //!
-//! without the terms −S(ω)v, Rᵀe3 and Rᵀb. The motion is the same, a step costs half as much, and a fast
-//! rotation no longer brings its own integration error into the velocity: free fall is exact also in a tumble.
+//! without the terms −S(ω)v, Rᵀe3 and Rᵀb. The motion is the same, a step costs half as much, and the integration
+//! error of a fast rotation does not enter the velocity: free fall is exact even while tumbling.
 //!
 //! # A centre of mass that is not the origin of {B}
 //!
-//! p, v and a motion's rate are those of the centre of mass, for which (1)–(4) hold. It lies at c in {B} seen
-//! from the body's origin, the point that is tracked and controlled, whose motion is
+//! p, v and their rates are those of the centre of mass, for which (1)–(4) hold. Its position relative to the body's
+//! origin is c in {B}. The origin, the point that is tracked and controlled, moves as
 //!
 //! ```text
 //! po = p − R c        d(po)/dt = Rv − R(ω × c)        d²(po)/dt² = d(Rv)/dt − R(ω̇ × c + ω × (ω × c))
 //! ```
 //!
-//! Thrust acts through the origin, so that about the centre of mass it has the torque (−c) × (−T e3) = c × T e3.
+//! Thrust acts through the origin, so its torque about the centre of mass is (−c) × (−T e3) = c × T e3.
 
 use std::borrow::Cow;
 use std::ops::{Add, Mul};
@@ -32,7 +32,7 @@ use shared_types::GRAVITY;
 
 use crate::cayley;
 
-/// Parameters of the vehicle that the controller does not know.
+/// Physical parameters of the vehicle, unknown to the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// m, kg.
@@ -41,7 +41,7 @@ pub struct Body {
     pub inertia: Vector3<f64>,
     /// b, acceleration in {I}, m/s².
     pub disturbance_world: Vector3<f64>,
-    /// c, centre of mass in {B} seen from the body's origin, m.
+    /// c, centre of mass relative to the body's origin in {B}, m.
     pub center_of_mass: Vector3<f64>,
 }
 
@@ -87,16 +87,16 @@ pub fn free_fall(disturbance_world: &Vector3<f64>) -> Vector3<f64> {
     Vector3::z() * GRAVITY + disturbance_world
 }
 
-/// Returns d(Rv)/dt of (3) in {I}, m/s², under a thrust per mass T/m (m/s²), of a vehicle whose acceleration without
-/// thrust is `otherwise`: [`free_fall`], or less if the ground carries it.
+/// Returns d(Rv)/dt of (3) in {I}, m/s², for the specific thrust T/m (m/s²) and the acceleration without thrust
+/// (`unpowered`): [`free_fall`], or less if the ground supports the vehicle.
 #[must_use]
 #[inline]
 pub fn acceleration(
     world_from_body: &Matrix3<f64>,
     specific_thrust: f64,
-    otherwise: &Vector3<f64>,
+    unpowered: &Vector3<f64>,
 ) -> Vector3<f64> {
-    otherwise - world_from_body.column(2) * specific_thrust
+    unpowered - world_from_body.column(2) * specific_thrust
 }
 
 /// Returns ω × Jω, the torque (N m, in {B}) that keeps ω (rad/s) constant, J = Diag(`inertia`).
@@ -132,7 +132,7 @@ impl Body {
         }
     }
 
-    /// Returns the wrench about the centre of mass of one whose thrust acts through the origin: τ + c × T e3.
+    /// Converts a wrench whose thrust acts through the origin to one about the centre of mass: τ + c × T e3.
     #[must_use]
     #[inline]
     pub fn about_center(&self, wrench: &Wrench) -> Wrench {
@@ -152,7 +152,7 @@ impl Body {
         self.center_of_mass.cross(&Vector3::z())
     }
 
-    /// Returns the motion of the origin while the centre of mass moves like `center`.
+    /// Converts the motion of the centre of mass to that of the origin.
     #[must_use]
     #[inline]
     pub fn origin_of<'a>(&self, center: &'a Motion) -> Cow<'a, Motion> {
@@ -163,7 +163,7 @@ impl Body {
         }
     }
 
-    /// Returns the motion of the centre of mass while the origin moves like `origin`.
+    /// Converts the motion of the origin to that of the centre of mass.
     #[must_use]
     pub fn center_of(&self, origin: &Motion) -> Motion {
         if self.is_centered() {
@@ -173,7 +173,7 @@ impl Body {
         }
     }
 
-    /// Returns d²(po)/dt² in {I}, m/s², while the centre of mass moves like `center`, which changes like `rate`.
+    /// Returns the origin's acceleration d²(po)/dt² in {I}, m/s², from motion and rate of the centre of mass.
     #[must_use]
     pub fn origin_acceleration(&self, center: &Motion, rate: &MotionRate) -> Vector3<f64> {
         let (c, omega) = (&self.center_of_mass, &rate.angular_velocity_body);
@@ -181,7 +181,7 @@ impl Body {
         rate.acceleration_world - center.world_from_body * around_center
     }
 
-    /// Returns whether c = 0. Then nothing is added to any number, so that not even the sign of a zero changes.
+    /// Returns whether c = 0. Conversions are skipped then: adding zero could change the sign of a zero.
     #[inline]
     fn is_centered(&self) -> bool {
         self.center_of_mass == Vector3::zeros()
@@ -196,7 +196,7 @@ impl Motion {
         self.world_from_body.tr_mul(&self.velocity_world)
     }
 
-    /// Returns the motion of the point at `arm_body` (m, in {B}) from the point of this motion.
+    /// Returns the motion of the body's point at `arm_body` (m, in {B}) relative to this motion's point.
     #[must_use]
     pub fn at_point(&self, arm_body: &Vector3<f64>) -> Self {
         let (r, omega) = (&self.world_from_body, &self.angular_velocity_body);
@@ -207,10 +207,9 @@ impl Motion {
         }
     }
 
-    /// Returns the motion after `duration` s of a rate; R turns by the Cayley map and so stays in SO(3).
+    /// Returns the motion after `duration` s at a constant rate. The Cayley map keeps R in SO(3).
     #[must_use]
-    // Called four times a step, which the compiler takes for too much to inline by itself: the whole step of
-    // the plant takes half as long again without.
+    // Called four times per step. The compiler does not inline it by itself, which makes a step of the plant 50 % slower.
     #[inline(always)]
     pub fn moved(&self, rate: &MotionRate, duration: f64) -> Self {
         let turn = cayley::rotation(&(rate.angular_velocity_body * duration));

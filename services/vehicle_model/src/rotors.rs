@@ -1,29 +1,29 @@
-//! Rotors: their places and coefficients as data, and the mixer and the allocation that follow from them.
+//! Rotors: their positions and coefficients, and the mixer and the allocation derived from them.
 //!
 //! ```text
 //! T = Σ Fi     τ = Σ Fi (ri × −e3 + κi e3) = Σ Fi (−yi, xi, κi)     F = Bᵀ (B Bᵀ)⁻¹ (T, τ)
 //! ```
 //!
-//! Fi force of a rotor along −e3, N; ri = (xi, yi, zi) its place in {B}, m; κi its reaction torque about e3 per force, m. B has
-//! the column (1, −yi, xi, κi) for each rotor. With more rotors than a wrench has components, the forces of a wrench are those with the
-//! smallest sum of squares.
+//! Fi force of a rotor along −e3, N; ri = (xi, yi, zi) its position in {B}, m; κi its reaction torque about e3 per force,
+//! m. B has the column (1, −yi, xi, κi) for each rotor. With more than four rotors, the allocation gives the forces with
+//! the smallest sum of squares.
 
 use nalgebra::{SMatrix, Vector3, Vector4};
 
 use crate::rigid_body::Wrench;
 
-/// Most rotors of a vehicle.
+/// Maximum number of rotors.
 pub const MAX_ROTORS: usize = 8;
 
-/// Least share of a wrench's component that the ones before it must not determine; rounding leaves 1e-15.
+/// Minimum share of a wrench component that is linearly independent of those before it; rounding leaves 1e-15.
 const LEAST_INDEPENDENT: f64 = 1e-9;
 
-/// A rotor, which pulls along −e3.
+/// Rotor with a force along −e3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotor {
-    /// r, place in {B}, m.
+    /// r, position in {B}, m.
     pub position_body: Vector3<f64>,
-    /// Direction in which it turns.
+    /// Direction of rotation.
     pub spin: Spin,
     /// |κ|, reaction torque per force, m.
     pub torque_per_force: f64,
@@ -31,17 +31,17 @@ pub struct Rotor {
     pub force_max: f64,
 }
 
-/// Direction in which a propeller turns, seen from above.
+/// Direction of rotation, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spin {
-    /// To the left; its reaction turns the body to the right, about +e3.
+    /// Counterclockwise; the reaction torque is about +e3, clockwise.
     Left,
-    /// To the right.
+    /// Clockwise.
     Right,
 }
 
 impl Rotor {
-    /// Returns its column of B.
+    /// Returns the rotor's column of B.
     fn effect(&self) -> Vector4<f64> {
         let reaction = match self.spin {
             Spin::Left => self.torque_per_force,
@@ -51,7 +51,7 @@ impl Rotor {
     }
 }
 
-/// The rotors of a vehicle, which can exert every wrench.
+/// Rotors of a vehicle whose mixer has full rank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
     count: usize,
@@ -62,7 +62,7 @@ pub struct Rotors {
 }
 
 impl Rotors {
-    /// Makes the rotors of a vehicle; `None` if there are more than [`MAX_ROTORS`], or if they do not span all wrenches.
+    /// Computes mixer and allocation. `None` if there are more than [`MAX_ROTORS`] rotors, or if B is rank-deficient.
     #[must_use]
     pub fn new(rotors: &[Rotor]) -> Option<Self> {
         let mut mixer = SMatrix::<f64, 4, MAX_ROTORS>::zeros();
@@ -83,7 +83,7 @@ impl Rotors {
         })
     }
 
-    /// Returns the wrench of forces (N), one for each rotor.
+    /// Returns the wrench of the rotors' forces (N).
     #[must_use]
     pub fn wrench(&self, forces: impl IntoIterator<Item = f64>) -> Wrench {
         let columns = self.mixer.column_iter().take(self.count);
@@ -96,8 +96,7 @@ impl Rotors {
         }
     }
 
-    /// Returns the forces (N) of a wrench, one for each rotor. A rotor pulls up only, so forces below 0 are out of its
-    /// reach.
+    /// Returns the rotors' forces (N) for a wrench. They are not limited: a rotor cannot exert a negative one.
     pub fn forces(&self, wrench: &Wrench) -> impl Iterator<Item = f64> + use<> {
         let [x, y, z]: [f64; 3] = wrench.torque_body.into();
         let forces: [f64; MAX_ROTORS] = (self.allocation * Vector4::new(wrench.thrust, x, y, z)).into();
@@ -123,14 +122,14 @@ mod tests {
     /// Front right, rear left, front left, rear right.
     fn quadcopter(arm: f64, torque_per_force: f64) -> Vec<Rotor> {
         let l = arm * std::f64::consts::FRAC_1_SQRT_2;
-        let places = [
+        let positions = [
             ([l, l], Spin::Left),
             ([-l, -l], Spin::Left),
             ([l, -l], Spin::Right),
             ([-l, l], Spin::Right),
         ];
-        places
-            .map(|(place, spin)| rotor(place, spin, torque_per_force))
+        positions
+            .map(|(position, spin)| rotor(position, spin, torque_per_force))
             .into()
     }
 
@@ -156,7 +155,7 @@ mod tests {
         [-0.1..0.1f64, -0.1..0.1f64, -0.02..0.02f64].prop_map(Vector3::from)
     }
 
-    fn of(rotors: &[Rotor]) -> Rotors {
+    fn built(rotors: &[Rotor]) -> Rotors {
         Rotors::new(rotors).unwrap()
     }
 
@@ -164,7 +163,7 @@ mod tests {
     fn more_thrust_on_the_left_rolls_to_the_right_and_at_the_front_lifts_the_nose() {
         use std::cmp::Ordering::{Equal, Greater, Less};
         let turns = |forces: [f64; 4]| {
-            let torque: [f64; 3] = of(&quadcopter(0.1, 0.03)).wrench(forces).torque_body.into();
+            let torque: [f64; 3] = built(&quadcopter(0.1, 0.03)).wrench(forces).torque_body.into();
             torque.map(|torque| torque.partial_cmp(&0.0).unwrap())
         };
         assert_eq!(turns([1.0, 2.0, 2.0, 1.0]), [Greater, Equal, Equal]);
@@ -189,7 +188,7 @@ mod tests {
     proptest! {
         #[test]
         fn forces_of_a_wrench_exert_it(rotors in vehicles(), thrust in 0.0..20.0f64, torque_body in torque()) {
-            let rotors = of(&rotors);
+            let rotors = built(&rotors);
             let exerted = rotors.wrench(rotors.forces(&Wrench { thrust, torque_body }));
             prop_assert!((exerted.thrust - thrust).abs() < 1e-13, "{:?}", exerted);
             prop_assert!((exerted.torque_body - torque_body).norm() < 1e-13, "{:?}", exerted);
@@ -199,7 +198,7 @@ mod tests {
         fn a_wrench_of_four_forces_is_exerted_by_them(
             arm in 0.03..0.5f64, torque_per_force in 0.005..0.1f64, forces in proptest::array::uniform4(0.0..5.0f64),
         ) {
-            let rotors = of(&quadcopter(arm, torque_per_force));
+            let rotors = built(&quadcopter(arm, torque_per_force));
             let back = rotors.forces(&rotors.wrench(forces));
             for (back, force) in back.zip(forces) {
                 prop_assert!((back - force).abs() < 1e-14);
@@ -211,14 +210,14 @@ mod tests {
         fn of_more_rotors_the_forces_are_the_smallest(
             rotors in vehicles(), forces in prop::collection::vec(0.0..5.0f64, MAX_ROTORS),
         ) {
-            let rotors = of(&rotors);
+            let rotors = built(&rotors);
             let forces = &forces[..rotors.count];
             let smallest = rotors.forces(&rotors.wrench(forces.iter().copied()));
             let squares = |forces: &[f64]| forces.iter().map(|force| force * force).sum::<f64>();
             prop_assert!(squares(&smallest.collect::<Vec<_>>()) <= squares(forces) + 1e-12);
         }
 
-        /// Thrust along −e3 at its place, and its reaction.
+        /// Thrust along −e3 at the rotor's position, and its reaction torque.
         #[test]
         fn the_torque_of_each_rotor_is_its_arm_times_its_force(
             all in vehicles(), index in any::<prop::sample::Index>(), force in 0.0..5.0f64,
@@ -226,7 +225,7 @@ mod tests {
             let index = index.index(all.len());
             let mut forces = vec![0.0; all.len()];
             forces[index] = force;
-            let wrench = of(&all).wrench(forces);
+            let wrench = built(&all).wrench(forces);
             let Rotor { position_body, spin, torque_per_force, .. } = all[index];
             let reaction = if spin == Spin::Left { torque_per_force } else { -torque_per_force };
             let torque = position_body.cross(&(Vector3::z() * -force)) + Vector3::z() * (reaction * force);
@@ -238,7 +237,7 @@ mod tests {
         fn a_quadcopter_that_hovers_has_a_quarter_of_its_weight_on_each_rotor(
             arm in 0.03..0.5f64, torque_per_force in 0.005..0.1f64, mass in 0.05..5.0f64,
         ) {
-            let rotors = of(&quadcopter(arm, torque_per_force));
+            let rotors = built(&quadcopter(arm, torque_per_force));
             let hover = Wrench { thrust: mass * GRAVITY, torque_body: Vector3::zeros() };
             let forces: Vec<f64> = rotors.forces(&hover).collect();
             prop_assert_eq!(&forces[..], &[0.25 * hover.thrust; 4][..]);
@@ -249,7 +248,7 @@ mod tests {
 
         #[test]
         fn a_torque_is_no_thrust_and_a_thrust_no_torque(rotors in vehicles(), thrust in 0.0..20.0f64, torque_body in torque()) {
-            let rotors = of(&rotors);
+            let rotors = built(&rotors);
             let turned: f64 = rotors.forces(&Wrench { thrust: 0.0, torque_body }).sum();
             prop_assert!(turned.abs() < 1e-13);
             let lifted = rotors.forces(&Wrench { thrust, torque_body: Vector3::zeros() });

@@ -51,7 +51,7 @@ impl History {
             sums: vec![[0.0; 4]],
             unknown: vec![0],
         };
-        let decays = lags.map(|time_constant| Lag::new(time_constant).left(STEP));
+        let decays = lags.map(|time_constant| Lag::new(time_constant).remaining(STEP));
         let mut lagging = frames.iter().find_map(|frame| frame.travels).unwrap_or_default();
         for (index, frame) in frames.iter().enumerate() {
             let ends_at = frames.get(index + 1).map_or(frame.acts_at, |next| next.acts_at);

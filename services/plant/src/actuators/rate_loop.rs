@@ -5,10 +5,10 @@
 //! ω̇i = (ωi* − ωi)/τωi     ωi* = clamp(kωi · ωi_frame + ω0i, −ωmaxi, ωmaxi)
 //! ```
 //!
-//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s, of the thrust another one where it falls; k factors
-//! of a wrong calibration; u voltage of the battery over that of a full one without a load, of which the share q is
-//! spent; T0 thrust at the start; ω0 bias of the rate gyros. It is the model of section VI of the paper: the vehicle takes thrust and body rates, and its rate loop
-//! is assumed to be fast. Here it has the first-order lags of such loops and motors.
+//! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s, with a separate one for falling thrust; k
+//! calibration errors as factors; u battery voltage relative to the open-circuit voltage at full charge; q spent share
+//! of the charge; T0 initial thrust; ω0 bias of the rate gyros. In section VI of the paper the vehicle receives thrust
+//! and body rates, and its rate loop is assumed to be fast. Here loop and motors have first-order lags.
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
@@ -22,7 +22,7 @@ use crate::actuators::{Drive, Turning};
 /// Motors, rate loop and receiver.
 #[derive(Clone, Debug)]
 pub struct RateLoop {
-    stated: scenario::Actuators,
+    config: scenario::Actuators,
     thrust_lag: LagOverStep,
     thrust_lag_down: LagOverStep,
     rate_lags: [LagOverStep; 3],
@@ -38,17 +38,17 @@ pub struct RateLoop {
 }
 
 impl RateLoop {
-    /// Makes the rate loop of a scenario, in a flight of that seed with ticks of `tick` s, before the first frame.
+    /// Makes the rate loop of a scenario before the first frame, with ticks of `tick` s.
     #[must_use]
-    pub fn new(stated: &scenario::Actuators, seed: u64, tick: f64) -> Self {
+    pub fn new(config: &scenario::Actuators, seed: u64, tick: f64) -> Self {
         let lag = |time_constant| Lag::new(time_constant).over(tick);
         Self {
-            stated: stated.clone(),
-            thrust_lag: lag(stated.thrust_lag),
-            thrust_lag_down: lag(stated.thrust_lag_down.unwrap_or(stated.thrust_lag)),
-            rate_lags: stated.rate_lag.map(lag),
+            config: config.clone(),
+            thrust_lag: lag(config.thrust_lag),
+            thrust_lag_down: lag(config.thrust_lag_down.unwrap_or(config.thrust_lag)),
+            rate_lags: config.rate_lag.map(lag),
             losses: Noise::new(seed, Stream::RadioLoss),
-            thrust: stated.initial_thrust,
+            thrust: config.initial_thrust,
             charge_spent: 0.0,
             tick,
             received: None,
@@ -67,18 +67,18 @@ impl RateLoop {
         self.charge_spent
     }
 
-    /// Returns the frame that acts, if one was received.
+    /// Returns the frame in effect, if one was received.
     #[must_use]
     pub fn received(&self) -> Option<&RcFrame> {
         self.received.as_ref()
     }
 
-    /// Continues with a thrust (N), the charge that is spent, and the frame that acts.
+    /// Restores thrust (N), spent charge and the frame in effect.
     pub fn restore(&mut self, thrust: f64, charge_spent: f64, received: Option<RcFrame>) {
         (self.thrust, self.charge_spent, self.received) = (thrust, charge_spent, received);
     }
 
-    /// Returns the action over a tick on a body that turns with `omega` at its begin; the thrust advances to the tick's
+    /// Returns the action over a tick on a body that rotates with `omega` at its start, and advances the thrust to its
     /// end.
     #[must_use]
     pub fn drive(&mut self, newest: Option<&RcFrame>, body: &Body, omega: &Vector3<f64>) -> Drive {
@@ -92,8 +92,8 @@ impl RateLoop {
             &self.thrust_lag
         };
         let thrust = lag.approach(self.thrust, target);
-        if let Some(battery) = &self.stated.battery {
-            self.charge_spent += self.tick * self.thrust / (self.stated.initial_thrust * battery.endurance);
+        if let Some(battery) = &self.config.battery {
+            self.charge_spent += self.tick * self.thrust / (self.config.initial_thrust * battery.endurance);
         }
         self.thrust = thrust.value(Stage::End);
         Drive::Lagged {
@@ -102,43 +102,43 @@ impl RateLoop {
         }
     }
 
-    /// Takes a frame unless it is lost; then the one before goes on acting.
+    /// Accepts a frame unless it is lost. After a loss the previous frame stays in effect.
     ///
-    /// The loss depends only on the frame's number, so it is the same at every query.
+    /// The loss depends only on the frame's sequence number, so every query gives the same result.
     fn receive(&mut self, frame: &RcFrame) {
         let seq = frame.header.seq;
-        let known = self.received.is_some_and(|received| received.header.seq == seq);
-        if !known && !self.is_lost(seq) {
+        let is_received = self.received.is_some_and(|received| received.header.seq == seq);
+        if !is_received && !self.is_lost(seq) {
             self.received = Some(*frame);
         }
     }
 
     fn is_lost(&mut self, seq: u64) -> bool {
-        self.stated.frame_loss > 0.0 && self.losses.at(seq).uniform() < self.stated.frame_loss
+        self.config.frame_loss > 0.0 && self.losses.at(seq).uniform() < self.config.frame_loss
     }
 
-    /// Returns T*; a failsafe frame sets it to zero, and until the first frame it stays at its initial value.
+    /// Returns T*: zero for a failsafe frame, the initial thrust before the first frame.
     fn thrust_target(&self) -> f64 {
         match &self.received {
-            None => self.stated.initial_thrust,
+            None => self.config.initial_thrust,
             Some(frame) if frame.failsafe.is_set() => 0.0,
-            Some(frame) => (self.stated.thrust_factor * self.voltage_squared() * frame.thrust)
-                .min(self.stated.thrust_max)
+            Some(frame) => (self.config.thrust_factor * self.voltage_squared() * frame.thrust)
+                .min(self.config.thrust_max)
                 .max(0.0),
         }
     }
 
-    /// Returns u²; u is 0 where fade and droop leave nothing.
+    /// Returns u², with u ≥ 0.
     fn voltage_squared(&self) -> f64 {
-        self.stated.battery.as_ref().map_or(1.0, |battery| {
-            let load = self.thrust / self.stated.initial_thrust;
+        self.config.battery.as_ref().map_or(1.0, |battery| {
+            let load = self.thrust / self.config.initial_thrust;
             let voltage = (1.0 - battery.fade * self.charge_spent - battery.droop * load).max(0.0);
             voltage * voltage
         })
     }
 
     fn turning(&self, body: &Body, omega: &Vector3<f64>) -> Turning {
-        let asked = match &self.received {
+        let commanded = match &self.received {
             None => [0.0; 3],
             Some(frame) if frame.mode == RcFrame::MODE_RATES => frame.rates_body,
             Some(frame) => {
@@ -149,15 +149,15 @@ impl RateLoop {
             }
         };
         Turning::Rates(std::array::from_fn(|axis| {
-            let target = self.rate_target(axis, asked[axis]);
+            let target = self.rate_target(axis, commanded[axis]);
             self.rate_lags[axis].approach(omega[axis], target)
         }))
     }
 
     /// Returns ωi* about an axis.
-    fn rate_target(&self, axis: usize, asked: f64) -> f64 {
-        let limit = self.stated.rate_max[axis];
-        (self.stated.rate_factor[axis] * asked + self.stated.rate_bias[axis])
+    fn rate_target(&self, axis: usize, commanded: f64) -> f64 {
+        let limit = self.config.rate_max[axis];
+        (self.config.rate_factor[axis] * commanded + self.config.rate_bias[axis])
             .min(limit)
             .max(-limit)
     }

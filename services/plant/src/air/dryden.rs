@@ -1,15 +1,15 @@
 //! Gusts of the Dryden model (MIL-F-8785C), exact over a tick.
 //!
-//! Along the mean wind a first-order filter of white noise n, across it two second-order ones, τ = L/V:
+//! White noise n through a first-order filter along the mean wind and two second-order filters across it, τ = L/V:
 //!
 //! ```text
 //!     u = σ √(2τ) / (1 + τs) n            v, w = σ √τ (1 + √3 τs)/(1 + τs)² n
 //! ```
 //!
-//! σ standard deviation, m/s; L length, m; V mean wind, m/s, with which the frozen air passes the vehicle. A filter across
-//! has the states x1 = n/(1 + τs) and x2 = x1/(1 + τs), and v = σ √τ (√3 x1 + (1 − √3) x2). Over a tick of θ = h/τ they are
-//! x1 ← e^−θ x1 + e1, x2 ← e^−θ (x2 + θ x1) + e2, where e1 and e2 have the covariances that follow from the integrals of
-//! e^−2u, u e^−2u and u² e^−2u over θ; at the start of the flight those over ∞, the stationary ones.
+//! σ standard deviation, m/s; L length, m; V mean wind, m/s, which carries the frozen turbulence past the vehicle. A
+//! transverse filter has the states x1 = n/(1 + τs) and x2 = x1/(1 + τs), and v = σ √τ (√3 x1 + (1 − √3) x2). Over a tick,
+//! θ = h/τ, x1 ← e^−θ x1 + e1 and x2 ← e^−θ (x2 + θ x1) + e2. The covariances of e1 and e2 follow from the integrals of
+//! e^−2u, u e^−2u and u² e^−2u from 0 to θ; the initial states have those from 0 to ∞, the stationary ones.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::noise::{Draws, Noise};
@@ -18,53 +18,54 @@ use vehicle_model::lag::Lag;
 /// Gusts along and across a mean wind.
 #[derive(Clone, Debug)]
 pub struct Dryden {
-    /// Frame of the mean wind, its first axis along it, to {I}.
+    /// Rotation to {I} from the wind frame, whose first axis is along the mean wind.
     world_from_wind: Matrix3<f64>,
-    along: Along,
-    across: [Across; 2],
+    along: Longitudinal,
+    across: [Transverse; 2],
     noise: Noise,
-    /// States of the filters: one along, two of each across.
+    /// States of the filters: one longitudinal, two of each transverse one.
     states: [f64; 5],
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Along {
+struct Longitudinal {
     decay: f64,
-    kick: f64,
+    noise_gain: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Across {
+struct Transverse {
     /// θ.
-    way: f64,
+    theta: f64,
     decay: f64,
     /// σ; the states are in units of 1/√τ.
     deviation: f64,
-    /// Lower triangle of the factor of the covariance of e1, e2.
-    kick: [f64; 3],
+    /// Lower triangle of the Cholesky factor of the covariance of e1 and e2.
+    noise_gain: [f64; 3],
 }
 
 impl Dryden {
     /// Makes the gusts about a mean wind (in {I}, m/s; not 0) at tick 0, with ticks of `tick` s.
     #[must_use]
-    pub fn new(stated: &scenario::Dryden, mean: &Vector3<f64>, tick: f64, mut noise: Noise) -> Self {
+    pub fn new(config: &scenario::Dryden, mean: &Vector3<f64>, tick: f64, mut noise: Noise) -> Self {
         let speed = mean.norm();
-        let [tau_along, tau_side, tau_vertical] = stated.length.map(|length| length / speed);
-        let [along, side, vertical] = stated.deviation;
+        let [tau_along, tau_side, tau_vertical] = config.length.map(|length| length / speed);
+        let [along, side, vertical] = config.deviation;
         let lag = Lag::new(tau_along);
         let across = [
-            Across::new(side, tick / tau_side),
-            Across::new(vertical, tick / tau_vertical),
+            Transverse::new(side, tick / tau_side),
+            Transverse::new(vertical, tick / tau_vertical),
         ];
         let mut draws = noise.at(0);
         let [first, _] = draws.normal_pair();
-        // Stationary: the covariance over all time.
-        let [side_state, vertical_state] = across.map(|_| correlated(&factor(f64::INFINITY), &mut draws));
+        // An infinite θ gives the stationary covariance.
+        let [side_state, vertical_state] =
+            across.map(|_| correlated(&covariance_factor(f64::INFINITY), &mut draws));
         Self {
             world_from_wind: along_first(mean),
-            along: Along {
-                decay: lag.left(tick),
-                kick: along * lag.gone(2.0 * tick).sqrt(),
+            along: Longitudinal {
+                decay: lag.remaining(tick),
+                noise_gain: along * lag.covered(2.0 * tick).sqrt(),
             },
             across,
             states: [
@@ -83,12 +84,12 @@ impl Dryden {
         let mut draws = self.noise.at(tick);
         let [first, _] = draws.normal_pair();
         let [along, across @ ..] = &mut self.states;
-        *along = *along * self.along.decay + self.along.kick * first;
+        *along = *along * self.along.decay + self.along.noise_gain * first;
         for (filter, state) in self.across.iter().zip(across.chunks_exact_mut(2)) {
-            let [e1, e2] = correlated(&filter.kick, &mut draws);
+            let [e1, e2] = correlated(&filter.noise_gain, &mut draws);
             let [x1, x2] = [state[0], state[1]];
             state[0] = filter.decay * x1 + e1;
-            state[1] = filter.decay * (x2 + filter.way * x1) + e2;
+            state[1] = filter.decay * (x2 + filter.theta * x1) + e2;
         }
     }
 
@@ -100,25 +101,25 @@ impl Dryden {
         self.world_from_wind * Vector3::new(along, self.across[0].gust(y), self.across[1].gust(z))
     }
 
-    /// Returns the states.
+    /// Returns the states of the filters.
     #[must_use]
     pub fn states(&self) -> [f64; 5] {
         self.states
     }
 
-    /// Continues from states.
+    /// Restores the states of the filters.
     pub fn restore(&mut self, states: [f64; 5]) {
         self.states = states;
     }
 }
 
-impl Across {
-    fn new(deviation: f64, way: f64) -> Self {
+impl Transverse {
+    fn new(deviation: f64, theta: f64) -> Self {
         Self {
-            way,
-            decay: libm::exp(-way),
+            theta,
+            decay: libm::exp(-theta),
             deviation,
-            kick: factor(way),
+            noise_gain: covariance_factor(theta),
         }
     }
 
@@ -128,15 +129,19 @@ impl Across {
     }
 }
 
-/// Factor of the covariance of e1 and e2 over θ, in units of 1/τ: elements 11, 21 and 22.
-fn factor(way: f64) -> [f64; 3] {
-    let (left, gone) = if way.is_finite() {
-        (libm::exp(-2.0 * way), -libm::expm1(-2.0 * way))
+/// Returns elements 11, 21 and 22 of the Cholesky factor of the covariance of e1 and e2 over θ, in units of 1/τ.
+fn covariance_factor(theta: f64) -> [f64; 3] {
+    let (left, gone) = if theta.is_finite() {
+        (libm::exp(-2.0 * theta), -libm::expm1(-2.0 * theta))
     } else {
         (0.0, 1.0)
     };
-    let once = if left > 0.0 { 2.0 * way * left } else { 0.0 };
-    let twice = if left > 0.0 { 2.0 * way * way * left } else { 0.0 };
+    let once = if left > 0.0 { 2.0 * theta * left } else { 0.0 };
+    let twice = if left > 0.0 {
+        2.0 * theta * theta * left
+    } else {
+        0.0
+    };
     let variance = gone / 2.0;
     let covariance = (gone - once) / 4.0;
     let second = (gone - once - twice) / 4.0;
@@ -150,7 +155,7 @@ fn correlated([first, mixed, second]: &[f64; 3], draws: &mut Draws<'_>) -> [f64;
     [first * a, mixed * a + second * b]
 }
 
-/// A frame whose first axis is along a direction and whose second is level.
+/// Returns a frame whose first axis is along a direction and whose second is horizontal.
 fn along_first(direction: &Vector3<f64>) -> Matrix3<f64> {
     let x = direction.normalize();
     let level = Vector3::z().cross(&x);

@@ -1,7 +1,7 @@
-//! Fan: its times of operation, its place, and the fluctuation of its jet.
+//! Fan: its times of operation, its pose, and the fluctuation of its jet.
 //!
-//! The jet's force grows like 1 − e^(−t/τ) and falls like e^(−t/τ), a function of the time alone. From one stated place
-//! to the next the fan moves straight at constant speed; so does its direction, normalised to length 1.
+//! The jet's force grows as 1 − e^(−t/τ) and falls as e^(−t/τ), a function of time alone. Between waypoints, position and
+//! direction are interpolated linearly; the direction is normalised.
 
 use nalgebra::Vector3;
 use shared_types::noise::{Noise, Stream};
@@ -21,48 +21,48 @@ pub struct Fan {
     reference_distance: f64,
     /// Tangent of half the opening angle.
     spread: f64,
-    /// In the order of time; the first one at 0.
-    places: Vec<Place>,
-    /// Of the jet's force in {I}, as a share of it.
+    /// In chronological order; the first at time 0.
+    waypoints: Vec<Waypoint>,
+    /// Fluctuation of the jet's force in {I}, as a share of it.
     pub fluctuation: OrnsteinUhlenbeck,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Place {
-    /// Time of the fan at this place, s.
+struct Waypoint {
+    /// Time at which the fan is here, s.
     at: f64,
     position: Vector3<f64>,
-    /// Of length 1.
+    /// Unit vector.
     direction: Vector3<f64>,
 }
 
 impl Fan {
-    /// Makes the fan of a scenario, in a flight of that seed with ticks of `tick` s, at its start.
+    /// Makes the fan of a scenario at the start of the flight, with ticks of `tick` s.
     #[must_use]
-    pub fn new(stated: &scenario::Fan, seed: u64, tick: f64) -> Self {
-        let first = Place::new(0.0, stated.position, stated.direction);
-        let moves = stated.moves.iter();
-        let later = moves.map(|to| Place::new(to.at, to.position, to.direction));
+    pub fn new(config: &scenario::Fan, seed: u64, tick: f64) -> Self {
+        let first = Waypoint::new(0.0, config.position, config.direction);
+        let moves = config.moves.iter();
+        let later = moves.map(|to| Waypoint::new(to.at, to.position, to.direction));
         let noise = Noise::new(seed, Stream::Fan);
         Self {
-            on_at: stated.on_at,
-            off_at: stated.off_at,
-            run_up: Lag::new(stated.run_up),
-            force: stated.force,
-            reference_distance: stated.reference_distance,
-            spread: libm::tan(stated.half_angle),
-            places: std::iter::once(first).chain(later).collect(),
-            fluctuation: OrnsteinUhlenbeck::new(stated.turbulence, stated.correlation_time, tick, noise),
+            on_at: config.on_at,
+            off_at: config.off_at,
+            run_up: Lag::new(config.run_up),
+            force: config.force,
+            reference_distance: config.reference_distance,
+            spread: libm::tan(config.half_angle),
+            waypoints: std::iter::once(first).chain(later).collect(),
+            fluctuation: OrnsteinUhlenbeck::new(config.turbulence, config.correlation_time, tick, noise),
         }
     }
 
-    /// Returns its jet at a time of the flight, s, with the present fluctuation.
+    /// Returns the jet at a flight time, s, with the current fluctuation.
     #[must_use]
     pub fn jet(&self, time: f64) -> Jet {
-        let place = self.place(time);
+        let waypoint = self.waypoint_at(time);
         Jet {
-            nozzle_world: place.position,
-            axis_world: place.direction,
+            nozzle_world: waypoint.position,
+            axis_world: waypoint.direction,
             force: self.force * self.strength(time),
             reference_distance: self.reference_distance,
             spread: self.spread,
@@ -77,26 +77,26 @@ impl Fan {
             if time < self.on_at {
                 0.0
             } else {
-                1.0 - self.run_up.left(time - self.on_at)
+                1.0 - self.run_up.remaining(time - self.on_at)
             }
         };
         match self.off_at {
-            Some(off_at) if time >= off_at => risen(off_at) * self.run_up.left(time - off_at),
+            Some(off_at) if time >= off_at => risen(off_at) * self.run_up.remaining(time - off_at),
             _ => risen(time),
         }
     }
 
-    fn place(&self, time: f64) -> Place {
-        let left = self.places.partition_point(|place| place.at <= time);
-        let from = self.places[left.saturating_sub(1)];
-        match self.places.get(left) {
+    fn waypoint_at(&self, time: f64) -> Waypoint {
+        let index = self.waypoints.partition_point(|waypoint| waypoint.at <= time);
+        let from = self.waypoints[index.saturating_sub(1)];
+        match self.waypoints.get(index) {
             None => from,
-            Some(to) => from.towards(to, (time - from.at) / (to.at - from.at)),
+            Some(to) => from.interpolate(to, (time - from.at) / (to.at - from.at)),
         }
     }
 }
 
-impl Place {
+impl Waypoint {
     fn new(at: f64, position: scenario::Vector, direction: scenario::Vector) -> Self {
         Self {
             at,
@@ -105,9 +105,9 @@ impl Place {
         }
     }
 
-    /// Returns the place at a share of the way to another one; between two opposite directions it keeps the first until
-    /// the turn is half done.
-    fn towards(&self, other: &Self, share: f64) -> Self {
+    /// Interpolates to another waypoint. Half-way between opposite directions, where the mean vanishes, it returns the
+    /// first direction.
+    fn interpolate(&self, other: &Self, share: f64) -> Self {
         let direction = self.direction.lerp(&other.direction, share);
         Self {
             at: self.at,

@@ -1,12 +1,11 @@
-//! Ground effect: rotors near the ground carry more at the same power.
+//! Ground effect: rotors near the ground have more thrust at the same power.
 //!
 //! ```text
 //!     T/T∞ = 1 / (1 − ρ (R/4z)²)
 //! ```
 //!
 //! R radius of a rotor, z height of the rotors above the ground, m; ρ = 1 for a single rotor (Cheeseman and Bennett, 1955),
-//! up to 8.6 for four (Sanchez-Cuevas et al., 2017). Below the height where T/T∞ = 1.5, out of the model's range, it
-//! stays there.
+//! up to 8.6 for four (Sanchez-Cuevas et al., 2017). T/T∞ is limited to 1.5: the model is not valid closer to the ground.
 
 /// The ground and the rotors above it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,17 +16,17 @@ pub struct GroundEffect {
     ground: f64,
 }
 
-/// Largest ρ (R/4z)²: T/T∞ = 1.5.
+/// Upper limit of ρ (R/4z)²: T/T∞ = 1.5.
 const LARGEST: f64 = 1.0 / 3.0;
 
 impl GroundEffect {
     /// Makes the ground effect of a scenario.
     #[must_use]
-    pub fn new(stated: &scenario::GroundEffect) -> Self {
-        let quarter = stated.rotor_radius / 4.0;
+    pub fn new(config: &scenario::GroundEffect) -> Self {
+        let quarter = config.rotor_radius / 4.0;
         Self {
-            strength: stated.factor * quarter * quarter,
-            ground: stated.ground,
+            strength: config.factor * quarter * quarter,
+            ground: config.ground,
         }
     }
 

@@ -1,27 +1,27 @@
 //! Jet of a fan: round, free and turbulent.
 //!
-//! Far from its nozzle such a jet spreads in a cone and keeps its momentum. The velocity on the axis falls like 1/x;
-//! across it is a bell curve whose width grows like x (S. B. Pope, "Turbulent Flows", 2000, section 5.1). Its force on
-//! a small body is proportional to the square of the velocity:
+//! Far from its nozzle such a jet spreads in a cone with constant momentum flux. The velocity on the axis falls as 1/x;
+//! its radial profile is a Gaussian whose width grows as x (S. B. Pope, "Turbulent Flows", 2000, section 5.1). The force
+//! on a small body is proportional to the square of the velocity:
 //!
 //! ```text
 //! F(x, r) = F0 (x0/x̄)² exp(−(r/(x̄ tan θ))²) (n + φ)   x > 0        x̄ = max(x, x0/2)
 //!           0                                          x ≤ 0
 //! ```
 //!
-//! x distance along the axis n, r off it, m; F0 force on the axis at the reference distance x0, N; θ half the opening
-//! angle, at which the force is 1/e of that on the axis, rad; φ fluctuation, as a share. Closer to the fan than x0/2
-//! the jet is modelled as a cylinder of the force and width that it has there, because the law of the far field would
-//! let the force grow without bound. So ∫F dA is the same at every x.
+//! x distance along the axis n, r from the axis, m; F0 force on the axis at the reference distance x0, N; θ half the
+//! opening angle, at which the force is 1/e of that on the axis, rad; φ fluctuation, as a share. Closer to the fan than
+//! x0/2 the jet is a cylinder with the force and width at x0/2, because the far-field law diverges at the nozzle. So
+//! ∫F dA is the same at every x.
 
 use nalgebra::Vector3;
 
-/// Jet at one moment.
+/// Jet at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet {
-    /// Its source in {I}, m.
+    /// Position of the nozzle in {I}, m.
     pub nozzle_world: Vector3<f64>,
-    /// n, its direction in {I}, of length 1.
+    /// n, direction in {I}, a unit vector.
     pub axis_world: Vector3<f64>,
     /// F0, N.
     pub force: f64,
@@ -46,7 +46,7 @@ impl Jet {
         let far = along.max(0.5 * self.reference_distance);
         let nearness = self.reference_distance / far;
         let width = far * self.spread;
-        let bell = libm::exp(-off_axis_squared / (width * width));
-        (self.axis_world + self.fluctuation_world) * (self.force * nearness * nearness * bell)
+        let profile = libm::exp(-off_axis_squared / (width * width));
+        (self.axis_world + self.fluctuation_world) * (self.force * nearness * nearness * profile)
     }
 }

@@ -1,4 +1,4 @@
-//! Camera model with noise, trigger jitter, lost frames, hidden markers and swapped markers.
+//! Camera model with noise, trigger jitter, lost frames, occlusions markers and swapped markers.
 //!
 //! ```text
 //! te = t − j                                                   j ~ U(0, jitter)
@@ -8,9 +8,9 @@
 //! ```
 //!
 //! p position of the body's origin in {I}, m; R body to inertial; t time of the tick and te of the exposure, s; Δp, Δθ
-//! offset by a marker swap, zero outside of it. Velocities are not measured. In a frame that is lost, or exposed while
-//! the body is hidden, the body is not seen. Errors of different frames are independent, and so are a frame's jitter,
-//! loss and noise. The model has no state.
+//! offset during a marker swap, otherwise zero. Velocities are not measured. The body is not tracked in a frame that is
+//! lost or exposed during an occlusion. Errors of different frames are independent, and so are a frame's jitter, loss and
+//! noise. The model has no state.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::Now;
@@ -28,21 +28,21 @@ pub struct Imperfect {
     jitter: f64,
     jitter_stamped: bool,
     frame_loss: f64,
-    hidden: Vec<Window>,
+    occlusions: Vec<Window>,
     swaps: Vec<Swap>,
     noise: Noise,
     jitters: Noise,
     losses: Noise,
 }
 
-/// Times from `begin_ns` on and before `end_ns`.
+/// Interval from `begin_ns` (included) to `end_ns` (excluded).
 #[derive(Clone, Copy, Debug)]
 struct Window {
     begin_ns: u64,
     end_ns: u64,
 }
 
-/// Offset by a marker swap.
+/// Offset during a marker swap.
 #[derive(Clone, Copy, Debug)]
 struct Swap {
     window: Window,
@@ -60,18 +60,18 @@ struct Pose {
 }
 
 impl Imperfect {
-    /// Makes the cameras of a scenario, in a flight of that seed.
+    /// Makes the cameras of a scenario.
     #[must_use]
-    pub fn new(stated: &scenario::Cameras, seed: u64) -> Self {
-        let hidden = stated.occlusion.iter();
-        let swaps = stated.marker_swap.iter();
+    pub fn new(config: &scenario::Cameras, seed: u64) -> Self {
+        let occlusions = config.occlusion.iter();
+        let swaps = config.marker_swap.iter();
         Self {
-            position_deviation: stated.position_deviation,
-            attitude_deviation: stated.attitude_deviation,
-            jitter: stated.jitter,
-            jitter_stamped: stated.jitter_stamped,
-            frame_loss: stated.frame_loss,
-            hidden: hidden
+            position_deviation: config.position_deviation,
+            attitude_deviation: config.attitude_deviation,
+            jitter: config.jitter,
+            jitter_stamped: config.jitter_stamped,
+            frame_loss: config.frame_loss,
+            occlusions: occlusions
                 .map(|occlusion| Window::new(occlusion.at, occlusion.lasts))
                 .collect(),
             swaps: swaps.map(Swap::new).collect(),
@@ -81,8 +81,8 @@ impl Imperfect {
         }
     }
 
-    /// Writes the capture of a tick at which the origin moves like `origin` and its velocity changes by
-    /// `acceleration_world`, in {I}, m/s². `pose` is zeroed except for its header.
+    /// Writes the capture of a tick from the origin's motion and its acceleration (`acceleration_world`, in {I}, m/s²).
+    /// `pose` must be zeroed except for its header.
     pub fn capture(
         &mut self,
         origin: &Motion,
@@ -97,7 +97,7 @@ impl Imperfect {
         } else {
             now.time_ns
         };
-        if self.is_lost(now.tick) || self.hidden.iter().any(|window| window.holds(exposure_ns)) {
+        if self.is_lost(now.tick) || self.occlusions.iter().any(|window| window.contains(exposure_ns)) {
             return;
         }
         let exposed = Pose::before(origin, acceleration_world, seconds(early_ns));
@@ -107,7 +107,7 @@ impl Imperfect {
         pose.tracked = true.into();
     }
 
-    /// Returns j in whole ns, so that stamp and pose are of the same time; no flight begins before its start.
+    /// Returns j in whole ns, so that stamp and pose are of the same time. The exposure is never before time 0.
     fn exposed_earlier_ns(&mut self, now: &Now) -> u64 {
         if self.jitter > 0.0 {
             nanoseconds(self.jitter * self.jitters.at(now.tick).uniform()).min(now.time_ns)
@@ -123,7 +123,7 @@ impl Imperfect {
     fn with_swaps(&self, pose: Pose, exposure_ns: u64) -> Pose {
         let swaps = self.swaps.iter();
         swaps
-            .filter(|swap| swap.window.holds(exposure_ns))
+            .filter(|swap| swap.window.contains(exposure_ns))
             .fold(pose, |pose, swap| Pose {
                 position_world: pose.position_world + swap.position,
                 world_from_body: pose.world_from_body * swap.rotation,
@@ -142,7 +142,7 @@ impl Imperfect {
 }
 
 impl Pose {
-    /// Returns the pose of a body that will move like `motion` in `early` s.
+    /// Returns the pose `early` s before `motion`.
     fn before(motion: &Motion, acceleration_world: &Vector3<f64>, early: f64) -> Self {
         Self {
             position_world: motion.position_world - motion.velocity_world * early
@@ -160,17 +160,17 @@ impl Window {
         }
     }
 
-    fn holds(&self, time_ns: u64) -> bool {
+    fn contains(&self, time_ns: u64) -> bool {
         (self.begin_ns..self.end_ns).contains(&time_ns)
     }
 }
 
 impl Swap {
-    fn new(stated: &scenario::MarkerSwap) -> Self {
+    fn new(config: &scenario::MarkerSwap) -> Self {
         Self {
-            window: Window::new(stated.at, stated.lasts),
-            position: stated.position.into(),
-            rotation: exp(&stated.rotation.into()),
+            window: Window::new(config.at, config.lasts),
+            position: config.position.into(),
+            rotation: exp(&config.rotation.into()),
         }
     }
 }
