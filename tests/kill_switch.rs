@@ -269,7 +269,7 @@ fn a_probe_prints_what_a_device_sends_and_refuses_what_is_none() {
     for (device, next) in [
         ("none", "is it plugged in?"),
         (".", "ls /dev/input/by-id"),
-        ("/dev/null", "is no serial device"),
+        ("/dev/null", "is not a serial device"),
     ] {
         let refused = output(&mut place.gerono(&["operator", "probe", device]));
         assert_eq!(refused.status.code(), Some(1));

@@ -247,9 +247,9 @@ fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let recorded = log(place);
     let recorded = recorded
         .samples::<RcFrame>()
-        .map(|frame| Sticks::of(&frame.unwrap()));
+        .map(|frame| Sticks::from_frame(&frame.unwrap()));
     let mut codes: Vec<_> = recorded
-        .chain([Sticks::AT_REST])
+        .chain([Sticks::MOTORS_OFF])
         .map(|sticks| {
             encoder.encode(&sticks, false, 0, &mut frame);
             crsf::decode(frame.bytes()).unwrap()

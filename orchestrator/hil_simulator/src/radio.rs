@@ -74,7 +74,7 @@ impl Radio {
     /// Returns the counts of commands since the start.
     #[must_use]
     pub fn received(&self) -> ReceivedCommands {
-        self.receiver.heard()
+        self.receiver.received()
     }
 
     /// Returns the number of losses of the link.
@@ -155,7 +155,7 @@ mod tests {
     fn of_several_frames_the_newest_acts_and_each_has_a_number_of_its_own() {
         let (mut radio, mut send) = radio(5);
         radio.receive(&send(&armed()), 100);
-        radio.receive(&send(&Sticks::AT_REST), 101);
+        radio.receive(&send(&Sticks::MOTORS_OFF), 101);
         radio.receive(&send(&armed()), 110);
         let frame = radio.acting(107).unwrap();
         assert!(frame.failsafe.is_set() && frame.thrust == 0.0 && frame.header.seq == 1);

@@ -240,7 +240,7 @@ mod tests {
             let mut port = Port::open(target).unwrap();
             let frame = [0xc8, 10, 13, 3, 0];
             for _ in 0..2 {
-                assert_eq!(port.send(&frame, monotonic_ns()), Sent::Whole);
+                assert_eq!(port.send(&frame, monotonic_ns()), Sent::Accepted);
                 assert_eq!(received(&mut line, frame.len()), frame);
             }
         }

@@ -43,7 +43,7 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
         for step in 0..=steps {
             let travel = StickTravel::new(sweep(step as f64 / steps.max(1) as f64));
             let sticks = one_stick(&map, stick, travel);
-            sender.put(&sticks);
+            sender.set(&sticks);
             if step % SHOWN_EVERY == 0 {
                 print(if transmitter.has_channels(link.link) {
                     let (channel, travels) = (map.stick_channels()[stick], map.travels(&sticks));
@@ -59,7 +59,7 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
             std::thread::sleep(Duration::from_secs_f64(STEP));
         }
     }
-    sender.put(&Sticks::AT_REST);
+    sender.set(&Sticks::MOTORS_OFF);
     let report = sender
         .stop()
         .map_err(|_| Failure::trouble("the sender has failed"))?;

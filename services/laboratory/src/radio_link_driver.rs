@@ -77,7 +77,7 @@ impl ErasedService for RadioLinkDriver {
         if let Some(frame) = outputs.frame.due() {
             // A frame that is not finite is not published either.
             if frame.is_finite() {
-                sender.put(&Sticks::of(frame));
+                sender.set(&Sticks::from_frame(frame));
             }
         }
         self.write_status(&in_flight(&sender.condition()));
@@ -93,7 +93,7 @@ impl ErasedService for RadioLinkDriver {
 
     fn finish(&mut self) {
         if let Some(sender) = &self.sender {
-            sender.put(&Sticks::AT_REST);
+            sender.set(&Sticks::MOTORS_OFF);
         }
     }
 

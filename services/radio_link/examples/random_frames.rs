@@ -1,10 +1,10 @@
-//! Random frames for other programs to read: `random_frames LINK COUNT SEED FRAMES VALUES`.
+//! Random frames for third-party decoders: `random_frames LINK COUNT SEED FRAMES VALUES`.
 //!
-//! Writes the frames one after another to the file FRAMES, and what they carry to VALUES: a line of numbers a frame. LINK is
+//! Writes the concatenated frames to the file FRAMES, and their contents to VALUES: a line of numbers per frame. LINK is
 //! crsf, sbus, multi, mavlink (`SET_ATTITUDE_TARGET`) or override (`RC_CHANNELS_OVERRIDE`).
 //!
-//! `random_frames msp COUNT SEED ADDRESS` talks with a flight controller instead: it sends channels by `MSP_SET_RAW_RC` and
-//! asks with `MSP_RC` until they are what it has received, which must be so exactly.
+//! `random_frames msp COUNT SEED ADDRESS` tests a flight controller instead: it sends channels by `MSP_SET_RAW_RC` and
+//! polls `MSP_RC` until the flight controller reports exactly these.
 
 use std::error::Error;
 use std::fmt::Write;
@@ -19,8 +19,8 @@ use radio_link::{ChannelCodes, crsf, mavlink, msp, multi, sbus};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// Longest time until a flight controller reports the channels that it received.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Timeout for a flight controller to report the channels that it received.
+const TIMEOUT: Duration = Duration::from_secs(2);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (count, mut random) = (count.parse()?, ChaCha8Rng::seed_from_u64(seed.parse()?));
     match rest {
-        [address] if link == "msp" => talk_msp(count, &mut random, address),
+        [address] if link == "msp" => exchange_msp(count, &mut random, address),
         [frames, values] => {
             let (mut bytes, mut lines) = (Vec::new(), String::new());
             for number in 0..count {
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Channels of which each is a whole number from `least` on, one of `count`.
+/// Returns channels, each a whole number of `least..least + count`.
 fn channels(random: &mut ChaCha8Rng, least: u16, count: u16) -> ChannelCodes {
     [(); 16].map(|()| {
         let [low, high, ..] = random.next_u32().to_le_bytes();
@@ -87,14 +87,14 @@ fn random_frame(
                 low_power: bit(30),
                 bind: bit(31),
             };
-            let said = [
+            let fields = [
                 settings.model,
                 settings.sub_protocol,
                 option,
                 settings.low_power.into(),
                 settings.bind.into(),
             ];
-            let carried = words(eleven_bits.into_iter().chain(said.map(u16::from)));
+            let carried = words(eleven_bits.into_iter().chain(fields.map(u16::from)));
             (multi::encode(&eleven_bits, settings).to_vec(), carried)
         }
         "override" => {
@@ -134,43 +134,42 @@ fn mavlink_bytes(message: &MavlinkPacket, sequence: u8) -> Vec<u8> {
     frame.bytes().to_vec()
 }
 
-/// Pulses that a receiver could send, and back from the flight controller: sent as roll, pitch, thrust, yaw, told as roll,
-/// pitch, yaw, thrust.
-fn talk_msp(count: u32, random: &mut ChaCha8Rng, address: &str) -> Result<(), Box<dyn Error>> {
+/// Sends random pulses and reads them back. Sent as roll, pitch, thrust, yaw; reported as roll, pitch, yaw, thrust.
+fn exchange_msp(count: u32, random: &mut ChaCha8Rng, address: &str) -> Result<(), Box<dyn Error>> {
     let mut controller = TcpStream::connect(address)?;
     controller.set_nodelay(true)?;
-    controller.set_read_timeout(Some(PATIENCE))?;
-    let mut asked = 0;
+    controller.set_read_timeout(Some(TIMEOUT))?;
+    let mut requests = 0;
     for number in 0..count {
         let sent = channels(random, 1000, 1001);
-        let mut wanted = sent;
-        wanted.swap(2, 3);
+        let mut expected = sent;
+        expected.swap(2, 3);
         let began = Instant::now();
         loop {
-            // It takes a receiver for lost that does not go on.
+            // Repeated: a flight controller declares a silent receiver lost.
             controller.write_all(&msp::encode(&sent))?;
             controller.write_all(&msp::request(msp::RC))?;
-            asked += 1;
-            let told = answer(&mut controller)?;
-            if told == wanted {
+            requests += 1;
+            let received = read_channels(&mut controller)?;
+            if received == expected {
                 break;
             }
-            if began.elapsed() > PATIENCE {
-                return Err(format!("frame {number}: sent {wanted:?}, told {told:?}").into());
+            if began.elapsed() > TIMEOUT {
+                return Err(format!("frame {number}: sent {expected:?}, received {received:?}").into());
             }
         }
     }
-    println!("{count} frames read back exactly by MSP_RC, asked {asked} times");
+    println!("{count} frames read back exactly by MSP_RC, {requests} requests");
     Ok(())
 }
 
-/// The channels that the next answer to `MSP_RC` tells.
-fn answer(controller: &mut TcpStream) -> Result<ChannelCodes, Box<dyn Error>> {
+/// Returns the channels of the next response to `MSP_RC`.
+fn read_channels(controller: &mut TcpStream) -> Result<ChannelCodes, Box<dyn Error>> {
     let mut receiver = msp::Receiver::default();
     let mut byte = [0];
     loop {
         controller.read_exact(&mut byte)?;
-        if let msp::Step::Whole(message) = receiver.push(byte[0])
+        if let msp::Step::Complete(message) = receiver.push(byte[0])
             && message.command == msp::RC
         {
             return Ok(message.channels().0);

@@ -1,7 +1,8 @@
-//! Frames for other programs to understand: `vehicle_frames FILE`.
+//! Frames for third-party decoders: `vehicle_frames FILE`.
 //!
-//! Writes a line of JSON a frame: the vehicle as its receiver reads pulses, what was asked for (`null` for what stops the
-//! motors), the largest error, and the frame. They are the cases of the test `meaning`, of whose map no line says a word.
+//! Writes a line of JSON per frame: the vehicle in pulses of its receiver, the commanded thrust and rates (`null` to stop
+//! the motors), the tolerance, and the frame. These are the cases of the test `meaning`. The channel map is left out, so
+//! that the decoders check it independently.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -17,8 +18,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut lines = String::new();
     for case in vehicles::cases() {
         let vehicle = &case.vehicle;
-        let transmitter = case.link.transmitter.as_ref().ok_or("every case has one")?;
-        let mut encoder = Encoder::new(&case.link, transmitter).ok_or("no case is simulated")?;
+        let transmitter = case
+            .link
+            .transmitter
+            .as_ref()
+            .ok_or("the case has no transmitter")?;
+        let mut encoder = Encoder::new(&case.link, transmitter).ok_or("the link is simulated")?;
         let channels: Vec<_> = ['T', 'A', 'E', 'R']
             .iter()
             .filter_map(|letter| transmitter.order.find(*letter))

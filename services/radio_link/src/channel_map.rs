@@ -3,8 +3,8 @@
 //! A stick's code c of 2^bits − 1 is the travel s = 2c/(2^bits − 1) − 1, as in `rc_output`. The sent travel is reversed
 //! if the stick is, and scaled to its ends. A travel of −1 to 1 is the link's −100 to 100 %.
 //!
-//! The two travels are different types, and only the map makes one of the other. What stops the motors is therefore
-//! stated as the least thrust, and never as an end of the channel: which end that is, the calibration and the map say.
+//! The two travels are different types, and only the map converts between them. So "motors off" is stated as the least
+//! thrust and never as an end of the channel: calibration and map determine which end that is.
 
 use scenario::{RcLink, ThrustChannel, Transmitter};
 
@@ -14,7 +14,7 @@ use crate::sticks::Sticks;
 /// Letters of the sticks in the order of [`Sticks::codes`]: thrust, roll, pitch, yaw.
 const LETTERS: [char; 4] = ['T', 'A', 'E', 'R'];
 
-/// Travel of a stick by its calibration, −1 to 1: neither reversed nor scaled.
+/// Travel of a stick as in its calibration, −1 to 1: neither reversed nor scaled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StickTravel(f64);
 
@@ -22,20 +22,20 @@ pub struct StickTravel(f64);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SentTravel(f64);
 
-/// Sent travel of each channel; `None` for channels that no scenario states.
+/// Sent travel of each channel; `None` for channels that the scenario does not state.
 pub type Travels = [Option<SentTravel>; 16];
 
 impl StickTravel {
-    /// A stick in the middle: no rate.
+    /// Centred stick: no rate.
     pub const MIDDLE: Self = Self(0.0);
 
-    /// Makes a travel, within −1 to 1.
+    /// Makes a travel, clamped to −1 to 1.
     #[must_use]
     pub fn new(travel: f64) -> Self {
         Self(travel.clamp(-1.0, 1.0))
     }
 
-    /// Returns it as a number.
+    /// Returns the travel as a number.
     #[must_use]
     #[inline]
     pub fn value(self) -> f64 {
@@ -44,7 +44,7 @@ impl StickTravel {
 }
 
 impl SentTravel {
-    /// Returns it as a number.
+    /// Returns the travel as a number.
     #[must_use]
     #[inline]
     pub fn value(self) -> f64 {
@@ -59,19 +59,19 @@ pub struct ChannelMap {
     largest_code: f64,
     /// Channel and travel of each stick.
     sticks: [Stick; 4],
-    /// Travel of the thrust stick that asks for the least thrust.
+    /// Travel of the thrust stick at the least thrust.
     least_thrust: StickTravel,
-    /// The arming switch: its channel, and its travels disarmed and armed.
+    /// Arming channel, and its travels disarmed and armed.
     arming: Option<(usize, [f64; 2])>,
-    /// Travels of all channels when the motors stop.
-    at_rest: Travels,
+    /// Travels of all channels with the motors off.
+    motors_off: Travels,
 }
 
 /// Channel and travel of a stick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stick {
     channel: usize,
-    /// Travels that −1 and 1 are sent as.
+    /// Sent travels at −1 and 1.
     ends: [f64; 2],
 }
 
@@ -87,7 +87,7 @@ impl ChannelMap {
     /// Makes the map of a checked link.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Self {
-        let mut at_rest = [transmitter.others.map(SentTravel); 16];
+        let mut motors_off = [transmitter.others.map(SentTravel); 16];
         let sticks = [0, 1, 2, 3].map(|stick| {
             let letter = LETTERS[stick];
             let mut ends = if stick == 0 {
@@ -99,42 +99,42 @@ impl ChannelMap {
                 ends.reverse();
             }
             let channel = transmitter.order.find(letter).unwrap_or(stick);
-            let made = Stick { channel, ends };
-            at_rest[channel] = Some(match transmitter.failsafe {
+            let mapped = Stick { channel, ends };
+            motors_off[channel] = Some(match transmitter.failsafe {
                 Some(stated) => SentTravel(stated[stick]),
                 None if stick == 0 => SentTravel(ThrustChannel::new(link, transmitter).at_rest()),
-                None => made.sent(StickTravel::MIDDLE),
+                None => mapped.sent(StickTravel::MIDDLE),
             });
-            made
+            mapped
         });
         for switch in &transmitter.switch {
-            at_rest[index_of(switch.channel)] = Some(SentTravel(switch.travel));
+            motors_off[index_of(switch.channel)] = Some(SentTravel(switch.travel));
         }
         let arming = transmitter.arming_channel.map(index_of);
         if let Some(channel) = arming {
-            at_rest[channel] = Some(SentTravel(transmitter.arming[0]));
+            motors_off[channel] = Some(SentTravel(transmitter.arming[0]));
         }
         Self {
             largest_code: f64::from((1_u32 << link.resolution.clamp(1, 16)) - 1),
             sticks,
             least_thrust: StickTravel(-link.thrust_slope.signum()),
             arming: arming.map(|channel| (channel, transmitter.arming)),
-            at_rest,
+            motors_off,
         }
     }
 
-    /// Returns the travel of a stick's code by the calibration, before it is mapped.
+    /// Returns the travel of a stick's code.
     #[must_use]
     #[inline]
     pub fn travel(&self, code: u16) -> StickTravel {
         StickTravel((2.0 * f64::from(code) / self.largest_code - 1.0).min(1.0))
     }
 
-    /// Returns the travels of all channels. Every frame that stops the motors has its travels from here.
+    /// Returns the travels of all channels. No other function makes the travels that stop the motors.
     #[must_use]
     #[inline]
     pub fn travels(&self, sticks: &Sticks) -> Travels {
-        let mut travels = self.at_rest;
+        let mut travels = self.motors_off;
         let Some(codes) = sticks.codes else {
             return travels;
         };
@@ -149,7 +149,7 @@ impl ChannelMap {
         travels
     }
 
-    /// Returns the thrust of the sticks as a share of the way from the least to the largest; 0 if the motors stop.
+    /// Returns the commanded thrust: 0 at the least or with the motors off, 1 at the largest.
     #[must_use]
     #[inline]
     pub fn thrust_share(&self, sticks: &Sticks) -> f64 {
@@ -158,25 +158,25 @@ impl ChannelMap {
         })
     }
 
-    /// Returns the travel of the thrust stick that asks for the least thrust.
+    /// Returns the travel of the thrust stick at the least thrust.
     #[must_use]
     pub fn least_thrust(&self) -> StickTravel {
         self.least_thrust
     }
 
-    /// Returns the channel of each stick, as an index: thrust, roll, pitch, yaw.
+    /// Returns the channel index of each stick: thrust, roll, pitch, yaw.
     #[must_use]
     pub fn stick_channels(&self) -> [usize; 4] {
         self.sticks.map(|stick| stick.channel)
     }
 
-    /// Returns the channel of the arming switch, as an index.
+    /// Returns the index of the arming channel.
     #[must_use]
     pub fn arming_channel(&self) -> Option<usize> {
         self.arming.map(|(channel, _)| channel)
     }
 
-    /// Returns the travels of the sticks thrust, roll, pitch and yaw from received channels: the inverse of
+    /// Converts received channels to the travels of the sticks thrust, roll, pitch and yaw: the inverse of
     /// [`ChannelMap::travels`], except for failsafe.
     #[must_use]
     pub fn stick_travels(&self, received: &[f64; 16]) -> [f64; 4] {
@@ -186,8 +186,8 @@ impl ChannelMap {
         })
     }
 
-    /// Returns whether received channels let the motors turn: the arming switch is nearer to its travel armed. Without
-    /// such a switch they always do.
+    /// Returns whether received channels arm the motors: the arming channel is closer to its armed than to its disarmed
+    /// travel. Always `true` without an arming channel.
     #[must_use]
     pub fn is_armed(&self, received: &[f64; 16]) -> bool {
         self.arming.is_none_or(|(channel, [disarmed, armed])| {
@@ -195,7 +195,7 @@ impl ChannelMap {
         })
     }
 
-    /// Returns the code of a stick whose travel is nearest to a travel.
+    /// Returns the stick code closest to a travel.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -219,7 +219,7 @@ pub struct Units {
     pub ends: [u16; 2],
     /// Smallest and largest code of the link.
     pub limits: [u16; 2],
-    /// Codes of channels that are not stated: the link's word for *leave it*, or −100 % where it has none.
+    /// Codes of channels that are not stated: the link's code for an unchanged channel, or −100 % if it has none.
     pub unstated: ChannelCodes,
     /// Unit of a code.
     pub unit: CodeUnit,
@@ -228,21 +228,21 @@ pub struct Units {
 /// Unit of a channel's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodeUnit {
-    /// Microsecond of a pulse.
+    /// Pulse width in µs.
     Pulse,
-    /// Step of a receiver's code, which flight controllers convert to pulses of 1500 ± 512 µs.
+    /// Step of a receiver code, which flight controllers convert to pulses of 1500 ± 512 µs.
     ReceiverStep,
     /// Step of another code.
     Step,
 }
 
-/// Range of codes of 11 bits.
+/// Range of 11-bit codes.
 pub(crate) const ELEVEN_BITS: [u16; 2] = [0, 2047];
-/// Pulses that a receiver can send, µs: beyond them a flight controller takes a channel for broken.
+/// Valid pulses, µs: outside of them a flight controller treats the channel as failed.
 pub(crate) const PULSES: [u16; 2] = [900, 2100];
 
 impl Units {
-    /// Returns the nearest code to each travel, within the limits.
+    /// Returns the code closest to each travel, within the limits.
     #[must_use]
     #[inline]
     pub fn codes(&self, travels: &Travels) -> ChannelCodes {
@@ -268,7 +268,7 @@ impl Units {
         code.clamp(least, most) as u16
     }
 
-    /// Returns the travel that a code means.
+    /// Returns the travel of a code.
     #[must_use]
     pub fn travel(&self, code: u16) -> f64 {
         let [low, high] = self.ends.map(f64::from);
@@ -318,14 +318,14 @@ mod tests {
             others: Some(-0.5),
             ..transmitter()
         };
-        let travels = ChannelMap::new(&RcLink::default(), &stated).travels(&Sticks::AT_REST);
-        let wanted = [-1.1, 0.1, 0.2, 0.3, -1.0, -0.5, 0.5, -0.5].map(Some);
-        assert_eq!(numbers(&travels), wanted);
+        let travels = ChannelMap::new(&RcLink::default(), &stated).travels(&Sticks::MOTORS_OFF);
+        let expected = [-1.1, 0.1, 0.2, 0.3, -1.0, -0.5, 0.5, -0.5].map(Some);
+        assert_eq!(numbers(&travels), expected);
     }
 
     #[test]
     fn the_motors_stop_at_the_end_of_the_channel_that_means_the_least_thrust() {
-        for (slope, reversed, [low, high], wanted) in [
+        for (slope, reversed, [low, high], expected) in [
             (3.138, "", [-1.0, 1.0], -1.0),
             (3.138, "T", [-1.0, 1.0], 1.0),
             (-3.138, "", [-1.0, 1.0], 1.0),
@@ -348,8 +348,8 @@ mod tests {
                 ..Transmitter::default()
             };
             let map = ChannelMap::new(&link, &stated);
-            let [thrust, rates @ ..] = numbers(&map.travels(&Sticks::AT_REST));
-            assert_eq!(thrust, Some(wanted), "{slope} {reversed:?} {low} {high}");
+            let [thrust, rates @ ..] = numbers(&map.travels(&Sticks::MOTORS_OFF));
+            assert_eq!(thrust, Some(expected), "{slope} {reversed:?} {low} {high}");
             // No rate is the middle of what is sent.
             for rate in &rates[..3] {
                 assert!((rate.unwrap() + 0.1).abs() < 1e-12);

@@ -1,11 +1,11 @@
-//! CRSF: `RC_CHANNELS_PACKED`, the frame with which a receiver or a handset sends sixteen channels.
+//! CRSF: `RC_CHANNELS_PACKED`, the frame of sixteen channels from a receiver or handset.
 //!
 //! 420000 baud 8N1, not inverted: `0xC8`, length 24, type `0x16`, 22 bytes of channels, CRC-8 (polynomial `0xD5`, no
 //! reflection, from 0) over type and channels. The codes 172, 992 and 1811 are −100, 0 and 100 %: 988, 1500 and 2012 µs.
-//! The failsafe of the link is that frames stop.
+//! The link signals failsafe by stopping its frames.
 
 use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
-use crate::format::{Content, Decoded, Format, fixed};
+use crate::format::{Content, Decoded, Format, decode_fixed};
 use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
@@ -16,14 +16,14 @@ pub const LENGTH: usize = 26;
 /// Codes at −100 and 100 %.
 pub const ENDS: [u16; 2] = [172, 1811];
 
-/// Address of a flight controller, which every frame to one begins with.
+/// Address of a flight controller: the first byte of every frame to it.
 const ADDRESS: u8 = 0xc8;
-/// Bytes after the length: type, channels, check sum.
-const LENGTH_OF_REST: u8 = 24;
+/// Value of the length field: type, channels and checksum.
+const LENGTH_FIELD: u8 = 24;
 /// `RC_CHANNELS_PACKED`.
 const TYPE: u8 = 0x16;
 
-/// The format.
+/// CRSF frame format.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crsf;
 
@@ -43,18 +43,18 @@ impl Format for Crsf {
     }
 
     fn decode(&self, bytes: &[u8]) -> Decoded {
-        fixed(bytes, LENGTH, |frame| Ok((decode(frame)?, false)))
+        decode_fixed(bytes, LENGTH, |frame| Ok((decode(frame)?, false)))
     }
 }
 
-/// Encodes channels, of each the lower 11 bits.
+/// Encodes the lower 11 bits of each channel.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
     let mut frame = [0; LENGTH];
-    frame[..3].copy_from_slice(&[ADDRESS, LENGTH_OF_REST, TYPE]);
+    frame[..3].copy_from_slice(&[ADDRESS, LENGTH_FIELD, TYPE]);
     frame[3..3 + PACKED].copy_from_slice(&packing::pack(channels));
-    frame[LENGTH - 1] = check_sum(&frame[2..LENGTH - 1]);
+    frame[LENGTH - 1] = checksum(&frame[2..LENGTH - 1]);
     frame
 }
 
@@ -64,16 +64,19 @@ pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
 /// [`DecodeError`] if the bytes are not a frame of channels.
 pub fn decode(bytes: &[u8]) -> Result<ChannelCodes, DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
-        wanted: LENGTH,
+        expected: LENGTH,
         found: bytes.len(),
     })?;
-    for (at, wanted) in [ADDRESS, LENGTH_OF_REST, TYPE].into_iter().enumerate() {
-        if frame[at] != wanted {
-            return Err(DecodeError::Mark { at, found: frame[at] });
+    for (offset, expected) in [ADDRESS, LENGTH_FIELD, TYPE].into_iter().enumerate() {
+        if frame[offset] != expected {
+            return Err(DecodeError::Constant {
+                offset,
+                found: frame[offset],
+            });
         }
     }
-    if check_sum(&frame[2..LENGTH - 1]) != frame[LENGTH - 1] {
-        return Err(DecodeError::CheckSum);
+    if checksum(&frame[2..LENGTH - 1]) != frame[LENGTH - 1] {
+        return Err(DecodeError::Checksum);
     }
     let mut packed = [0; PACKED];
     packed.copy_from_slice(&frame[3..3 + PACKED]);
@@ -82,7 +85,7 @@ pub fn decode(bytes: &[u8]) -> Result<ChannelCodes, DecodeError> {
 
 /// CRC-8/DVB-S2.
 #[inline]
-fn check_sum(bytes: &[u8]) -> u8 {
+fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| {
         (0..8).fold(sum ^ byte, |sum, _| {
             if sum & 0x80 == 0 {
@@ -100,7 +103,7 @@ mod tests {
 
     /// The check value of CRC-8/DVB-S2 in the catalogue of parametrised CRC algorithms.
     #[test]
-    fn the_check_sum_is_that_of_the_catalogue() {
-        assert_eq!(check_sum(b"123456789"), 0xbc);
+    fn the_checksum_is_that_of_the_catalogue() {
+        assert_eq!(checksum(b"123456789"), 0xbc);
     }
 }

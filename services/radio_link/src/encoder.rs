@@ -1,4 +1,4 @@
-//! Encoder of sticks to frames of the scenario's link.
+//! Encoder: from sticks to frames of the scenario's link.
 
 use scenario::{RcLink, Transmitter};
 
@@ -16,10 +16,10 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Makes the encoder of a checked link; `None` for the simulated one.
+    /// Makes the encoder of a checked link; `None` for the simulated link.
     #[must_use]
     pub fn new(link: &RcLink, transmitter: &Transmitter) -> Option<Self> {
-        let format = format::of(link, transmitter)?;
+        let format = format::for_link(link, transmitter)?;
         Some(Self {
             map: ChannelMap::new(link, transmitter),
             units: format.units(),
@@ -27,7 +27,7 @@ impl Encoder {
         })
     }
 
-    /// Writes the frame of sticks. `failsafe` is the failsafe flag of the link, if its frames have one.
+    /// Encodes sticks into a frame. `failsafe` sets the link's failsafe flag, if it has one.
     #[inline]
     pub fn encode(&mut self, sticks: &Sticks, failsafe: bool, now_ns: u64, frame: &mut Frame) {
         frame.clear();
@@ -53,7 +53,7 @@ impl Encoder {
         &self.map
     }
 
-    /// Returns whether the frames can say that the command is lost; if not, they stop.
+    /// Returns whether frames have a failsafe flag. Without one, stopping the frames signals failsafe.
     #[must_use]
     pub fn has_failsafe_flag(&self) -> bool {
         self.format.has_failsafe_flag()

@@ -1,7 +1,7 @@
-//! Formats: all that depends on which radio link carries the sticks.
+//! Frame formats: everything that is specific to one radio protocol.
 //!
-//! A format is one module that implements [`Format`], and one line in [`of`]. What a scenario needs to state it, its word,
-//! speed, rate and limits, is its record in [`RadioProtocol::properties`].
+//! A format is a module that implements [`Format`], and a line in [`for_link`]. Its name in scenarios, baud rate, frame
+//! rate and limits are in [`RadioProtocol::properties`].
 
 use std::fmt::Debug;
 
@@ -12,26 +12,26 @@ use crate::frame::Frame;
 use crate::sticks::Sticks;
 use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
 
-/// Format of a link's frames, in both directions.
+/// Encoder and decoder of a link's frames.
 pub trait Format: Debug + Send {
     /// Returns the units of the link's channels; pulses if it has none.
     fn units(&self) -> Units;
 
-    /// Appends a frame, without an allocation.
+    /// Appends a frame. Does not allocate.
     fn encode(&mut self, content: &Content<'_>, frame: &mut Frame);
 
-    /// Decodes the frame at the beginning of the bytes.
+    /// Decodes the frame at the start of the bytes.
     fn decode(&self, bytes: &[u8]) -> Decoded;
 
-    /// Returns whether the frames can say that the command is lost; if not, they stop.
+    /// Returns whether frames have a failsafe flag. Without one, stopping the frames signals failsafe.
     fn has_failsafe_flag(&self) -> bool {
         false
     }
 }
 
-/// Returns the format of a checked link; `None` for the simulated one.
+/// Returns the format of a checked link; `None` for the simulated link.
 #[must_use]
-pub fn of(link: &RcLink, transmitter: &Transmitter) -> Option<Box<dyn Format>> {
+pub fn for_link(link: &RcLink, transmitter: &Transmitter) -> Option<Box<dyn Format>> {
     Some(match link.link {
         RadioProtocol::Simulated => return None,
         RadioProtocol::Crsf => Box::new(crsf::Crsf),
@@ -45,47 +45,47 @@ pub fn of(link: &RcLink, transmitter: &Transmitter) -> Option<Box<dyn Format>> {
     })
 }
 
-/// Content of a frame that is sent.
+/// Content of a frame to encode.
 #[derive(Clone, Copy, Debug)]
 pub struct Content<'a> {
     /// Codes of the channels.
     pub codes: ChannelCodes,
-    /// `true` if the frame shall say that the command is lost, where it can.
+    /// `true` to set the failsafe flag, if the format has one.
     pub failsafe: bool,
-    /// The sticks, for formats without channels.
+    /// Sticks, for formats without channels.
     pub sticks: &'a Sticks,
-    /// The map of the sticks.
+    /// Channel map.
     pub map: &'a ChannelMap,
-    /// Time of the sending, ns.
+    /// Transmission time, ns.
     pub now_ns: u64,
 }
 
-/// Meaning of the first bytes of a stream; lengths are in bytes.
+/// Result of decoding the start of a byte stream; lengths are in bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decoded {
-    /// A frame with channels, and whether it says that the command is lost.
+    /// A frame with channels, and its failsafe flag.
     Channels(usize, ChannelCodes, bool),
     /// A frame with fields that override channels.
     Override(usize, ChannelCodes),
-    /// A frame with body rates, rad/s, and thrust as a share.
+    /// A frame with body rates, rad/s, and a normalised thrust.
     Rates(usize, [f64; 3], f64),
     /// A frame without a command.
     Other(usize),
-    /// The beginning of a frame.
-    Unfinished,
+    /// An incomplete frame.
+    Incomplete,
     /// No frame.
     Noise,
 }
 
-/// Decodes the frame of a format whose frames are all equally long.
-pub(crate) fn fixed(
+/// Decodes a frame of a format with a fixed frame length.
+pub(crate) fn decode_fixed(
     bytes: &[u8],
     length: usize,
     decode: impl Fn(&[u8]) -> Result<(ChannelCodes, bool), DecodeError>,
 ) -> Decoded {
     match bytes.get(..length).map(decode) {
-        Some(Ok((codes, is_lost))) => Decoded::Channels(length, codes, is_lost),
+        Some(Ok((codes, failsafe))) => Decoded::Channels(length, codes, failsafe),
         Some(Err(_)) => Decoded::Noise,
-        None => Decoded::Unfinished,
+        None => Decoded::Incomplete,
     }
 }

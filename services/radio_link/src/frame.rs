@@ -1,9 +1,9 @@
-//! Bytes of a frame, in place.
+//! Frame: bytes in a fixed-size buffer.
 
-/// Bytes that the longest frame takes: two messages of MAVLink.
+/// Length of the longest frame, bytes: two MAVLink messages.
 pub const CAPACITY: usize = 96;
 
-/// The bytes of a frame.
+/// Frame to be sent.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     bytes: [u8; CAPACITY],
@@ -20,7 +20,7 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// The bytes.
+    /// Returns the bytes.
     #[must_use]
     #[inline]
     pub fn bytes(&self) -> &[u8] {
@@ -36,7 +36,7 @@ impl Frame {
     /// Appends bytes.
     ///
     /// # Panics
-    /// If they are more than there is room for.
+    /// If the frame would exceed [`CAPACITY`].
     #[inline]
     pub fn push(&mut self, bytes: &[u8]) {
         let end = self.length + bytes.len();

@@ -10,53 +10,52 @@ use crate::frame::Frame;
 use crate::port::{OpenError, Port, Sent, Target};
 use crate::sticks::Sticks;
 
-/// A radio link of a laboratory.
+/// Radio link of a laboratory.
 #[derive(Debug)]
 pub struct RadioLink {
     encoder: Encoder,
     port: Port,
     frame: Frame,
     loss: Loss,
-    /// `true` if the process replaces a dead one, whose last frame counts at the receiver until there is a newer one.
-    succeeds: bool,
-    /// Frames that were not sent, so that the receiver's failsafe acts.
+    /// `true` if the process replaces a dead one, whose last frame stays in effect at the receiver until a newer one.
+    is_replacement: bool,
+    /// Frames withheld to trigger the receiver's failsafe.
     silent: u64,
-    /// Buffer of answers, which are not used.
-    answers: [u8; 512],
+    /// Buffer for responses, which are discarded.
+    responses: [u8; 512],
 }
 
-/// Duration of the loss of the command.
+/// Timer of a lost command.
 #[derive(Clone, Copy, Debug)]
 struct Loss {
     silence_after_ns: u64,
     since_ns: Option<u64>,
 }
 
-/// Reaction of a link to the newest sticks.
+/// Sticks to send, and whether to use the link's failsafe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct LinkAssessment {
     sticks: Sticks,
-    /// `true` if the failsafe of the link is used as well.
-    own_failsafe: bool,
+    /// `true` to use the link's own failsafe as well.
+    link_failsafe: bool,
 }
 
 impl Loss {
-    /// Assesses the newest sticks. Lost sticks, or sticks that are not renewed, stop the motors; after a time the
-    /// failsafe of the link is used. If sticks are not renewed, the transmitter's failsafe cannot act any more, so the
-    /// link's is used at once.
+    /// Assesses the newest sticks. Lost sticks and stale sticks stop the motors. The link's failsafe is used after
+    /// `silence_after` of lost sticks, and immediately with stale sticks: the transmitter no longer runs its own failsafe.
     #[inline]
     fn assess(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> LinkAssessment {
-        let Some((sticks, put_at_ns)) = newest else {
+        let Some((sticks, written_at_ns)) = newest else {
             return LinkAssessment {
-                sticks: Sticks::AT_REST,
-                own_failsafe: false,
+                sticks: Sticks::MOTORS_OFF,
+                link_failsafe: false,
             };
         };
-        if now_ns.saturating_sub(put_at_ns) > self.silence_after_ns {
-            self.since_ns.get_or_insert(put_at_ns);
+        if now_ns.saturating_sub(written_at_ns) > self.silence_after_ns {
+            self.since_ns.get_or_insert(written_at_ns);
             return LinkAssessment {
-                sticks: Sticks::AT_REST,
-                own_failsafe: true,
+                sticks: Sticks::MOTORS_OFF,
+                link_failsafe: true,
             };
         }
         if !sticks.is_lost {
@@ -65,23 +64,23 @@ impl Loss {
         let since = sticks.is_lost.then(|| *self.since_ns.get_or_insert(now_ns));
         LinkAssessment {
             sticks,
-            own_failsafe: since.is_some_and(|since| now_ns.saturating_sub(since) >= self.silence_after_ns),
+            link_failsafe: since.is_some_and(|since| now_ns.saturating_sub(since) >= self.silence_after_ns),
         }
     }
 }
 
 impl RadioLink {
-    /// Opens the link of a checked scenario; `None` for the simulated one.
+    /// Opens the link of a checked scenario; `None` for the simulated link.
     ///
     /// # Errors
-    /// [`OpenError`], with the fix: before anything is armed.
+    /// [`OpenError`], with the fix.
     pub fn open(link: &RcLink) -> Result<Option<Self>, OpenError> {
         Self::with_port(link, false, Port::open)
     }
 
-    /// Opens the link of a process that replaces a dead one in flight. If it cannot be opened now, the flight goes on
-    /// as with any other loss. It sends nothing before the first sticks: a frame that stops the motors would disarm a
-    /// vehicle in the air, and many flight controllers do not arm again there.
+    /// Opens the link of a process that replaces a dead one in flight. If it cannot be opened now, this counts as any other
+    /// loss. It sends nothing before the first sticks: a frame that stops the motors would disarm a vehicle in the air, and
+    /// many flight controllers cannot be rearmed there.
     #[must_use]
     pub fn reopen(link: &RcLink) -> Option<Self> {
         let Ok(link) = Self::with_port(link, true, |target| Ok::<_, Infallible>(Port::lost(target)));
@@ -90,7 +89,7 @@ impl RadioLink {
 
     fn with_port<E>(
         link: &RcLink,
-        succeeds: bool,
+        is_replacement: bool,
         port: impl FnOnce(Target) -> Result<Port, E>,
     ) -> Result<Option<Self>, E> {
         let Some(transmitter) = &link.transmitter else {
@@ -108,27 +107,31 @@ impl RadioLink {
                 silence_after_ns: nanoseconds(transmitter.silence_after),
                 since_ns: None,
             },
-            succeeds,
+            is_replacement,
             silent: 0,
-            answers: [0; 512],
+            responses: [0; 512],
         }))
     }
 
-    /// Sends the frame of the newest sticks with their time, at a time of `CLOCK_MONOTONIC`. Returns `None` if no frame
-    /// was sent: to make the receiver's failsafe act, or because a replacement has no sticks yet.
+    /// Sends the frame of the newest sticks, given with their time; times are those of `CLOCK_MONOTONIC`. Returns `None` if
+    /// the frame was withheld: to trigger the receiver's failsafe, or because a replacement has no sticks yet.
     #[inline]
     pub fn transmit(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Option<Sent> {
-        if newest.is_none() && self.succeeds {
+        if newest.is_none() && self.is_replacement {
             return None;
         }
-        let verdict = self.loss.assess(newest, now_ns);
-        self.port.receive(&mut self.answers, now_ns);
-        if verdict.own_failsafe && !self.encoder.has_failsafe_flag() {
+        let assessment = self.loss.assess(newest, now_ns);
+        self.port.receive(&mut self.responses, now_ns);
+        if assessment.link_failsafe && !self.encoder.has_failsafe_flag() {
             self.silent += 1;
             return None;
         }
-        self.encoder
-            .encode(&verdict.sticks, verdict.own_failsafe, now_ns, &mut self.frame);
+        self.encoder.encode(
+            &assessment.sticks,
+            assessment.link_failsafe,
+            now_ns,
+            &mut self.frame,
+        );
         Some(self.port.send(self.frame.bytes(), now_ns))
     }
 
@@ -144,7 +147,7 @@ impl RadioLink {
         &self.port
     }
 
-    /// Returns the number of frames that were not sent, to make the receiver's failsafe act.
+    /// Returns the number of frames withheld to trigger the receiver's failsafe.
     #[must_use]
     pub fn silent(&self) -> u64 {
         self.silent
@@ -168,27 +171,34 @@ mod tests {
     const FLYING: Sticks = Sticks::flying([1000; 4]);
     const LOST: Sticks = Sticks {
         is_lost: true,
-        ..Sticks::AT_REST
+        ..Sticks::MOTORS_OFF
     };
 
     #[test]
-    fn before_the_first_sticks_the_motors_rest_and_frames_go_on() {
-        let verdict = loss().assess(None, 10_000 * MS);
-        assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, false));
+    fn before_the_first_sticks_frames_keep_the_motors_off() {
+        let assessment = loss().assess(None, 10_000 * MS);
+        assert_eq!(
+            (assessment.sticks, assessment.link_failsafe),
+            (Sticks::MOTORS_OFF, false)
+        );
     }
 
     #[test]
     fn a_disarmed_link_stays_so_without_the_links_failsafe() {
         let mut loss = loss();
         for now_ns in (0..10_000).map(|ms| ms * MS) {
-            assert!(!loss.assess(Some((Sticks::AT_REST, now_ns)), now_ns).own_failsafe);
+            assert!(
+                !loss
+                    .assess(Some((Sticks::MOTORS_OFF, now_ns)), now_ns)
+                    .link_failsafe
+            );
         }
     }
 
     #[test]
     fn a_lost_command_uses_the_links_failsafe_after_the_stated_time_and_until_it_is_back() {
         let mut loss = loss();
-        let mut own = |sticks, ms: u64| loss.assess(Some((sticks, ms * MS)), ms * MS).own_failsafe;
+        let mut own = |sticks, ms: u64| loss.assess(Some((sticks, ms * MS)), ms * MS).link_failsafe;
         assert!(!own(FLYING, 0));
         assert!(!own(LOST, 10));
         assert!(!own(LOST, 509));
@@ -202,8 +212,11 @@ mod tests {
         let mut loss = loss();
         let mut assess = |ms: u64| loss.assess(Some((FLYING, 0)), ms * MS);
         assert_eq!(assess(500).sticks, FLYING);
-        let verdict = assess(501);
-        assert_eq!((verdict.sticks, verdict.own_failsafe), (Sticks::AT_REST, true));
+        let assessment = assess(501);
+        assert_eq!(
+            (assessment.sticks, assessment.link_failsafe),
+            (Sticks::MOTORS_OFF, true)
+        );
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! MAVLink 2: the three messages that control an autopilot.
 //!
-//! `0xFD`, length, two bytes of flags, sequence, system, component, number of the message in three bytes, payload without
-//! the zeros at its end, CRC-16/MCRF4XX over all of it but the first byte, and over one byte that stands for the message's
-//! definition. Fields stand in the order of their size. Body rates are about the axes forward, right, down, as everywhere
-//! in this project.
+//! `0xFD`, length, two bytes of flags, sequence, system, component, message ID in three bytes, payload without trailing
+//! zeros, CRC-16/MCRF4XX over everything but the first byte, and over `CRC_EXTRA`, a byte derived from the message's
+//! definition. Fields are ordered by size. Body rates are about the axes forward, right, down, as everywhere in this
+//! project.
 //!
 //! PX4 follows `SET_ATTITUDE_TARGET` in its mode *offboard* and leaves that mode when the messages stop; ArduPilot in
-//! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` replaces a receiver. Neither arms: the operator does, at the ground station.
+//! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` replaces a receiver. Neither arms: the operator arms at the ground station.
 
 mod link;
 
@@ -18,9 +18,9 @@ use crate::{ChannelCodes, DecodeError};
 /// Pulses at −100 and 100 %, µs.
 pub const ENDS: [u16; 2] = [1000, 2000];
 
-/// Fields of `RC_CHANNELS_OVERRIDE` that leave a channel as it is: of the first eight `UINT16_MAX`, of the others 0, as
-/// in a message that is too short to have them.
-pub const LEFT_ALONE: ChannelCodes = {
+/// Fields of `RC_CHANNELS_OVERRIDE` that leave a channel unchanged: `UINT16_MAX` for the first eight; 0 for the others, as
+/// in a message that is too short to contain them.
+pub const UNCHANGED: ChannelCodes = {
     let mut fields = [0; 16];
     let mut channel = 0;
     while channel < FIRST {
@@ -30,7 +30,7 @@ pub const LEFT_ALONE: ChannelCodes = {
     fields
 };
 
-/// Channels of `RC_CHANNELS_OVERRIDE` whose fields are of the first definition: 0 gives them back to the radio.
+/// Number of channels in the original definition of `RC_CHANNELS_OVERRIDE`: 0 releases them to the radio.
 const FIRST: usize = 8;
 
 const START: u8 = 0xfd;
@@ -42,16 +42,16 @@ const IGNORE_ATTITUDE: u8 = 128;
 /// Sender of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sender {
-    /// Its system.
+    /// System ID.
     pub system: u8,
-    /// Its component.
+    /// Component ID.
     pub component: u8,
 }
 
-/// Message that carries a command, or a heartbeat.
+/// Message with a command, or a heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MavlinkPacket {
-    /// `HEARTBEAT` of a controller on the ground.
+    /// `HEARTBEAT` of a ground station.
     Heartbeat,
     /// `SET_ATTITUDE_TARGET` without an attitude.
     AttitudeTarget(AttitudeTarget),
@@ -59,7 +59,7 @@ pub enum MavlinkPacket {
     RcOverride {
         /// The autopilot's system and component.
         target: [u8; 2],
-        /// Fields of the channels: pulses in µs, or values that leave a channel alone or give it back.
+        /// Fields of the channels: pulses in µs, or values that leave a channel unchanged or release it.
         channels: ChannelCodes,
     },
 }
@@ -67,31 +67,31 @@ pub enum MavlinkPacket {
 /// Body rates and thrust.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeTarget {
-    /// Time since the sender has begun, ms.
+    /// Time since the sender started, ms.
     pub time_ms: u32,
     /// Body rates about the axes forward, right, down, rad/s.
     pub rates_body: [f32; 3],
-    /// Thrust as a share of the largest, 0 to 1.
+    /// Normalised thrust, 0 to 1.
     pub thrust: f32,
     /// The autopilot's system and component.
     pub target: [u8; 2],
 }
 
-/// Channels that an autopilot takes from `RC_CHANNELS_OVERRIDE` in place of those of its radio.
+/// Channels of an autopilot that `RC_CHANNELS_OVERRIDE` has overridden.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
-    /// Pulses, µs; 0 for channels that are the radio's.
+    /// Pulses, µs; 0 for channels that are not overridden.
     pub pulses: ChannelCodes,
 }
 
 impl Overrides {
-    /// Takes the fields of a message.
-    pub fn take(&mut self, fields: &ChannelCodes) {
+    /// Applies the fields of a message.
+    pub fn apply(&mut self, fields: &ChannelCodes) {
         for (channel, (pulse, &field)) in self.pulses.iter_mut().zip(fields).enumerate() {
             *pulse = match field {
                 u16::MAX => *pulse,
                 0 if channel >= FIRST => *pulse,
-                // Given back to the radio.
+                // Released to the radio.
                 0xfffe if channel >= FIRST => 0,
                 pulse => pulse,
             };
@@ -99,43 +99,43 @@ impl Overrides {
     }
 }
 
-/// Number, length of the payload and the byte that stands for the definition.
+/// Message ID, length of the payload, and `CRC_EXTRA`.
 #[derive(Clone, Copy)]
 struct Kind {
     id: u32,
     length: usize,
-    extra: u8,
+    crc_extra: u8,
 }
 
 const HEARTBEAT: Kind = Kind {
     id: 0,
     length: 9,
-    extra: 50,
+    crc_extra: 50,
 };
 const RC_CHANNELS_OVERRIDE: Kind = Kind {
     id: 70,
     length: 38,
-    extra: 124,
+    crc_extra: 124,
 };
 const SET_ATTITUDE_TARGET: Kind = Kind {
     id: 82,
     length: 39,
-    extra: 49,
+    crc_extra: 49,
 };
 const KINDS: [Kind; 3] = [HEARTBEAT, RC_CHANNELS_OVERRIDE, SET_ATTITUDE_TARGET];
 const LONGEST: usize = SET_ATTITUDE_TARGET.length;
 
-/// Offset of the fields of `SET_ATTITUDE_TARGET` after time and attitude.
-const RATES_AT: usize = 20;
-/// Offset of the fields of `RC_CHANNELS_OVERRIDE` after the first eight channels.
-const TARGET_AT: usize = 16;
+/// Offset of the body rates in `SET_ATTITUDE_TARGET`.
+const RATES_OFFSET: usize = 20;
+/// Offset of the target in `RC_CHANNELS_OVERRIDE`.
+const TARGET_OFFSET: usize = 16;
 
 /// Appends a message to a frame.
 #[inline]
 pub fn encode(message: &MavlinkPacket, sender: Sender, sequence: u8, frame: &mut Frame) {
-    let (kind, payload) = payload_of(message);
+    let (kind, payload) = build_payload(message);
     let payload = &payload[..kind.length];
-    // The payload loses the zeros at its end, all but its first byte.
+    // Trailing zeros are truncated; the first byte always remains.
     let zeros = payload[1..].iter().rev().take_while(|&&byte| byte == 0).count();
     let payload = &payload[..kind.length - zeros];
     let [id0, id1, id2, _] = kind.id.to_le_bytes();
@@ -155,11 +155,11 @@ pub fn encode(message: &MavlinkPacket, sender: Sender, sequence: u8, frame: &mut
     let sum = accumulate(accumulate(0xffff, &header[1..]), payload);
     frame.push(&header);
     frame.push(payload);
-    frame.push(&accumulate(sum, &[kind.extra]).to_le_bytes());
+    frame.push(&accumulate(sum, &[kind.crc_extra]).to_le_bytes());
 }
 
 #[inline]
-fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
+fn build_payload(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
     let mut payload = [0; LONGEST];
     let kind = match message {
         MavlinkPacket::Heartbeat => {
@@ -173,7 +173,7 @@ fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
             payload[4..8].copy_from_slice(&1.0_f32.to_le_bytes());
             let [x, y, z] = target.rates_body;
             let numbers = [x, y, z, target.thrust];
-            for (bytes, number) in payload[RATES_AT..].chunks_exact_mut(4).zip(numbers) {
+            for (bytes, number) in payload[RATES_OFFSET..].chunks_exact_mut(4).zip(numbers) {
                 bytes.copy_from_slice(&number.to_le_bytes());
             }
             let [system, component] = target.target;
@@ -185,45 +185,48 @@ fn payload_of(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
                 let at = 2 * index + if index < 8 { 0 } else { 2 };
                 payload[at..at + 2].copy_from_slice(&channel.to_le_bytes());
             }
-            payload[TARGET_AT..TARGET_AT + 2].copy_from_slice(target);
+            payload[TARGET_OFFSET..TARGET_OFFSET + 2].copy_from_slice(target);
             RC_CHANNELS_OVERRIDE
         }
     };
     (kind, payload)
 }
 
-/// Decodes the message at the beginning of the bytes. Returns it with its sender, its sequence number, and its length
-/// in bytes.
+/// Decodes the message at the start of the bytes. Returns it with its sender, its sequence number, and its length in
+/// bytes.
 ///
 /// # Errors
-/// [`DecodeError`] if no known message begins there.
+/// [`DecodeError`] if the bytes do not start with a known message.
 pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), DecodeError> {
-    let shorter_than = |wanted| DecodeError::Length {
-        wanted,
+    let shorter_than = |expected| DecodeError::Length {
+        expected,
         found: bytes.len(),
     };
     let header = bytes.get(..HEADER).ok_or(shorter_than(HEADER))?;
-    let mark = |at: usize| DecodeError::Mark {
-        at,
-        found: header[at],
+    let unexpected = |offset: usize| DecodeError::Constant {
+        offset,
+        found: header[offset],
     };
-    // Signatures and other flags of unknown senders are not understood.
-    for (at, wanted) in [(0, START), (2, 0)] {
-        if header[at] != wanted {
-            return Err(mark(at));
+    // Signatures and other incompatible flags are not supported.
+    for (offset, expected) in [(0, START), (2, 0)] {
+        if header[offset] != expected {
+            return Err(unexpected(offset));
         }
     }
     let id = u32::from_le_bytes([header[7], header[8], header[9], 0]);
-    let kind = KINDS.into_iter().find(|kind| kind.id == id).ok_or(mark(7))?;
+    let kind = KINDS
+        .into_iter()
+        .find(|kind| kind.id == id)
+        .ok_or(unexpected(7))?;
     let length = usize::from(header[1]);
     if length == 0 || length > kind.length {
-        return Err(mark(1));
+        return Err(unexpected(1));
     }
     let end = HEADER + length;
     let sum = bytes.get(end..end + 2).ok_or(shorter_than(end + 2))?;
-    let computed = accumulate(accumulate(0xffff, &bytes[1..end]), &[kind.extra]);
+    let computed = accumulate(accumulate(0xffff, &bytes[1..end]), &[kind.crc_extra]);
     if sum != computed.to_le_bytes() {
-        return Err(DecodeError::CheckSum);
+        return Err(DecodeError::Checksum);
     }
     let mut payload = [0; LONGEST];
     payload[..length].copy_from_slice(&bytes[HEADER..end]);
@@ -231,16 +234,16 @@ pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), Decode
         system: header[5],
         component: header[6],
     };
-    Ok((message_of(kind, &payload), sender, header[4], end + 2))
+    Ok((parse_payload(kind, &payload), sender, header[4], end + 2))
 }
 
-fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
+fn parse_payload(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
     let number = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[at + byte]));
     match kind.id {
         id if id == SET_ATTITUDE_TARGET.id => MavlinkPacket::AttitudeTarget(AttitudeTarget {
             time_ms: u32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[byte])),
-            rates_body: [0, 4, 8].map(|offset| number(RATES_AT + offset)),
-            thrust: number(RATES_AT + 12),
+            rates_body: [0, 4, 8].map(|offset| number(RATES_OFFSET + offset)),
+            thrust: number(RATES_OFFSET + 12),
             target: [payload[36], payload[37]],
         }),
         id if id == RC_CHANNELS_OVERRIDE.id => {
@@ -250,7 +253,7 @@ fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
                 *channel = u16::from_le_bytes([payload[at], payload[at + 1]]);
             }
             MavlinkPacket::RcOverride {
-                target: [payload[TARGET_AT], payload[TARGET_AT + 1]],
+                target: [payload[TARGET_OFFSET], payload[TARGET_OFFSET + 1]],
                 channels,
             }
         }
@@ -258,7 +261,7 @@ fn message_of(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
     }
 }
 
-/// CRC-16/MCRF4XX, continued.
+/// Continues a CRC-16/MCRF4XX over further bytes.
 #[inline]
 fn accumulate(sum: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(sum, |sum, &byte| {
@@ -274,7 +277,7 @@ mod tests {
 
     /// The check value of CRC-16/MCRF4XX in the catalogue of parametrised CRC algorithms.
     #[test]
-    fn the_check_sum_is_that_of_the_catalogue() {
+    fn the_checksum_is_that_of_the_catalogue() {
         assert_eq!(accumulate(0xffff, b"123456789"), 0x6f91);
     }
 }

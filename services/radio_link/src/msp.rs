@@ -1,14 +1,14 @@
-//! MSP version 1: `MSP_SET_RAW_RC` to a flight controller, and `MSP_RC`, what it has received.
+//! MSP version 1: `MSP_SET_RAW_RC` sends channels to a flight controller, `MSP_RC` reads the received ones.
 //!
-//! `$M<` to the flight controller, `$M>` from it (`$M!` if it refuses): length, command, payload, and the exclusive or of
-//! all of these from the length on. A channel is a pulse in µs, 1000 to 2000. The flight controller must be told that its
-//! receiver is MSP; its own failsafe acts when frames stop.
+//! `$M<` to the flight controller, `$M>` from it (`$M!` for an error): length, command, payload, and the exclusive or of
+//! all bytes from the length on. A channel is a pulse in µs, 1000 to 2000. The flight controller must be configured for an
+//! MSP receiver; its own failsafe acts when frames stop.
 //!
-//! Betaflight takes the sticks in the order of its channel map (AETR by default) and tells them as roll, pitch, yaw,
+//! Betaflight receives the sticks in the order of its channel map (AETR by default) and reports them as roll, pitch, yaw,
 //! thrust.
 
 use crate::channel_map::{CodeUnit, PULSES, Units};
-use crate::format::{Content, Decoded, Format, fixed};
+use crate::format::{Content, Decoded, Format, decode_fixed};
 use crate::frame::Frame;
 use crate::{ChannelCodes, DecodeError};
 
@@ -21,12 +21,12 @@ pub const LENGTH: usize = 6 + 32;
 /// Largest payload.
 const LARGEST_PAYLOAD: usize = 255;
 
-/// Command that replaces the receiver of a flight controller.
+/// Command that sets the channels in place of a receiver.
 pub const SET_RAW_RC: u8 = 200;
-/// Command that asks for the received channels.
+/// Command that reads the received channels.
 pub const RC: u8 = 105;
 
-/// The format.
+/// MSP frame format.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Msp;
 
@@ -46,14 +46,14 @@ impl Format for Msp {
     }
 
     fn decode(&self, bytes: &[u8]) -> Decoded {
-        fixed(bytes, LENGTH, |frame| {
+        decode_fixed(bytes, LENGTH, |frame| {
             let message = decode(frame)?;
             let (codes, _) = message.channels();
-            if message.sense == Direction::Request && message.command == SET_RAW_RC {
+            if message.direction == Direction::Request && message.command == SET_RAW_RC {
                 Ok((codes, false))
             } else {
-                let (at, found) = (4, message.command);
-                Err(DecodeError::Mark { at, found })
+                let (offset, found) = (4, message.command);
+                Err(DecodeError::Constant { offset, found })
             }
         })
     }
@@ -68,7 +68,7 @@ pub fn encode(channels: &ChannelCodes) -> [u8; LENGTH] {
     for (bytes, channel) in frame[5..LENGTH - 1].chunks_exact_mut(2).zip(channels) {
         bytes.copy_from_slice(&channel.to_le_bytes());
     }
-    frame[LENGTH - 1] = check_sum(&frame[3..LENGTH - 1]);
+    frame[LENGTH - 1] = checksum(&frame[3..LENGTH - 1]);
     frame
 }
 
@@ -83,25 +83,25 @@ pub fn request(command: u8) -> [u8; 6] {
 pub enum Direction {
     /// To the flight controller.
     Request,
-    /// From it.
-    Answer,
-    /// From it: the request is unknown or not permitted.
-    Refusal,
+    /// From the flight controller.
+    Response,
+    /// From the flight controller: the request is unknown or not permitted.
+    Error,
 }
 
-/// A frame as it was received.
+/// Received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MspMessage<'a> {
-    /// Its direction.
-    pub sense: Direction,
-    /// Its command.
+    /// Direction of the frame.
+    pub direction: Direction,
+    /// Command.
     pub command: u8,
-    /// Its payload.
+    /// Payload.
     pub payload: &'a [u8],
 }
 
 impl MspMessage<'_> {
-    /// Returns the pulses of the first sixteen channels, µs, and their number; 0 beyond them.
+    /// Returns the pulses of up to sixteen channels, µs, and their number. The others are 0.
     #[must_use]
     pub fn channels(&self) -> (ChannelCodes, usize) {
         let mut channels = [0; 16];
@@ -114,34 +114,36 @@ impl MspMessage<'_> {
     }
 }
 
-/// Decodes bytes that are exactly one frame.
+/// Decodes exactly one frame.
 ///
 /// # Errors
-/// [`DecodeError`] if they are not.
+/// [`DecodeError`] if the bytes are not one frame.
 pub fn decode(bytes: &[u8]) -> Result<MspMessage<'_>, DecodeError> {
     let mut receiver = Receiver::default();
-    for (at, &byte) in bytes.iter().enumerate() {
-        let is_last = at + 1 == bytes.len();
-        let sense = match (receiver.push(byte), is_last) {
-            (Step::Whole(message), true) => message.sense,
-            (Step::Unfinished, false) => continue,
-            (Step::Unfinished, true) => break,
-            (Step::Broken, true) if at >= 5 => return Err(DecodeError::CheckSum),
-            (Step::Broken | Step::Whole(_), _) => return Err(DecodeError::Mark { at, found: byte }),
+    for (offset, &byte) in bytes.iter().enumerate() {
+        let is_last = offset + 1 == bytes.len();
+        let direction = match (receiver.push(byte), is_last) {
+            (Step::Complete(message), true) => message.direction,
+            (Step::Incomplete, false) => continue,
+            (Step::Incomplete, true) => break,
+            (Step::Invalid, true) if offset >= 5 => return Err(DecodeError::Checksum),
+            (Step::Invalid | Step::Complete(_), _) => {
+                return Err(DecodeError::Constant { offset, found: byte });
+            }
         };
         return Ok(MspMessage {
-            sense,
+            direction,
             command: bytes[4],
             payload: &bytes[5..bytes.len() - 1],
         });
     }
     Err(DecodeError::Length {
-        wanted: 6 + usize::from(bytes.get(3).copied().unwrap_or(0)),
+        expected: 6 + usize::from(bytes.get(3).copied().unwrap_or(0)),
         found: bytes.len(),
     })
 }
 
-/// Finder of frames in a stream of bytes.
+/// Parser of frames in a byte stream.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     bytes: [u8; 6 + LARGEST_PAYLOAD],
@@ -157,47 +159,47 @@ impl Default for Receiver {
     }
 }
 
-/// Result of a byte of the stream.
+/// Result of the next byte of a stream.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Step<'a> {
-    /// Nothing yet.
-    Unfinished,
+    /// The frame is not complete yet.
+    Incomplete,
     /// The last byte of a frame.
-    Whole(MspMessage<'a>),
-    /// A byte that cannot follow the ones before, all of which are dropped.
-    Broken,
+    Complete(MspMessage<'a>),
+    /// An invalid byte: the bytes before it are dropped.
+    Invalid,
 }
 
 impl Receiver {
-    /// Takes a byte.
+    /// Parses a byte.
     pub fn push(&mut self, byte: u8) -> Step<'_> {
         let at = self.length;
-        let is_good = match at {
+        let is_valid = match at {
             0 => byte == b'$',
             1 => byte == b'M',
             2 => matches!(byte, b'<' | b'>' | b'!'),
             _ => true,
         };
-        if !is_good {
-            // It may begin the next frame.
+        if !is_valid {
+            // The byte may start the next frame.
             self.bytes[0] = byte;
             self.length = usize::from(byte == b'$');
-            return Step::Broken;
+            return Step::Invalid;
         }
         self.bytes[at] = byte;
         self.length = at + 1;
         if at < 5 || self.length < 6 + usize::from(self.bytes[3]) {
-            return Step::Unfinished;
+            return Step::Incomplete;
         }
         self.length = 0;
-        if check_sum(&self.bytes[3..at]) != byte {
-            return Step::Broken;
+        if checksum(&self.bytes[3..at]) != byte {
+            return Step::Invalid;
         }
-        Step::Whole(MspMessage {
-            sense: match self.bytes[2] {
+        Step::Complete(MspMessage {
+            direction: match self.bytes[2] {
                 b'<' => Direction::Request,
-                b'>' => Direction::Answer,
-                _ => Direction::Refusal,
+                b'>' => Direction::Response,
+                _ => Direction::Error,
             },
             command: self.bytes[4],
             payload: &self.bytes[5..at],
@@ -206,6 +208,6 @@ impl Receiver {
 }
 
 #[inline]
-fn check_sum(bytes: &[u8]) -> u8 {
+fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }

@@ -1,14 +1,14 @@
-//! A MULTI (4-in-1) transmitter module on a serial line, which speaks Spektrum DSM2 and DSMX, those of the paper's Blade
+//! MULTI (4-in-1) transmitter module on a serial line, for Spektrum DSM2 and DSMX, the protocols of the paper's Blade
 //! 200 QX.
 //!
 //! 100000 baud 8E2, not inverted on the module's USB or header pins: `0x55`, protocol 6 (DSM) with flags, model number
-//! with sub-protocol and power, option, 22 bytes of channels. The codes 204, 1024 and 1843 are −100, 0 and 100 %. DSM's
-//! failsafe is the receiver's, learnt when it is bound; it acts when frames stop.
+//! with sub-protocol and power, option, 22 bytes of channels. The codes 204, 1024 and 1843 are −100, 0 and 100 %. A DSM
+//! receiver stores its failsafe when it is bound, and uses it when frames stop.
 
 use scenario::{DsmProtocol, MultiModule};
 
 use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
-use crate::format::{Content, Decoded, Format, fixed};
+use crate::format::{Content, Decoded, Format, decode_fixed};
 use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
@@ -21,23 +21,23 @@ pub const ENDS: [u16; 2] = [204, 1843];
 
 /// First byte of a frame of channels for the protocols 0 to 31.
 const HEADER: u8 = 0x55;
-/// The module's number of DSM.
+/// Protocol number of DSM.
 const DSM: u8 = 6;
-/// Flag that makes the module bind.
+/// Flag to bind a receiver.
 const BIND: u8 = 0x80;
-/// Flag that makes the module use low power.
+/// Flag to transmit with low power.
 const LOW_POWER: u8 = 0x80;
 
-/// Settings of a frame beside its channels.
+/// Fields of a frame other than its channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Number of the model, 0 to 15.
+    /// Model number, 0 to 15.
     pub model: u8,
     /// Sub-protocol of DSM: 0 to 3 as in [`DsmProtocol`].
     pub sub_protocol: u8,
-    /// Channels over the air, 4 to 12.
+    /// Number of channels over the air, 4 to 12.
     pub option: u8,
-    /// `true` to send with low power.
+    /// `true` to transmit with low power.
     pub low_power: bool,
     /// `true` to bind a receiver.
     pub bind: bool,
@@ -87,11 +87,11 @@ impl Format for Settings {
     }
 
     fn decode(&self, bytes: &[u8]) -> Decoded {
-        fixed(bytes, LENGTH, |frame| Ok((decode(frame)?.0, false)))
+        decode_fixed(bytes, LENGTH, |frame| Ok((decode(frame)?.0, false)))
     }
 }
 
-/// Encodes channels, of each the lower 11 bits.
+/// Encodes the lower 11 bits of each channel.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes, settings: Settings) -> [u8; LENGTH] {
@@ -102,18 +102,21 @@ pub fn encode(channels: &ChannelCodes, settings: Settings) -> [u8; LENGTH] {
     frame
 }
 
-/// Decodes the channels and settings of a frame. It has no check sum.
+/// Decodes the channels and settings of a frame, which has no checksum.
 ///
 /// # Errors
 /// [`DecodeError`] if the bytes are not a frame for DSM.
 pub fn decode(bytes: &[u8]) -> Result<(ChannelCodes, Settings), DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
-        wanted: LENGTH,
+        expected: LENGTH,
         found: bytes.len(),
     })?;
-    for (at, is_good) in [(0, frame[0] == HEADER), (1, frame[1] & !BIND == DSM)] {
-        if !is_good {
-            return Err(DecodeError::Mark { at, found: frame[at] });
+    for (offset, is_valid) in [(0, frame[0] == HEADER), (1, frame[1] & !BIND == DSM)] {
+        if !is_valid {
+            return Err(DecodeError::Constant {
+                offset,
+                found: frame[offset],
+            });
         }
     }
     let settings = Settings {

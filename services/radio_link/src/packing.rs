@@ -1,14 +1,14 @@
-//! Sixteen channels of 11 bits in 22 bytes, least significant bit first: as CRSF, SBUS and MULTI send them.
+//! Packing of sixteen 11-bit channels into 22 bytes, least significant bit first, as in CRSF, SBUS and MULTI.
 
 use crate::ChannelCodes;
 
-/// Bytes that sixteen channels take.
+/// Length of sixteen packed channels, bytes.
 pub(crate) const PACKED: usize = 22;
 
-/// Largest code of 11 bits.
+/// Largest 11-bit code.
 pub(crate) const LARGEST: u16 = (1 << 11) - 1;
 
-/// Packs channels; of each the lower 11 bits.
+/// Packs the lower 11 bits of each channel.
 #[inline]
 pub(crate) fn pack(channels: &ChannelCodes) -> [u8; PACKED] {
     let mut packed = [0; PACKED];

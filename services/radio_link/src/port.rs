@@ -1,11 +1,10 @@
 //! Port: a serial device or socket that never blocks.
 //!
-//! A frame is taken whole or dropped whole. If the system takes a part of one, the rest goes out before anything else,
-//! so that a receiver never sees two frames mixed; until then frames are dropped. Frames that wait in the system's
-//! buffers are old: frames are dropped as well while more than a few wait there.
+//! A frame is sent or dropped as a whole. If the kernel accepts only a part, the remainder is sent before any other frame,
+//! so that frames never interleave; until then frames are dropped. Frames are also dropped while more than a few wait in
+//! the kernel's buffer, because a frame that waits there becomes old.
 //!
-//! A lost device or connection is opened again, first after [`FIRST_PAUSE_NS`], then after twice as long, up to
-//! [`LONGEST_PAUSE_NS`].
+//! A lost device or connection is reopened with exponential back-off from [`FIRST_PAUSE_NS`] to [`LONGEST_PAUSE_NS`].
 
 mod queue;
 pub mod serial;
@@ -21,15 +20,15 @@ use scenario::{RadioProtocol, Transmitter};
 
 use crate::frame::CAPACITY;
 
-/// Pause before the first attempt to open a lost device again, ns.
+/// Pause before the first attempt to reopen a lost device, ns.
 pub const FIRST_PAUSE_NS: u64 = 100_000_000;
 /// Longest pause between two attempts, ns.
 pub const LONGEST_PAUSE_NS: u64 = 2_000_000_000;
 
-/// Frames that may wait in the system's buffer of a serial device.
-const WAITING_ON_LINE: usize = 2;
-/// Frames that may wait in the system's buffer of a connection, where they wait for the peer's acknowledgement.
-const WAITING_ON_CONNECTION: usize = 8;
+/// Maximum number of frames in the kernel's buffer of a serial device.
+const QUEUED_ON_LINE: usize = 2;
+/// Maximum number of frames in the kernel's buffer of a connection, where they stay until the peer acknowledges them.
+const QUEUED_ON_CONNECTION: usize = 8;
 
 /// Destination of frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,9 +37,9 @@ pub enum Target {
     Serial {
         /// Its path.
         path: PathBuf,
-        /// Its speed, baud.
+        /// Baud rate.
         baud: u32,
-        /// Format of a byte.
+        /// Framing of a byte.
         byte: ByteFormat,
     },
     /// A TCP server.
@@ -53,48 +52,48 @@ pub enum Target {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError {
     /// No such device.
-    #[error("there is no device {}; is it plugged in? `ls /dev/serial/by-id` shows what is there", .path.display())]
+    #[error("there is no device {}; is it plugged in? `ls /dev/serial/by-id` lists the connected ones", .path.display())]
     Missing {
         /// Its path.
         path: PathBuf,
     },
-    /// It may not be used.
+    /// The user has no permission.
     #[error(
-        "you may not use the device {}; join its group (`sudo usermod -aG $(stat -Lc %G {}) $USER`, then log in again), or ask \
-         who owns it (`ls -lL {}`)", .path.display(), .path.display(), .path.display()
+        "no permission to open the device {}; join its group (`sudo usermod -aG $(stat -Lc %G {}) $USER`, then log in again), \
+         or ask its owner (`ls -lL {}`)", .path.display(), .path.display(), .path.display()
     )]
     Permission {
         /// Its path.
         path: PathBuf,
     },
     /// Another program uses it.
-    #[error("another program uses the device {}; `fuser {}` tells which", .path.display(), .path.display())]
+    #[error("another program uses the device {}; `fuser {}` shows which", .path.display(), .path.display())]
     Busy {
         /// Its path.
         path: PathBuf,
     },
-    /// It is something else.
-    #[error("{} is no serial device; check the path", .path.display())]
+    /// Not a serial device.
+    #[error("{} is not a serial device; check the path", .path.display())]
     NotSerial {
         /// Its path.
         path: PathBuf,
     },
-    /// It cannot go at that speed.
+    /// The baud rate is not supported.
     #[error(
-        "the device {} goes at {got} baud in place of {wanted}; use an adapter that can (FTDI, CP2102N, CH343), or another \
-         link", .path.display()
+        "the device {} runs at {got} baud instead of {wanted}; use an adapter that supports this rate (FTDI, CP2102N, \
+         CH343), or another link", .path.display()
     )]
     Speed {
         /// Its path.
         path: PathBuf,
-        /// The requested speed, baud.
+        /// Requested baud rate.
         wanted: u32,
-        /// Its speed, baud; 0 if it refuses.
+        /// Baud rate of the device; 0 if it refuses.
         got: u32,
     },
-    /// No server accepts the connection.
+    /// The connection failed.
     #[error(
-        "nobody listens at {address}: {source}; start the flight controller first and check address and port"
+        "cannot connect to {address}: {source}; start the flight controller first and check address and port"
     )]
     Connection {
         /// The address.
@@ -102,7 +101,7 @@ pub enum OpenError {
         /// The system's error.
         source: Errno,
     },
-    /// Anything else.
+    /// Any other error.
     #[error("cannot use {}: {source}", .path.display())]
     Device {
         /// Its path.
@@ -112,23 +111,23 @@ pub enum OpenError {
     },
 }
 
-/// Outcome of a frame.
+/// Outcome of sending a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
-    /// It is on its way.
-    Whole,
-    /// It was dropped: frames before it still wait.
+    /// Accepted by the kernel.
+    Accepted,
+    /// Dropped: previous frames are still queued.
     Busy,
-    /// It was dropped: there is no device, no connection or no receiver of packets.
+    /// Dropped: there is no device, no connection or no receiver of packets.
     Closed,
 }
 
 /// Outcomes of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Frames on their way.
+    /// Frames accepted by the kernel.
     pub sent: u64,
-    /// Frames dropped because others still waited.
+    /// Frames dropped because others were still queued.
     pub busy: u64,
     /// Frames dropped because the device or connection was lost.
     pub closed: u64,
@@ -143,9 +142,9 @@ pub struct Counts {
 pub struct Port {
     target: Target,
     state: State,
-    /// Rest of a frame of which the system took a part.
-    rest: [u8; CAPACITY],
-    rest_length: usize,
+    /// Remainder of a frame that the kernel accepted only in part.
+    remainder: [u8; CAPACITY],
+    remainder_length: usize,
     counts: Counts,
     retry_at_ns: u64,
     pause_ns: u64,
@@ -154,7 +153,7 @@ pub struct Port {
 #[derive(Debug)]
 enum State {
     Open(OwnedFd),
-    /// A connection on its way.
+    /// A connection in progress.
     Connecting(OwnedFd),
     Closed,
 }
@@ -174,7 +173,7 @@ impl Target {
             .or_else(|| address(&transmitter.udp).map(Self::Udp))
     }
 
-    /// Opens it. A connection may still be in progress.
+    /// Opens the target. A connection may still be in progress.
     fn open(&self) -> Result<State, OpenError> {
         match self {
             Self::Serial { path, baud, byte } => serial::open(path, *baud, *byte).map(State::Open),
@@ -183,18 +182,18 @@ impl Target {
         }
     }
 
-    /// Returns the bytes that may wait in the system's buffers before a frame as long as this one is dropped.
-    fn may_wait(&self, frame: &[u8]) -> usize {
+    /// Returns the queue length in the kernel's buffer above which a frame is dropped, bytes.
+    fn queue_limit(&self, frame: &[u8]) -> usize {
         match self {
-            Self::Serial { .. } => WAITING_ON_LINE * frame.len(),
-            Self::Tcp(_) => WAITING_ON_CONNECTION * frame.len(),
+            Self::Serial { .. } => QUEUED_ON_LINE * frame.len(),
+            Self::Tcp(_) => QUEUED_ON_CONNECTION * frame.len(),
             Self::Udp(_) => usize::MAX,
         }
     }
 }
 
 impl Port {
-    /// Opens a port, and waits up to 2 s for a connection.
+    /// Opens a port and waits up to 2 s for a connection.
     ///
     /// # Errors
     /// [`OpenError`], with the fix.
@@ -213,15 +212,15 @@ impl Port {
         })
     }
 
-    /// Makes the lost port of a dead process: it is opened with the first frame, and retried in the background if that
-    /// fails.
+    /// Makes a port that counts as lost, for the successor of a dead process. Sending the first frame opens it; further
+    /// attempts follow with back-off.
     #[must_use]
     pub fn lost(target: Target) -> Self {
         Self {
             target,
             state: State::Closed,
-            rest: [0; CAPACITY],
-            rest_length: 0,
+            remainder: [0; CAPACITY],
+            remainder_length: 0,
             counts: Counts {
                 losses: 1,
                 ..Counts::default()
@@ -231,7 +230,7 @@ impl Port {
         }
     }
 
-    /// Sends a frame or drops it, without waiting. Times are those of `CLOCK_MONOTONIC`.
+    /// Sends or drops a frame without blocking. Times are those of `CLOCK_MONOTONIC`.
     #[inline]
     pub fn send(&mut self, frame: &[u8], now_ns: u64) -> Sent {
         self.reopen_if_due(now_ns);
@@ -239,34 +238,34 @@ impl Port {
             Ok(sent) => sent,
             Err(Errno::CONNREFUSED) if matches!(self.target, Target::Udp(_)) => Sent::Closed,
             Err(_) => {
-                self.lose(now_ns);
+                self.handle_loss(now_ns);
                 Sent::Closed
             }
         };
         match sent {
-            Sent::Whole => self.counts.sent += 1,
+            Sent::Accepted => self.counts.sent += 1,
             Sent::Busy => self.counts.busy += 1,
             Sent::Closed => self.counts.closed += 1,
         }
         sent
     }
 
-    /// Takes the bytes that have arrived, without waiting, and returns their number. A caller that never does lets a
-    /// peer's answers fill the buffers.
+    /// Reads received bytes without blocking and returns their number. Must be called regularly: otherwise the peer's
+    /// responses fill the buffers.
     pub fn receive(&mut self, bytes: &mut [u8], now_ns: u64) -> usize {
         let State::Open(descriptor) = &self.state else {
             return 0;
         };
         match rustix::io::read(descriptor, &mut *bytes) {
             Ok(0) if !bytes.is_empty() && !matches!(self.target, Target::Udp(_)) => {
-                self.lose(now_ns);
+                self.handle_loss(now_ns);
                 0
             }
             Ok(count) => count,
             Err(Errno::AGAIN | Errno::INTR) => 0,
             Err(Errno::CONNREFUSED) if matches!(self.target, Target::Udp(_)) => 0,
             Err(_) => {
-                self.lose(now_ns);
+                self.handle_loss(now_ns);
                 0
             }
         }
@@ -289,75 +288,77 @@ impl Port {
         let State::Open(descriptor) = &self.state else {
             return Ok(Sent::Closed);
         };
-        if self.rest_length > 0 {
-            let written = write(descriptor, &self.rest[..self.rest_length])?;
-            self.rest.copy_within(written..self.rest_length, 0);
-            self.rest_length -= written;
+        if self.remainder_length > 0 {
+            let written = write(descriptor, &self.remainder[..self.remainder_length])?;
+            self.remainder.copy_within(written..self.remainder_length, 0);
+            self.remainder_length -= written;
         }
-        let may_wait = self.target.may_wait(frame);
-        if self.rest_length > 0 || (may_wait < usize::MAX && queue::waiting(descriptor) > may_wait) {
+        let queue_limit = self.target.queue_limit(frame);
+        if self.remainder_length > 0
+            || (queue_limit < usize::MAX && queue::unsent_bytes(descriptor) > queue_limit)
+        {
             return Ok(Sent::Busy);
         }
         match write(descriptor, frame)? {
             0 => Ok(Sent::Busy),
             written => {
-                let rest = &frame[written..];
-                self.rest[..rest.len()].copy_from_slice(rest);
-                self.rest_length = rest.len();
-                Ok(Sent::Whole)
+                let remainder = &frame[written..];
+                self.remainder[..remainder.len()].copy_from_slice(remainder);
+                self.remainder_length = remainder.len();
+                Ok(Sent::Accepted)
             }
         }
     }
 
-    /// Opens a lost port again once its pause is over, and takes a connection that is complete.
+    /// Reopens a lost port once its pause is over, and completes a connection in progress.
     fn reopen_if_due(&mut self, now_ns: u64) {
         match &self.state {
             State::Open(_) => {}
             State::Connecting(socket) => match socket::is_connected(socket) {
                 Ok(false) if now_ns < self.retry_at_ns => {}
-                Ok(true) => self.recover(),
-                Ok(false) | Err(_) => self.pause(now_ns),
+                Ok(true) => self.complete_connection(),
+                Ok(false) | Err(_) => self.back_off(now_ns),
             },
             State::Closed if now_ns < self.retry_at_ns => {}
             State::Closed => {
-                self.pause(now_ns);
+                self.back_off(now_ns);
                 if let Ok(state) = self.target.open() {
                     self.state = state;
                     if self.is_open() {
-                        self.note_recovery();
+                        self.count_recovery();
                     }
                 }
             }
         }
     }
 
-    fn recover(&mut self) {
+    fn complete_connection(&mut self) {
         if let State::Connecting(socket) = std::mem::replace(&mut self.state, State::Closed) {
             self.state = State::Open(socket);
-            self.note_recovery();
+            self.count_recovery();
         }
     }
 
-    fn note_recovery(&mut self) {
+    fn count_recovery(&mut self) {
         self.counts.recoveries += 1;
         self.pause_ns = FIRST_PAUSE_NS;
     }
 
-    /// Closes a failed port, and schedules the next attempt.
-    fn lose(&mut self, now_ns: u64) {
+    /// Closes a failed port and schedules the next attempt.
+    fn handle_loss(&mut self, now_ns: u64) {
         self.counts.losses += 1;
-        self.pause(now_ns);
+        self.back_off(now_ns);
     }
 
-    fn pause(&mut self, now_ns: u64) {
+    fn back_off(&mut self, now_ns: u64) {
         self.state = State::Closed;
-        self.rest_length = 0;
+        self.remainder_length = 0;
         self.retry_at_ns = now_ns + self.pause_ns;
         self.pause_ns = (2 * self.pause_ns).min(LONGEST_PAUSE_NS);
     }
 }
 
-/// Writes the bytes that the system takes without waiting. Returns their number.
+/// Writes the bytes that the kernel accepts without blocking. Returns their number.
 #[inline]
 fn write(descriptor: &OwnedFd, bytes: &[u8]) -> Result<usize, Errno> {
     match rustix::io::write(descriptor, bytes) {

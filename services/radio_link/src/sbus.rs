@@ -1,12 +1,12 @@
 //! SBUS: the frames of a receiver with a serial output.
 //!
-//! 100000 baud 8E2, and **inverted**: a serial adapter drives a receiver's port through an inverter (a transistor, or an
-//! adapter whose output can be turned around); F7 and H7 flight controllers take it uninverted if told so.
-//! `0x0F`, 22 bytes of channels, flags, `0x00`. The codes 172, 992 and 1811 are −100, 0 and 100 %. The failsafe of the
-//! link is a flag.
+//! 100000 baud 8E2, and **inverted**: a serial adapter drives the port through an inverter (a transistor, or the adapter's
+//! own inverted output); F7 and H7 flight controllers can be configured for an uninverted signal.
+//! `0x0F`, 22 bytes of channels, flags, `0x00`. The codes 172, 992 and 1811 are −100, 0 and 100 %. A flag signals
+//! failsafe.
 
 use crate::channel_map::{CodeUnit, ELEVEN_BITS, Units};
-use crate::format::{Content, Decoded, Format, fixed};
+use crate::format::{Content, Decoded, Format, decode_fixed};
 use crate::frame::Frame;
 use crate::packing::{self, PACKED};
 use crate::{ChannelCodes, DecodeError};
@@ -20,14 +20,14 @@ pub const ENDS: [u16; 2] = [172, 1811];
 const HEADER: u8 = 0x0f;
 const FOOTER: u8 = 0x00;
 
-/// Contents of a frame beside its channels.
+/// Flags and switches of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
-    /// The two channels that are only on or off, the 17th and the 18th.
+    /// The two binary channels, 17 and 18.
     pub switches: [bool; 2],
-    /// The frame before was lost on the air.
+    /// The previous frame was lost on the air.
     pub frame_lost: bool,
-    /// The receiver has lost its transmitter: the flight controller uses its failsafe.
+    /// The receiver has lost its transmitter, and the flight controller uses its failsafe.
     pub failsafe: bool,
 }
 
@@ -39,7 +39,7 @@ impl Flags {
             .fold(0, |byte, &bit| (byte << 1) | u8::from(bit))
     }
 
-    fn of(byte: u8) -> Self {
+    fn from_byte(byte: u8) -> Self {
         let bit = |at: u8| byte >> at & 1 == 1;
         Self {
             switches: [bit(0), bit(1)],
@@ -49,7 +49,7 @@ impl Flags {
     }
 }
 
-/// The format.
+/// SBUS frame format.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sbus;
 
@@ -73,7 +73,7 @@ impl Format for Sbus {
     }
 
     fn decode(&self, bytes: &[u8]) -> Decoded {
-        fixed(bytes, LENGTH, |frame| {
+        decode_fixed(bytes, LENGTH, |frame| {
             decode(frame).map(|(codes, flags)| (codes, flags.failsafe))
         })
     }
@@ -83,7 +83,7 @@ impl Format for Sbus {
     }
 }
 
-/// Encodes channels, of each the lower 11 bits.
+/// Encodes the lower 11 bits of each channel.
 #[must_use]
 #[inline]
 pub fn encode(channels: &ChannelCodes, flags: Flags) -> [u8; LENGTH] {
@@ -95,28 +95,31 @@ pub fn encode(channels: &ChannelCodes, flags: Flags) -> [u8; LENGTH] {
     frame
 }
 
-/// Decodes the channels and flags of a frame. It has no check sum.
+/// Decodes the channels and flags of a frame, which has no checksum.
 ///
 /// # Errors
 /// [`DecodeError`] if the bytes are not a frame.
 pub fn decode(bytes: &[u8]) -> Result<(ChannelCodes, Flags), DecodeError> {
     let frame: &[u8; LENGTH] = bytes.try_into().map_err(|_| DecodeError::Length {
-        wanted: LENGTH,
+        expected: LENGTH,
         found: bytes.len(),
     })?;
-    for (at, wanted) in [(0, HEADER), (LENGTH - 1, FOOTER)] {
-        if frame[at] != wanted {
-            return Err(DecodeError::Mark { at, found: frame[at] });
+    for (offset, expected) in [(0, HEADER), (LENGTH - 1, FOOTER)] {
+        if frame[offset] != expected {
+            return Err(DecodeError::Constant {
+                offset,
+                found: frame[offset],
+            });
         }
     }
-    // The upper half of the flags has no meaning.
+    // The upper four bits are unused.
     if frame[LENGTH - 2] > 0x0f {
-        return Err(DecodeError::Mark {
-            at: LENGTH - 2,
+        return Err(DecodeError::Constant {
+            offset: LENGTH - 2,
             found: frame[LENGTH - 2],
         });
     }
     let mut packed = [0; PACKED];
     packed.copy_from_slice(&frame[1..=PACKED]);
-    Ok((packing::unpack(&packed), Flags::of(frame[LENGTH - 2])))
+    Ok((packing::unpack(&packed), Flags::from_byte(frame[LENGTH - 2])))
 }

@@ -1,7 +1,7 @@
-//! Sender: a separate thread that sends frames at exact times.
+//! Sender: a thread that sends frames at exact times.
 //!
-//! Frame n is due at the start + n periods of `CLOCK_MONOTONIC`: an early or late frame does not move the next one. If
-//! the thread wakes up after the next frame is due as well, it leaves out the past frames and counts them.
+//! Frame n is due at the start + n periods of `CLOCK_MONOTONIC`: a late frame does not delay the next one. If the thread
+//! wakes up when further frames are due, it skips and counts the overdue ones.
 //!
 //! The service's step only writes sticks into the [`SticksCell`]: four words of memory.
 
@@ -18,7 +18,7 @@ use crate::link::RadioLink;
 use crate::port::Counts;
 use crate::sticks::{Sticks, SticksCell};
 
-/// Longest measured lateness, ns.
+/// Upper bound of the measured lateness, ns.
 const LONGEST_NS: u64 = 1_000_000_000;
 
 /// Returns the time of `CLOCK_MONOTONIC`, ns.
@@ -29,16 +29,16 @@ pub fn monotonic_ns() -> u64 {
     u64::try_from(now.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0)
 }
 
-/// Report of a sender that has ended.
+/// Final report of a sender.
 #[derive(Clone, Debug)]
 pub struct LinkReport {
     /// Outcomes of the frames.
     pub counts: Counts,
-    /// Frames that were not sent, to make the receiver's failsafe act.
+    /// Frames withheld to trigger the receiver's failsafe.
     pub silent: u64,
-    /// Frames left out because the thread woke up too late.
+    /// Frames skipped because the thread woke up too late.
     pub left_out: u64,
-    /// Lateness of frames at the hand-over to the system, ns.
+    /// Lateness of frames at the call to the kernel, ns.
     pub lateness_ns: Histogram<u64>,
 }
 
@@ -61,17 +61,17 @@ struct Shared {
 pub struct Condition {
     /// `true` if the port is open.
     pub is_open: bool,
-    /// Frames on their way.
+    /// Frames accepted by the kernel.
     pub sent: u64,
     /// Frames dropped.
     pub dropped: u64,
-    /// Frames that were not sent, to make the receiver's failsafe act.
+    /// Frames withheld to trigger the receiver's failsafe.
     pub silent: u64,
     /// Losses of the device or connection.
     pub losses: u64,
     /// Recoveries of the device or connection.
     pub recoveries: u64,
-    /// Frames left out because the thread woke up too late.
+    /// Frames skipped because the thread woke up too late.
     pub left_out: u64,
 }
 
@@ -83,10 +83,10 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Begins to send a frame every `period_ns`.
+    /// Starts a thread that sends a frame every `period_ns`.
     ///
     /// # Errors
-    /// If the system gives no thread.
+    /// If the thread cannot be created.
     pub fn start(link: RadioLink, period_ns: u64) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         shared.is_open.store(link.port().is_open(), Ordering::Relaxed);
@@ -97,17 +97,17 @@ impl Sender {
         Ok(Self { shared, thread })
     }
 
-    /// Writes the newest sticks. It never waits, and makes no system call but for the time.
+    /// Sets the sticks to send. Never blocks, and makes no system call other than reading the clock.
     #[inline]
-    pub fn put(&self, sticks: &Sticks) {
-        self.shared.cell.put(sticks, monotonic_ns());
+    pub fn set(&self, sticks: &Sticks) {
+        self.shared.cell.write(sticks, monotonic_ns());
     }
 
-    /// Returns its condition.
+    /// Returns the condition of the sender.
     #[must_use]
     pub fn condition(&self) -> Condition {
-        // Acquire: the frames that were sent before one was left out are visible with it. Otherwise the condition could
-        // show a gap without the frames before it.
+        // Acquire: pairs with the Release store of `silent`, after which `sent` does not change until frames resume.
+        // Otherwise the condition could show a withheld frame without the frames sent before it.
         let silent = self.shared.silent.load(Ordering::Acquire);
         Condition {
             is_open: self.shared.is_open.load(Ordering::Relaxed),
@@ -120,18 +120,18 @@ impl Sender {
         }
     }
 
-    /// Ends after one more frame, with the last sticks. In flight, sticks that stop the motors must have been written
-    /// before.
+    /// Stops the thread after one more frame with the last sticks. In flight, the caller must first set sticks that stop
+    /// the motors.
     ///
     /// # Errors
-    /// If the thread has panicked.
+    /// If the thread panicked.
     pub fn stop(self) -> std::thread::Result<LinkReport> {
         self.shared.stop.store(true, Ordering::Release);
         self.thread.join()
     }
 }
 
-/// Times at which frames are due.
+/// Schedule of frames.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     period_ns: u64,
@@ -159,11 +159,11 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> L
     let mut newest = None;
     let mut is_last = false;
     while !is_last {
-        // Acquire: sticks that were written before the stop are read after it and sent. Otherwise the last frame could
-        // carry older sticks, with which the motors turn.
+        // Acquire: pairs with the Release store in `stop`, so that the last frame carries the sticks written before it.
+        // Otherwise it could carry older sticks that let the motors turn.
         is_last = shared.stop.load(Ordering::Acquire);
         sleep_until(pace.due_ns);
-        newest = shared.cell.look().or(newest);
+        newest = shared.cell.read().or(newest);
         let now_ns = monotonic_ns();
         link.transmit(newest, now_ns);
         lateness_ns.saturating_record(now_ns.saturating_sub(pace.due_ns));
@@ -193,7 +193,7 @@ fn sleep_until(due_ns: u64) {
         tv_sec: i64::try_from(seconds).unwrap_or(i64::MAX),
         tv_nsec: i64::try_from(nanoseconds).unwrap_or(0),
     };
-    // A signal wakes up early; the frame is still due then.
+    // A signal can interrupt the sleep.
     while clock_nanosleep_absolute(ClockId::Monotonic, &due).is_err() {}
 }
 
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_late_frame_does_not_move_the_next_and_what_is_past_is_left_out() {
+    fn a_late_frame_does_not_move_the_next_and_overdue_frames_are_skipped() {
         let mut pace = Pace {
             period_ns: 10,
             due_ns: 100,

@@ -1,4 +1,4 @@
-//! Sticks: the part of a transmitter's frame that a link needs, and the cell in which the newest wait for the sender.
+//! Sticks: the part of a transmitter's frame that a link needs, and the cell that hands the newest to the sender thread.
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
@@ -7,24 +7,24 @@ use shared_types::samples::RcFrame;
 /// Sticks of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sticks {
-    /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame; `None` if the motors are to stop: no code
-    /// means that on every link.
+    /// Codes of thrust, roll rate, pitch rate and yaw rate, as in the frame; `None` to stop the motors, for which no code
+    /// is valid on all links.
     pub codes: Option<[u16; 4]>,
-    /// `true` if they are to stop because the transmitter has lost its inputs, not because of a request.
+    /// `true` if the motors stop because the transmitter has lost its inputs, not because of a request.
     pub is_lost: bool,
-    /// `true` if the arming switch stays off in any case: to try the sticks on the ground.
+    /// `true` to keep the arming switch off, also with codes: for tests on the ground.
     pub disarmed: bool,
 }
 
 impl Sticks {
     /// Sticks that stop the motors.
-    pub const AT_REST: Self = Self {
+    pub const MOTORS_OFF: Self = Self {
         codes: None,
         is_lost: false,
         disarmed: true,
     };
 
-    /// Returns sticks that fly.
+    /// Returns armed sticks with these codes.
     #[must_use]
     pub const fn flying(codes: [u16; 4]) -> Self {
         Self {
@@ -34,41 +34,41 @@ impl Sticks {
         }
     }
 
-    /// Returns the sticks of a frame. A frame without body rates has no sticks: it stops the motors.
+    /// Converts a frame. A frame without body rates stops the motors.
     #[must_use]
     #[inline]
-    pub fn of(frame: &RcFrame) -> Self {
+    pub fn from_frame(frame: &RcFrame) -> Self {
         let [thrust, roll, pitch, yaw, ..] = frame.channels;
         let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
         Self {
             codes: (!failsafe).then_some([thrust, roll, pitch, yaw]),
-            // The frames of a disarmed vehicle are failsafe frames too, but its commands go on.
+            // The frames of a disarmed vehicle are failsafe frames too, but its inputs are not lost.
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
         }
     }
 }
 
-/// Cell of the newest sticks, with one writer and one reader, of which neither waits for the other.
+/// Lock-free cell of the newest sticks, with one writer and one reader.
 ///
-/// It is a sequence lock: words guarded by a count that is odd while they change. The writer never waits. A reader
-/// during a write gets nothing, and the sender keeps the sticks that it has.
+/// A sequence lock: its count is odd during a write. The writer never waits. A read during a write returns `None`, and
+/// the sender uses the previous sticks.
 #[derive(Debug, Default)]
 pub struct SticksCell {
     count: AtomicU64,
     codes: AtomicU64,
     flags: AtomicU64,
-    put_at_ns: AtomicU64,
+    written_at_ns: AtomicU64,
 }
 
 impl SticksCell {
-    /// Writes the newest sticks, at a time of `CLOCK_MONOTONIC`. For one thread only: two writers could leave an even
-    /// count over mixed words.
+    /// Writes the newest sticks with their time of `CLOCK_MONOTONIC`. Must be called from one thread only: two writers
+    /// could leave an even count over mixed words.
     #[inline]
-    pub fn put(&self, sticks: &Sticks, now_ns: u64) {
+    pub fn write(&self, sticks: &Sticks, now_ns: u64) {
         let count = self.count.load(Ordering::Relaxed);
         self.count.store(count + 1, Ordering::Relaxed);
-        // The odd count becomes visible before any of the new words. Without the fence a reader could mix new words
+        // Release fence: the odd count becomes visible before any of the new words. Otherwise a reader could mix new words
         // with old ones under an unchanged even count.
         fence(Ordering::Release);
         let codes = sticks.codes.unwrap_or_default();
@@ -83,36 +83,36 @@ impl SticksCell {
             .rev()
             .fold(0, |word, &flag| word << 1 | u64::from(flag));
         self.flags.store(flags, Ordering::Relaxed);
-        self.put_at_ns.store(now_ns, Ordering::Relaxed);
+        self.written_at_ns.store(now_ns, Ordering::Relaxed);
         // Release: the words become visible before the even count.
         self.count.store(count + 2, Ordering::Release);
     }
 
-    /// Returns the newest sticks with their time; `None` before the first, and during a write.
+    /// Returns the newest sticks with their time; `None` before the first write and during a write.
     #[must_use]
     #[inline]
-    pub fn look(&self) -> Option<(Sticks, u64)> {
+    pub fn read(&self) -> Option<(Sticks, u64)> {
         let count = self.count.load(Ordering::Acquire);
         let (codes, flags) = (
             self.codes.load(Ordering::Relaxed),
             self.flags.load(Ordering::Relaxed),
         );
-        let put_at_ns = self.put_at_ns.load(Ordering::Relaxed);
-        // The words are read before the second load of the count. Without the fence they could be read after it, and a
-        // torn copy would pass.
+        let written_at_ns = self.written_at_ns.load(Ordering::Relaxed);
+        // Acquire fence: the words are read before the second load of the count. Otherwise they could be read after it,
+        // and a torn copy would pass.
         fence(Ordering::Acquire);
-        let is_whole = count == self.count.load(Ordering::Relaxed) && count.is_multiple_of(2);
+        let is_consistent = count == self.count.load(Ordering::Relaxed) && count.is_multiple_of(2);
         let code = |stick: usize| {
             let bytes = codes.to_le_bytes();
             u16::from_le_bytes([bytes[2 * stick], bytes[2 * stick + 1]])
         };
-        (is_whole && count > 0).then(|| {
+        (is_consistent && count > 0).then(|| {
             let sticks = Sticks {
                 codes: (flags & 1 == 0).then(|| [0, 1, 2, 3].map(code)),
                 is_lost: flags & 2 != 0,
                 disarmed: flags & 4 != 0,
             };
-            (sticks, put_at_ns)
+            (sticks, written_at_ns)
         })
     }
 }
@@ -125,15 +125,15 @@ mod tests {
     #[test]
     fn the_cell_is_empty_before_the_first_sticks_and_then_holds_the_newest() {
         let cell = SticksCell::default();
-        assert_eq!(cell.look(), None);
+        assert_eq!(cell.read(), None);
         let sticks = Sticks {
             codes: Some([1, 0xffff, 3, 0x8000]),
             is_lost: true,
             disarmed: false,
         };
-        cell.put(&Sticks::AT_REST, 1);
-        cell.put(&sticks, 2);
-        assert_eq!([cell.look(), cell.look()], [Some((sticks, 2)); 2]);
+        cell.write(&Sticks::MOTORS_OFF, 1);
+        cell.write(&sticks, 2);
+        assert_eq!([cell.read(), cell.read()], [Some((sticks, 2)); 2]);
     }
 
     #[test]
@@ -150,12 +150,12 @@ mod tests {
                         is_lost: now_ns % 3 == 0,
                         disarmed: now_ns % 5 == 0,
                     };
-                    cell.put(&sticks, now_ns);
+                    cell.write(&sticks, now_ns);
                 }
             });
             let mut newest = 0;
             while newest < last {
-                let Some((sticks, now_ns)) = cell.look() else {
+                let Some((sticks, now_ns)) = cell.read() else {
                     continue;
                 };
                 assert!(newest <= now_ns);
@@ -177,24 +177,24 @@ mod tests {
             inputs_fresh: true.into(),
             ..RcFrame::new_zeroed()
         };
-        let disarmed = Sticks::of(&frame);
+        let disarmed = Sticks::from_frame(&frame);
         assert!(disarmed.codes.is_none() && disarmed.disarmed && !disarmed.is_lost);
         frame.inputs_fresh = false.into();
-        assert!(Sticks::of(&frame).is_lost);
+        assert!(Sticks::from_frame(&frame).is_lost);
         frame.failsafe = false.into();
         assert_eq!(
-            Sticks::of(&frame),
+            Sticks::from_frame(&frame),
             Sticks::flying([0; 4]),
             "a command is followed for as long as the transmitter does"
         );
     }
 
     #[test]
-    fn a_frame_that_carries_no_body_rates_lets_the_motors_rest() {
+    fn a_frame_without_body_rates_stops_the_motors() {
         let frame = RcFrame {
             mode: RcFrame::MODE_TORQUE,
             ..RcFrame::new_zeroed()
         };
-        assert_eq!(Sticks::of(&frame).codes, None);
+        assert_eq!(Sticks::from_frame(&frame).codes, None);
     }
 }

@@ -241,7 +241,7 @@ mod tests {
         for (path, next) in [
             (folder.path().join("none"), "is it plugged in?"),
             (folder.path().to_owned(), "ls /dev/input/by-id"),
-            (PathBuf::from("/dev/null"), "is no serial device"),
+            (PathBuf::from("/dev/null"), "is not a serial device"),
         ] {
             let refused = Device::open(&path, 9600).unwrap_err().to_string();
             assert!(refused.contains(next), "{refused}");

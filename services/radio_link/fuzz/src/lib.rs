@@ -1,10 +1,10 @@
-//! Invariants of decoders for any bytes on a radio link.
+//! Invariants of the decoders of radio links for arbitrary bytes.
 
 use radio_link::receiver::{Command, Receiver};
 use radio_link::{crsf, mavlink, msp, multi, sbus};
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
-/// Returns every link, by `MAVLink` with both messages.
+/// Returns every link, `MAVLink` with each of its two messages.
 fn links() -> impl Iterator<Item = (RadioProtocol, MavlinkMessage)> {
     let with_channels = RadioProtocol::ALL.map(|link| (link, MavlinkMessage::RcOverride));
     let without = (RadioProtocol::Mavlink, MavlinkMessage::AttitudeTarget);
@@ -24,24 +24,24 @@ fn receiver((link, message): (RadioProtocol, MavlinkMessage)) -> Receiver {
         link,
         ..RcLink::default()
     };
-    Receiver::new(&link, &transmitter).expect("it is not the simulated one")
+    Receiver::new(&link, &transmitter).expect("the link is not simulated")
 }
 
-/// Decodes bytes that arrive in pieces of a length. Returns the commands and the number of bytes outside of frames.
-fn heard(link: (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
+/// Decodes bytes that arrive in pieces of `piece` bytes. Returns the commands and the number of bytes outside of frames.
+fn decoded(link: (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) -> (Vec<Command>, u64) {
     let mut receiver = receiver(link);
     let mut commands = Vec::new();
     for piece in bytes.chunks(piece) {
         receiver.push(piece, &mut |command| commands.push(*command));
     }
-    assert_eq!(receiver.heard().frames, commands.len() as u64);
-    (commands, receiver.heard().skipped)
+    assert_eq!(receiver.received().frames, commands.len() as u64);
+    (commands, receiver.received().skipped)
 }
 
-/// Asserts that every decoder reads these bytes equally, at once and in pieces.
+/// Asserts that every decoder gives the same result for the bytes at once and in pieces.
 ///
 /// # Panics
-/// If one does not.
+/// If the results differ.
 pub fn check(bytes: &[u8]) {
     let _ = (crsf::decode(bytes), sbus::decode(bytes), multi::decode(bytes));
     let _ = (msp::decode(bytes), mavlink::decode(bytes));
@@ -50,13 +50,13 @@ pub fn check(bytes: &[u8]) {
         let _ = answers.push(*byte);
     }
     for link in links() {
-        let (at_once, skipped) = heard(link, bytes, usize::MAX);
-        assert_eq!((at_once.clone(), skipped), heard(link, bytes, 7), "{link:?}");
+        let (at_once, skipped) = decoded(link, bytes, usize::MAX);
+        assert_eq!((at_once.clone(), skipped), decoded(link, bytes, 7), "{link:?}");
         assert!(skipped <= bytes.len() as u64);
         for Command { codes, travels, .. } in &at_once {
             let is_small = |travel: &f64| travel.abs() <= 1e3;
-            let is_of_channels = codes.iter().any(|code| *code != 0);
-            assert!(!is_of_channels || travels.iter().all(is_small), "{travels:?}");
+            let has_channels = codes.iter().any(|code| *code != 0);
+            assert!(!has_channels || travels.iter().all(is_small), "{travels:?}");
         }
     }
 }

@@ -1,21 +1,18 @@
-//! Bytes that the system still holds of what was written.
-#![expect(
-    unsafe_code,
-    reason = "the one request to the system that rustix does not know"
-)]
+//! Length of the kernel's output queue.
+#![expect(unsafe_code, reason = "rustix does not wrap this ioctl")]
 
 use std::ffi::c_int;
 use std::os::fd::OwnedFd;
 
 use rustix::ioctl::{Getter, Opcode, ioctl};
 
-/// `TIOCOUTQ`, which is `SIOCOUTQ` of a socket as well.
-const WAITING: Opcode = 0x5411;
+/// `TIOCOUTQ`, the same as `SIOCOUTQ` of a socket.
+const OUTPUT_QUEUE: Opcode = 0x5411;
 
-/// Returns the bytes written to a terminal or connection that have not left yet; 0 if the system does not tell.
+/// Returns the number of bytes written to a terminal or connection but not sent yet; 0 if the kernel does not report it.
 #[inline]
-pub(super) fn waiting(descriptor: &OwnedFd) -> usize {
-    // SAFETY: the request writes one `int`, to the place that `Getter` gives it.
-    let waiting = unsafe { ioctl(descriptor, Getter::<WAITING, c_int>::new()) };
-    waiting.map_or(0, |bytes| usize::try_from(bytes).unwrap_or(0))
+pub(super) fn unsent_bytes(descriptor: &OwnedFd) -> usize {
+    // SAFETY: the request writes one `int` to the address that `Getter` passes.
+    let unsent = unsafe { ioctl(descriptor, Getter::<OUTPUT_QUEUE, c_int>::new()) };
+    unsent.map_or(0, |bytes| usize::try_from(bytes).unwrap_or(0))
 }

@@ -11,23 +11,23 @@ use rustix::termios::{
 
 use super::{ByteFormat, OpenError};
 
-/// Opens a device and sets it up, not to block. No other program can open it meanwhile, programs that lock it included.
+/// Opens and configures a device in non-blocking mode. Locks it against all other programs.
 ///
 /// # Errors
 /// [`OpenError`], with the fix.
 pub fn open(path: &Path, baud: u32, byte: ByteFormat) -> Result<OwnedFd, OpenError> {
-    // Without O_NONBLOCK a device that has no carrier would not open.
+    // Without O_NONBLOCK opening would wait for a carrier.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let device = open_file(path, flags, Mode::empty()).map_err(|reason| refusal(path, reason))?;
-    flock(&device, FlockOperation::NonBlockingLockExclusive).map_err(|reason| refusal(path, reason))?;
+    let device = open_file(path, flags, Mode::empty()).map_err(|reason| open_error(path, reason))?;
+    flock(&device, FlockOperation::NonBlockingLockExclusive).map_err(|reason| open_error(path, reason))?;
     set_up(&device, path, baud, byte)?;
-    ioctl_tiocexcl(&device).map_err(|reason| refusal(path, reason))?;
-    tcflush(&device, QueueSelector::IOFlush).map_err(|reason| refusal(path, reason))?;
+    ioctl_tiocexcl(&device).map_err(|reason| open_error(path, reason))?;
+    tcflush(&device, QueueSelector::IOFlush).map_err(|reason| open_error(path, reason))?;
     Ok(device)
 }
 
 fn set_up(device: &OwnedFd, path: &Path, baud: u32, byte: ByteFormat) -> Result<(), OpenError> {
-    let mut settings = tcgetattr(device).map_err(|reason| refusal(path, reason))?;
+    let mut settings = tcgetattr(device).map_err(|reason| open_error(path, reason))?;
     settings.make_raw();
     settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
     let framing = ControlModes::PARENB | ControlModes::PARODD | ControlModes::CSTOPB | ControlModes::CRTSCTS;
@@ -35,28 +35,28 @@ fn set_up(device: &OwnedFd, path: &Path, baud: u32, byte: ByteFormat) -> Result<
     if byte == ByteFormat::EvenTwo {
         settings.control_modes |= ControlModes::PARENB | ControlModes::CSTOPB;
     }
-    let cannot = |got| OpenError::Speed {
+    let unsupported = |got| OpenError::Speed {
         path: path.to_owned(),
         wanted: baud,
         got,
     };
-    settings.set_speed(baud).map_err(|_| cannot(0))?;
+    settings.set_speed(baud).map_err(|_| unsupported(0))?;
     match tcsetattr(device, OptionalActions::Now, &settings) {
-        Err(Errno::INVAL) => return Err(cannot(0)),
-        other => other.map_err(|reason| refusal(path, reason))?,
+        Err(Errno::INVAL) => return Err(unsupported(0)),
+        other => other.map_err(|reason| open_error(path, reason))?,
     }
-    // A driver takes the nearest speed that it has. A receiver follows up to some 2 %.
+    // A driver sets the nearest rate that it supports. A receiver tolerates about 2 %.
     let got = tcgetattr(device)
-        .map_err(|reason| refusal(path, reason))?
+        .map_err(|reason| open_error(path, reason))?
         .output_speed();
     if got.abs_diff(baud) > baud / 50 {
-        return Err(cannot(got));
+        return Err(unsupported(got));
     }
     Ok(())
 }
 
-/// Returns the error of a device for the system's error.
-fn refusal(path: &Path, reason: Errno) -> OpenError {
+/// Converts the system's error to that of the device.
+fn open_error(path: &Path, reason: Errno) -> OpenError {
     let path = path.to_owned();
     match reason {
         Errno::NOENT | Errno::NODEV | Errno::NXIO => OpenError::Missing { path },
@@ -80,7 +80,7 @@ mod tests {
             (Errno::BUSY, "fuser /dev/ttyUSB7"),
             (Errno::NOTTY, "check the path"),
         ] {
-            let shown = refusal(path, reason).to_string();
+            let shown = open_error(path, reason).to_string();
             assert!(shown.contains("/dev/ttyUSB7") && shown.contains(fix), "{shown}");
         }
     }

@@ -1,4 +1,4 @@
-//! TCP connections and UDP packets, without waiting for either.
+//! Non-blocking TCP and UDP sockets.
 
 use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
@@ -9,9 +9,9 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, socket_with, 
 
 use super::OpenError;
 
-/// Longest duration of a first connection, s.
+/// Timeout of the first connection, s.
 const FIRST_CONNECTION: i64 = 2;
-/// Bytes of frames that the system may hold back for a connection: the minimum that it permits.
+/// Size of the kernel's send buffer of a connection, bytes: close to the permitted minimum.
 const SEND_BUFFER: usize = 2048;
 /// Time without an acknowledgement after which a connection is lost, ms.
 const SILENCE_MS: u32 = 2000;
@@ -25,7 +25,7 @@ fn new(address: SocketAddr, kind: SocketType) -> Result<OwnedFd, Errno> {
     socket_with(family, kind, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK, None)
 }
 
-/// Begins a connection.
+/// Starts a connection.
 pub(super) fn connect_tcp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     let begin = || {
         let socket = new(address, SocketType::STREAM)?;
@@ -40,7 +40,7 @@ pub(super) fn connect_tcp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     begin().map_err(|source| OpenError::Connection { address, source })
 }
 
-/// Makes a socket whose packets go to one address.
+/// Makes a UDP socket with a fixed destination.
 pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
     let begin = || {
         let socket = new(address, SocketType::DGRAM)?;
@@ -53,22 +53,22 @@ pub(super) fn connect_udp(address: SocketAddr) -> Result<OwnedFd, OpenError> {
 /// Returns whether a connection is complete.
 ///
 /// # Errors
-/// The reason why it never will be.
+/// If the connection failed.
 pub(super) fn is_connected(socket: &OwnedFd) -> Result<bool, Errno> {
-    await_answer(socket, 0)
+    poll_connection(socket, 0)
 }
 
 /// Waits for a connection to complete.
 pub(super) fn wait_until_connected(socket: &OwnedFd, address: SocketAddr) -> Result<(), OpenError> {
     let failed = |source| OpenError::Connection { address, source };
-    match await_answer(socket, FIRST_CONNECTION) {
+    match poll_connection(socket, FIRST_CONNECTION) {
         Ok(true) => Ok(()),
         Ok(false) => Err(failed(Errno::TIMEDOUT)),
         Err(error) => Err(failed(error)),
     }
 }
 
-fn await_answer(socket: &OwnedFd, seconds: i64) -> Result<bool, Errno> {
+fn poll_connection(socket: &OwnedFd, seconds: i64) -> Result<bool, Errno> {
     let mut polled = [PollFd::new(socket, PollFlags::OUT)];
     let timeout = Timespec {
         tv_sec: seconds,

@@ -80,7 +80,7 @@ fn the_longest_frame_and_the_byte_of_the_line_are_those_of_the_record() {
 #[test]
 fn the_largest_travel_has_a_code_within_the_limits() {
     for (link, transmitter) in links() {
-        let units = format::of(&link, &transmitter).unwrap().units();
+        let units = format::for_link(&link, &transmitter).unwrap().units();
         let largest = link.link.properties().largest_travel;
         let [low, high] = units.ends.map(f64::from);
         for travel in [-largest, largest] {
@@ -95,7 +95,7 @@ fn the_largest_travel_has_a_code_within_the_limits() {
 fn a_frame_is_decoded_whole_unfinished_in_each_part_and_never_as_another_s_beginning() {
     for (link, transmitter) in links() {
         let mut encoder = Encoder::new(&link, &transmitter).unwrap();
-        let decoder = format::of(&link, &transmitter).unwrap();
+        let decoder = format::for_link(&link, &transmitter).unwrap();
         let _with_heartbeat = frame(&mut encoder, 500, 0);
         let bytes = frame(&mut encoder, 1000, 20_000_000);
         let length = match decoder.decode(&bytes) {
@@ -108,7 +108,7 @@ fn a_frame_is_decoded_whole_unfinished_in_each_part_and_never_as_another_s_begin
         for end in 0..length {
             assert_eq!(
                 decoder.decode(&bytes[..end]),
-                Decoded::Unfinished,
+                Decoded::Incomplete,
                 "{link:?} {end}"
             );
         }
@@ -129,6 +129,6 @@ fn encoding_and_decoding_allocate_nothing() {
                 receiver.push(frame.bytes(), &mut |_| ());
             }
         });
-        assert_eq!((count, receiver.heard().frames), (0, 100), "{link:?}");
+        assert_eq!((count, receiver.received().frames), (0, 100), "{link:?}");
     }
 }

@@ -99,7 +99,7 @@ proptest! {
     fn msp_carries_every_pulse(channels in any::<ChannelCodes>()) {
         let frame = msp::encode(&channels);
         let message = msp::decode(&frame).unwrap();
-        prop_assert_eq!((message.sense, message.command), (msp::Direction::Request, msp::SET_RAW_RC));
+        prop_assert_eq!((message.direction, message.command), (msp::Direction::Request, msp::SET_RAW_RC));
         prop_assert_eq!(message.channels(), (channels, 16));
     }
 
@@ -133,7 +133,7 @@ proptest! {
             let bit = bit.index(8 * frame.len());
             spoilt[bit / 8] ^= 1 << (bit % 8);
             decode_with_all(&spoilt);
-            // With a check sum, one wrong bit is always seen.
+            // A checksum detects every single-bit error.
             match index {
                 0 => prop_assert!(crsf::decode(&spoilt).is_err()),
                 2 => prop_assert!(msp::decode(&spoilt).is_err() || bit / 8 == 2),
@@ -152,7 +152,7 @@ proptest! {
         let frame = msp::encode(&channels);
         let mut found = Vec::new();
         for &byte in noise.iter().chain(&frame) {
-            if let msp::Step::Whole(message) = receiver.push(byte) {
+            if let msp::Step::Complete(message) = receiver.push(byte) {
                 found.push(message.channels().0);
             }
         }
@@ -240,10 +240,10 @@ fn the_corpus_does_no_harm_and_its_good_frames_are_taken() {
 }
 
 #[test]
-fn what_is_wrong_with_bytes_is_said() {
+fn errors_name_what_is_wrong_with_the_bytes() {
     let frame = crsf::encode(&[992; 16]);
     let length = DecodeError::Length {
-        wanted: 26,
+        expected: 26,
         found: 25,
     };
     assert_eq!(crsf::decode(&frame[1..]), Err(length));
@@ -251,9 +251,12 @@ fn what_is_wrong_with_bytes_is_said() {
     spoilt[2] = 0x14;
     assert_eq!(
         crsf::decode(&spoilt),
-        Err(DecodeError::Mark { at: 2, found: 0x14 })
+        Err(DecodeError::Constant {
+            offset: 2,
+            found: 0x14
+        })
     );
     let mut spoilt = frame;
     spoilt[10] ^= 1;
-    assert_eq!(crsf::decode(&spoilt), Err(DecodeError::CheckSum));
+    assert_eq!(crsf::decode(&spoilt), Err(DecodeError::Checksum));
 }

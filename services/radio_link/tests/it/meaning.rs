@@ -212,7 +212,7 @@ fn an_override_leaves_every_channel_alone_that_is_not_stated() {
         });
         let mut encoder = Encoder::new(&link, link.transmitter.as_ref().unwrap()).unwrap();
         for sticks in [
-            radio_link::sticks::Sticks::AT_REST,
+            radio_link::sticks::Sticks::MOTORS_OFF,
             radio_link::sticks::Sticks::flying([1000; 4]),
         ] {
             let Read::Pulses(pulses) = read(link.link, frame(&mut encoder, &sticks).bytes()) else {

@@ -1,4 +1,4 @@
-//! Ports on pseudo-terminals and sockets: a device that vanishes, blocks or is slow loses whole frames and nobody's time.
+//! Ports on pseudo-terminals and sockets: a device that vanishes, blocks or is slow drops whole frames and never blocks.
 
 use std::io::Read;
 use std::net::{TcpListener, UdpSocket};
@@ -35,7 +35,7 @@ fn serial(path: &Path) -> Target {
     }
 }
 
-/// Reads whole frames until there are so many.
+/// Reads `count` frames.
 fn read_frames(master: &OwnedFd, count: usize) -> Vec<[u8; crsf::LENGTH]> {
     let mut bytes = vec![0; count * crsf::LENGTH];
     let mut filled = 0;
@@ -76,7 +76,7 @@ fn frames_arrive_as_they_were_sent_at_the_speed_and_format_of_the_link() {
         // A pseudo-terminal keeps everything but the parity.
         assert_eq!(settings.control_modes & ControlModes::CSTOPB, flags);
         for number in 0..3 {
-            assert_eq!(port.send(&frame(number), 0), Sent::Whole);
+            assert_eq!(port.send(&frame(number), 0), Sent::Accepted);
         }
         assert_eq!(read_frames(&master, 3), [0, 1, 2].map(frame));
     }
@@ -88,9 +88,9 @@ fn a_device_that_takes_nothing_loses_whole_frames_and_goes_on_with_whole_frames(
     let mut port = Port::open(serial(&path)).unwrap();
     let mut taken = Vec::new();
     let mut number = 0;
-    // Nobody reads: the buffer fills up, and no call waits.
+    // Without a reader the buffer fills up, and no call blocks.
     while port.counts().busy < 100 {
-        if port.send(&frame(number), 0) == Sent::Whole {
+        if port.send(&frame(number), 0) == Sent::Accepted {
             taken.push(frame(number));
         }
         number += 1;
@@ -102,7 +102,7 @@ fn a_device_that_takes_nothing_loses_whole_frames_and_goes_on_with_whole_frames(
     let mut piece = [0; 7];
     while bytes.len() < (taken.len() + 20) * crsf::LENGTH {
         let before = taken.len();
-        if port.send(&frame(number), 0) == Sent::Whole {
+        if port.send(&frame(number), 0) == Sent::Accepted {
             taken.push(frame(number));
         }
         number += 1;
@@ -153,7 +153,7 @@ fn a_device_that_vanishes_is_tried_again_after_longer_and_longer_pauses() {
         Sent::Closed,
         "the pause is not over"
     );
-    assert_eq!(port.send(&frame(2), now_ns + pause_ns), Sent::Whole);
+    assert_eq!(port.send(&frame(2), now_ns + pause_ns), Sent::Accepted);
     assert_eq!(read_frames(&master, 1), [frame(2)]);
     let counts = port.counts();
     assert_eq!((counts.sent, counts.closed), (1, 9));
@@ -178,7 +178,7 @@ fn a_connection_carries_frames_and_comes_back() {
     let address = listener.local_addr().unwrap();
     let mut port = Port::open(Target::Tcp(address)).unwrap();
     let (mut peer, _) = listener.accept().unwrap();
-    assert_eq!(port.send(&frame(1), 0), Sent::Whole);
+    assert_eq!(port.send(&frame(1), 0), Sent::Accepted);
     let mut read = [0; crsf::LENGTH];
     peer.read_exact(&mut read).unwrap();
     assert_eq!(read, frame(1));
@@ -193,7 +193,7 @@ fn a_connection_carries_frames_and_comes_back() {
         port.send(&frame(2), now_ns);
     }
     let (mut peer, _) = listener.accept().unwrap();
-    while port.send(&frame(3), now_ns) != Sent::Whole {}
+    while port.send(&frame(3), now_ns) != Sent::Accepted {}
     peer.read_exact(&mut read).unwrap();
     assert!([frame(2), frame(3)].contains(&read));
 }
@@ -206,7 +206,7 @@ fn a_connection_without_a_reader_drops_frames_rather_than_wait() {
     let mut number = 0;
     let mut taken = Vec::new();
     while port.counts().busy < 100 {
-        if port.send(&frame(number), 0) == Sent::Whole {
+        if port.send(&frame(number), 0) == Sent::Accepted {
             taken.push(frame(number));
         }
         number = number.wrapping_add(1);
@@ -231,7 +231,7 @@ fn packets_without_a_receiver_are_counted_and_the_socket_stays() {
     }
     assert!(port.is_open());
     let peer = UdpSocket::bind(address).unwrap();
-    while port.send(&frame(5), 0) != Sent::Whole {}
+    while port.send(&frame(5), 0) != Sent::Accepted {}
     let mut read = [0; 64];
     let (count, _) = peer.recv_from(&mut read).unwrap();
     assert_eq!(read[..count], frame(5));
@@ -260,13 +260,13 @@ fn a_sender_repeats_the_newest_sticks_and_stops_when_they_are_not_renewed() {
     assert_eq!(at_rest[..5], [992, 992, 172, 992, 172]);
     let sticks = Sticks::flying([2047, 0, 2047, 2047]);
     let flown = [172, 1811, 1811, 1811, 1811];
-    // Sticks are put whether or not a frame has come: on a busy machine they would grow old meanwhile.
+    // Sticks are renewed even while no frame arrives: on a busy machine they would become stale.
     let mut bytes = Vec::new();
     while bytes
         .chunks_exact(crsf::LENGTH)
         .all(|frame| crsf::decode(frame).unwrap()[..5] != flown)
     {
-        sender.put(&sticks);
+        sender.set(&sticks);
         let mut piece = [0; 256];
         let is_ready = poll(
             &mut [PollFd::new(&master, PollFlags::IN)],
@@ -282,7 +282,7 @@ fn a_sender_repeats_the_newest_sticks_and_stops_when_they_are_not_renewed() {
         bytes.extend_from_slice(&piece[..count]);
         std::thread::yield_now();
     }
-    // Nobody puts any more: frames stop, which the receiver's failsafe notices.
+    // Sticks are no longer renewed: frames stop, which triggers the receiver's failsafe.
     while sender.condition().silent == 0 {
         std::thread::yield_now();
     }
@@ -304,8 +304,8 @@ fn the_last_frame_has_the_sticks_that_were_put_last() {
     let link = RadioLink::open(&crsf_link(&path)).unwrap().unwrap();
     let sender = Sender::start(link, 1_000_000).unwrap();
     let flying = Sticks::flying([1000; 4]);
-    sender.put(&flying);
-    sender.put(&Sticks::AT_REST);
+    sender.set(&flying);
+    sender.set(&Sticks::MOTORS_OFF);
     let report = sender.stop().unwrap();
     let sent = usize::try_from(report.counts.sent).unwrap();
     let frames = read_frames(&master, sent);
@@ -338,17 +338,17 @@ fn a_reversed_channel_asks_for_no_thrust_whatever_stops_the_motors() {
         let mut link = RadioLink::open(&link).unwrap().unwrap();
         let lost = Sticks {
             is_lost: true,
-            ..Sticks::AT_REST
+            ..Sticks::MOTORS_OFF
         };
         let flying = Sticks::flying([1500; 4]);
         for (newest, now_ns, is_flagged) in [
             (None, 0, false),
-            (Some((Sticks::AT_REST, SECOND)), SECOND, false),
+            (Some((Sticks::MOTORS_OFF, SECOND)), SECOND, false),
             (Some((lost, 2 * SECOND)), 2 * SECOND, false),
             (Some((lost, 3 * SECOND)), 3 * SECOND, true),
             (Some((flying, 4 * SECOND)), 5 * SECOND, true),
         ] {
-            assert_eq!(link.transmit(newest, now_ns), Some(Sent::Whole));
+            assert_eq!(link.transmit(newest, now_ns), Some(Sent::Accepted));
             let mut frame = [0; sbus::LENGTH];
             wait_for(&master, PollFlags::IN);
             assert_eq!(rustix::io::read(&master, &mut frame).unwrap(), sbus::LENGTH);
@@ -368,12 +368,15 @@ fn the_link_of_a_dead_process_is_opened_again_whether_its_device_is_there_or_not
     std::fs::create_dir(&folder).unwrap();
     let device = folder.join("radio");
     let mut link = RadioLink::reopen(&crsf_link(&device)).unwrap();
-    assert_eq!(link.transmit(Some((Sticks::AT_REST, 0)), 0), Some(Sent::Closed));
+    assert_eq!(
+        link.transmit(Some((Sticks::MOTORS_OFF, 0)), 0),
+        Some(Sent::Closed)
+    );
     let (master, path) = pseudo_terminal();
     std::os::unix::fs::symlink(&path, &device).unwrap();
     let now_ns = FIRST_PAUSE_NS;
-    let sent = link.transmit(Some((Sticks::AT_REST, now_ns)), now_ns);
-    assert_eq!(sent, Some(Sent::Whole));
+    let sent = link.transmit(Some((Sticks::MOTORS_OFF, now_ns)), now_ns);
+    assert_eq!(sent, Some(Sent::Accepted));
     assert_eq!(read_frames(&master, 1).len(), 1);
     let counts = link.port().counts();
     assert_eq!((counts.losses, counts.recoveries), (1, 1));

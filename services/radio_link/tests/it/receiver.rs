@@ -89,7 +89,7 @@ proptest! {
             }
             let commands: Vec<_> = bytes.chunks(piece).flat_map(|piece| heard(&mut receiver, piece)).collect();
             prop_assert_eq!(commands.len(), noise.len(), "{:?}", link.link);
-            prop_assert_eq!(receiver.heard().skipped, noise.iter().map(|noise| noise.len() as u64).sum::<u64>());
+            prop_assert_eq!(receiver.received().skipped, noise.iter().map(|noise| noise.len() as u64).sum::<u64>());
         }
     }
 
@@ -105,10 +105,10 @@ proptest! {
 }
 
 #[test]
-fn with_sticks_at_rest_no_motor_turns() {
+fn with_motors_off_no_motor_turns() {
     for link in links() {
         let (mut encoder, mut receiver) = ends(&link);
-        let bytes = sent(&mut encoder, &Sticks::AT_REST, false);
+        let bytes = sent(&mut encoder, &Sticks::MOTORS_OFF, false);
         let [command] = heard(&mut receiver, &bytes)[..] else {
             panic!("{:?}", link.link)
         };
@@ -129,11 +129,11 @@ fn the_flag_of_sbus_takes_the_arming_away() {
 }
 
 #[test]
-fn where_no_switch_arms_the_thrust_alone_lets_motors_rest() {
+fn without_an_arming_switch_the_thrust_alone_stops_the_motors() {
     let mut link = links().remove(0);
     link.transmitter.as_mut().unwrap().arming_channel = None;
     let (mut encoder, mut receiver) = ends(&link);
-    let bytes = sent(&mut encoder, &Sticks::AT_REST, false);
+    let bytes = sent(&mut encoder, &Sticks::MOTORS_OFF, false);
     let [command] = heard(&mut receiver, &bytes)[..] else {
         panic!()
     };

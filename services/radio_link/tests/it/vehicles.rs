@@ -190,16 +190,16 @@ fn described(vehicle: Vehicle, protocol: RadioProtocol, transmitter: Transmitter
 pub fn asked(case: &Case) -> Vec<Asked> {
     let link = Link::new(Some(&case.link));
     let mut frame = RcFrame::new_zeroed();
-    let mut found = vec![(Sticks::AT_REST, None)];
+    let mut found = vec![(Sticks::MOTORS_OFF, None)];
     link.transmit(None, &mut frame);
-    found.push((Sticks::of(&frame), None));
+    found.push((Sticks::from_frame(&frame), None));
     let torque = ControlCommand {
         thrust: 1.0,
         mode: ControlCommand::MODE_TORQUE,
         ..ControlCommand::new_zeroed()
     };
     link.transmit(Some(&torque), &mut frame);
-    found.push((Sticks::of(&frame), None));
+    found.push((Sticks::from_frame(&frame), None));
     let thrusts = [0.0, 0.3, 0.7, 1.0].map(|share| [share * LARGEST, 0.0, 0.0, 0.0]);
     let rates = [1, 2, 3].into_iter().flat_map(|stick| {
         [-1.0, -0.4, 0.6, 1.0].map(|share: f64| {
@@ -217,7 +217,7 @@ pub fn asked(case: &Case) -> Vec<Asked> {
             ..ControlCommand::new_zeroed()
         };
         link.transmit(Some(&command), &mut frame);
-        found.push((Sticks::of(&frame), Some(asked)));
+        found.push((Sticks::from_frame(&frame), Some(asked)));
     }
     found
 }
