@@ -306,7 +306,7 @@ struct CaptureServer {
 impl CaptureServer {
     fn open(system: CaptureSystem, port: u16) -> Self {
         let at = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
-        let has_one_port = protocol::of(system).frame_port(port) == port;
+        let has_one_port = protocol::for_system(system).frame_port(port) == port;
         let data_port = if has_one_port { port } else { free_port() };
         let plan = Plan {
             system,

@@ -389,10 +389,7 @@ fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
             &missing[..],
             "there is no device /dev/no-such-radio; is it plugged in?",
         ),
-        (
-            &elsewhere[..],
-            "state as `interface` an address that this machine has",
-        ),
+        (&elsewhere[..], "set `interface` to an address of this machine"),
     ] {
         let child = run(&place, settings, &[]);
         let orchestrator = child.id();

@@ -150,7 +150,7 @@ fn a_version_of_natnet_that_is_not_understood_is_named() {
     let text = said(&probe.join().unwrap());
     assert!(
         text.contains("no frame could be decoded")
-            && text.contains("Motive speaks NatNet 2.8; 3.x and 4.x are understood"),
+            && text.contains("Motive sends NatNet 2.8; 3.x and 4.x are supported"),
         "{text}"
     );
 }

@@ -83,7 +83,7 @@ impl CameraSender {
         let Some((object, None)) = stated.name_and_number() else {
             return Err(CamerasError::Numbered);
         };
-        let frame_port = protocol::of(system).frame_port(address.server.port());
+        let frame_port = protocol::for_system(system).frame_port(address.server.port());
         let plan = Plan {
             system,
             at: address.server,

@@ -57,8 +57,8 @@ pub fn probe(
     let signal = listen(seconds, &mut *source, &interrupt, &mut |frame, now_ns| {
         received.add(frame, now_ns);
         if let Some((feed, diagnosis)) = &mut vehicle {
-            diagnosis.take(frame);
-            feed.take(frame, now_ns);
+            diagnosis.add(frame);
+            feed.accept(frame, now_ns);
         }
     });
     if let Some(signal) = signal {
@@ -66,7 +66,7 @@ pub fn probe(
     }
     let has_time = vehicle
         .as_ref()
-        .is_none_or(|(_, diagnosis)| diagnosis.standing_stamp().is_none());
+        .is_none_or(|(_, diagnosis)| diagnosis.stopped_stamp().is_none());
     print(received.describe(&*source, has_time));
     if received.frames == 0 {
         return Err(Failure::trouble(no_frame_reason(&address, &*source, seconds)));

@@ -62,7 +62,7 @@ pub fn send(plan: &Plan, poses: &Poses<'_>) -> Result<Exit, Failure> {
 /// Returns the port to which a system sends its frames.
 #[must_use]
 pub fn frame_port(system: CaptureSystem) -> u16 {
-    protocol::of(system).frame_port(system.properties().port)
+    protocol::for_system(system).frame_port(system.properties().port)
 }
 
 fn fly(

@@ -96,8 +96,8 @@ impl MotionCaptureDriver {
             return;
         };
         source.poll(now_ns, &mut |frame| {
-            diagnosis.take(frame);
-            if let Some(pose) = feed.take(frame, now_ns) {
+            diagnosis.add(frame);
+            if let Some(pose) = feed.accept(frame, now_ns) {
                 pending.take(pose, tick_ns);
                 if pose.parts == PoseParts::Both {
                     *believed_at_ns = Some(pose.arrived_ns);

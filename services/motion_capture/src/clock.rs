@@ -1,61 +1,61 @@
 //! Remote clock: offset and drift of the sender's clock, from stamps and arrival times alone.
 //!
-//! A packet is late by chance, never early. So of each half second only the packet counts that came soonest after its
-//! stamp. A line below such points relates the clocks: its slope is the median of the slopes between points far apart,
-//! which a few bad windows do not move.
+//! Network delay only makes packets late, never early. So each window of half a second contributes its packet with the
+//! smallest delay. A line below these points relates the clocks: its slope is the median of the slopes between points far
+//! apart, which is robust against a few bad windows.
 //!
-//! Failure policy: a stamp whose time is known to 60 ms is mapped.
+//! Failure policy: a stamp is mapped if its time is known to 60 ms.
 //!
-//! | arrival beside the line | response |
+//! | arrival relative to the line | response |
 //! | --- | --- |
-//! | up to 60 ms early | the line was too high: it goes through this packet from now on |
+//! | up to 60 ms early | the line was too high: it is lowered to this packet |
 //! | up to 60 ms late | mapped by the line |
-//! | all packets of two windows more than 4 ms late | the way has become longer, or the clock was set back: the line is raised to the soonest of them |
-//! | earlier or later by more than 60 ms | refused; if more of them agree on another offset than do not, by 25 within 50 ms or more, the sender's clock was set, and the estimate restarts |
+//! | all packets of two windows more than 4 ms late | the delay has increased, or the clock was set back: the line is raised to the packet with the smallest delay |
+//! | more than 60 ms early or late | rejected; if 25 more stamps agree on another offset than disagree, over at least 50 ms, the sender's clock was set, and the estimate restarts |
 //!
-//! Lowering or raising the line keeps its slope; points from before do not count any more.
+//! Lowering or raising the line keeps its slope and discards earlier points.
 
 /// Length of a window, ns.
 const WINDOW_NS: u64 = 500_000_000;
-/// Windows that are remembered.
+/// Number of stored windows.
 const WINDOWS: usize = 64;
-/// Windows below which the slope counts as 0, and points are kept for [`SHORT_MEMORY`] windows only.
+/// Minimum number of windows for a slope; with fewer, the slope is 0 and only [`WINDOWS_WITHOUT_SLOPE`] windows count.
 const WINDOWS_FOR_SLOPE: usize = WINDOWS / 2;
-/// Windows that count without a slope: within them no clock drifts far.
-const SHORT_MEMORY: usize = 2;
-/// Largest drift of a quartz, per unit.
-const LARGEST_DRIFT: f64 = 1e-4;
-/// Lead of a packet over the line that no error of the slope explains, ns.
+/// Number of windows that count without a slope: few, so that drift is negligible within them.
+const WINDOWS_WITHOUT_SLOPE: usize = 2;
+/// Maximum drift of a quartz clock, s/s.
+const MAX_DRIFT: f64 = 1e-4;
+/// Lead of a packet over the line that an error of the slope cannot explain, ns.
 const EARLY_NS: i64 = 2_000_000;
-/// Largest distance of a packet from the line without a refusal, ns.
-const LARGEST_NS: i64 = 60_000_000;
-/// Largest lag of a window's soonest packet behind the line, ns.
+/// Maximum distance of an accepted packet from the line, ns.
+const MAX_DISTANCE_NS: i64 = 60_000_000;
+/// Maximum lag of a window's best packet behind the line, ns.
 const WINDOW_LATE_NS: i64 = 4_000_000;
-/// Windows in a row that are later after which the line is raised.
+/// Consecutive late windows after which the line is raised.
 const LATE_WINDOWS: u32 = 2;
-/// Refused stamps that agree, beyond those that do not, after which they are accepted.
+/// Majority of agreeing rejected stamps after which their offset is adopted.
 const CONFIRMATIONS: u32 = 25;
-/// Time from the first to the last of them, ns, at least: packets that something has held up come together.
+/// Minimum time over which they arrive, ns: packets that were held up arrive in one burst.
 const CONFIRMED_FOR_NS: u64 = 50_000_000;
-/// Largest distance of offsets that agree, ns.
+/// Maximum difference of agreeing offsets, ns.
 const AGREEMENT_NS: i64 = 20_000_000;
 /// Time for which stamps are collected before the first is mapped, ns.
-const LISTEN_NS: u64 = 200_000_000;
+const COLLECT_NS: u64 = 200_000_000;
 
 /// Outcome of a stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapped {
-    /// The stamp's time on the local clock, if the packet that came soonest took no time, ns.
+    /// The stamp's time on the local clock, ns, assuming that the fastest packet had no delay.
     At(i64),
     /// There are not enough stamps yet.
-    Listening,
+    Collecting,
     /// The stamp is too far from the line.
-    Doubted,
+    Rejected,
     /// The sender's clock was set; the estimate has restarted.
     Stepped,
 }
 
-/// The soonest packet of a window.
+/// Arrival and offset of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Point {
     arrived_ns: u64,
@@ -68,7 +68,7 @@ struct Point {
 pub(crate) struct ClockLine {
     /// Arrival of a packet on the line, ns of the local clock.
     pub(crate) arrived_ns: u64,
-    /// Its arrival minus its stamp, ns.
+    /// Arrival minus stamp of that packet, ns.
     pub(crate) offset_ns: i64,
     /// Rate at which the local clock gains on the sender's.
     pub(crate) slope: f64,
@@ -77,7 +77,7 @@ pub(crate) struct ClockLine {
 /// Offset and drift of a sender's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RemoteClock {
-    began_ns: Option<u64>,
+    started_ns: Option<u64>,
     /// `true` once stamps are mapped.
     is_settled: bool,
     window_end_ns: u64,
@@ -85,13 +85,13 @@ pub struct RemoteClock {
     points: [Option<Point>; WINDOWS],
     count: usize,
     slope: f64,
-    /// The point through which the line goes.
+    /// A point on the line.
     anchor: Option<Point>,
     late_windows: u32,
-    doubted: u32,
-    doubted_offset_ns: i64,
-    /// Arrival of the first of them, ns.
-    doubted_since_ns: u64,
+    rejected: u32,
+    rejected_offset_ns: i64,
+    /// Arrival of the first rejected stamp, ns.
+    rejected_since_ns: u64,
 }
 
 impl Default for RemoteClock {
@@ -105,7 +105,7 @@ impl RemoteClock {
     #[must_use]
     pub fn new() -> Self {
         Self {
-            began_ns: None,
+            started_ns: None,
             is_settled: false,
             window_end_ns: 0,
             window: None,
@@ -114,16 +114,16 @@ impl RemoteClock {
             slope: 0.0,
             anchor: None,
             late_windows: 0,
-            doubted: 0,
-            doubted_offset_ns: 0,
-            doubted_since_ns: 0,
+            rejected: 0,
+            rejected_offset_ns: 0,
+            rejected_since_ns: 0,
         }
     }
 
-    /// Makes the estimate that goes on with a line.
+    /// Makes an estimate that starts from a line.
     pub(crate) fn with_line(line: ClockLine) -> Self {
         let mut clock = Self {
-            began_ns: Some(0),
+            started_ns: Some(0),
             is_settled: true,
             slope: line.slope,
             ..Self::new()
@@ -148,40 +148,41 @@ impl RemoteClock {
         })
     }
 
-    /// Returns the rate at which the local clock gains on the sender's, per unit.
+    /// Returns the rate at which the local clock gains on the sender's, s/s.
     #[must_use]
     pub fn drift(&self) -> f64 {
         self.slope
     }
 
-    /// Takes a packet's stamp (ns of the sender's clock) and arrival (ns of the local clock, never falling).
-    pub fn hear(&mut self, sent_ns: i64, arrived_ns: u64) -> Mapped {
+    /// Updates the estimate by a packet's stamp (ns of the sender's clock) and arrival (ns of the local clock, never
+    /// decreasing), and maps the stamp.
+    pub fn map(&mut self, sent_ns: i64, arrived_ns: u64) -> Mapped {
         let Some(offset_ns) = i64::try_from(arrived_ns)
             .ok()
             .and_then(|arrived| arrived.checked_sub(sent_ns))
         else {
-            return Mapped::Doubted;
+            return Mapped::Rejected;
         };
         let point = Point {
             arrived_ns,
             offset_ns,
         };
-        let Some(began_ns) = self.began_ns else {
+        let Some(started_ns) = self.started_ns else {
             self.begin(point);
-            return Mapped::Listening;
+            return Mapped::Collecting;
         };
         let late_ns = offset_ns.saturating_sub(self.offset_ns(arrived_ns));
-        if !(-LARGEST_NS..=LARGEST_NS).contains(&late_ns) {
-            return self.doubt(point);
+        if !(-MAX_DISTANCE_NS..=MAX_DISTANCE_NS).contains(&late_ns) {
+            return self.reject(point);
         }
-        self.doubted = 0;
+        self.rejected = 0;
         if late_ns < -EARLY_NS {
             self.restart_at(point);
         } else {
-            self.take(point);
+            self.accept(point);
         }
-        if arrived_ns.saturating_sub(began_ns) < LISTEN_NS {
-            return Mapped::Listening;
+        if arrived_ns.saturating_sub(started_ns) < COLLECT_NS {
+            return Mapped::Collecting;
         }
         self.is_settled = true;
         Mapped::At(sent_ns.saturating_add(self.offset_ns(arrived_ns)))
@@ -189,7 +190,7 @@ impl RemoteClock {
 
     fn begin(&mut self, point: Point) {
         *self = Self {
-            began_ns: Some(point.arrived_ns),
+            started_ns: Some(point.arrived_ns),
             window_end_ns: point.arrived_ns + WINDOW_NS,
             window: Some(point),
             ..Self::new()
@@ -197,31 +198,31 @@ impl RemoteClock {
         self.fit();
     }
 
-    fn doubt(&mut self, point: Point) -> Mapped {
-        let agrees = self.doubted > 0
-            && point.offset_ns.abs_diff(self.doubted_offset_ns) <= AGREEMENT_NS.unsigned_abs();
-        // A majority vote (Boyer and Moore): a packet that is late by chance takes back one confirmation and not all of
-        // them, and a wrong stamp cannot stand against the right ones. The soonest packet stands for those that agree, or
-        // one that was late itself would be so far from half of the others that they never agree.
+    fn reject(&mut self, point: Point) -> Mapped {
+        let agrees = self.rejected > 0
+            && point.offset_ns.abs_diff(self.rejected_offset_ns) <= AGREEMENT_NS.unsigned_abs();
+        // Majority vote (Boyer and Moore): a packet that is late by chance cancels one confirmation, not all of them, and a
+        // wrong stamp cannot outvote the right ones. The smallest offset represents those that agree: a late packet would
+        // be too far from half of the others.
         if agrees {
-            self.doubted += 1;
-            self.doubted_offset_ns = self.doubted_offset_ns.min(point.offset_ns);
-        } else if self.doubted > 1 {
-            self.doubted -= 1;
+            self.rejected += 1;
+            self.rejected_offset_ns = self.rejected_offset_ns.min(point.offset_ns);
+        } else if self.rejected > 1 {
+            self.rejected -= 1;
         } else {
-            self.doubted = 1;
-            self.doubted_offset_ns = point.offset_ns;
-            self.doubted_since_ns = point.arrived_ns;
+            self.rejected = 1;
+            self.rejected_offset_ns = point.offset_ns;
+            self.rejected_since_ns = point.arrived_ns;
         }
-        let lasts_ns = point.arrived_ns.saturating_sub(self.doubted_since_ns);
-        if self.doubted < CONFIRMATIONS || lasts_ns < CONFIRMED_FOR_NS {
-            return Mapped::Doubted;
+        let lasts_ns = point.arrived_ns.saturating_sub(self.rejected_since_ns);
+        if self.rejected < CONFIRMATIONS || lasts_ns < CONFIRMED_FOR_NS {
+            return Mapped::Rejected;
         }
         self.begin(point);
         Mapped::Stepped
     }
 
-    /// Leads the line through a point, without those before it.
+    /// Moves the line to a point and discards the earlier points.
     fn restart_at(&mut self, point: Point) {
         self.points = [None; WINDOWS];
         self.count = 0;
@@ -231,18 +232,18 @@ impl RemoteClock {
         self.anchor = Some(point);
     }
 
-    /// Takes an accepted point.
-    fn take(&mut self, point: Point) {
+    /// Adds an accepted point.
+    fn accept(&mut self, point: Point) {
         if point.arrived_ns >= self.window_end_ns {
-            if let Some(soonest) = self.window.take() {
-                self.close(soonest);
+            if let Some(best) = self.window.take() {
+                self.close(best);
             }
             self.window_end_ns = point.arrived_ns + WINDOW_NS;
             self.window = Some(point);
             self.fit();
         } else if self
             .window
-            .is_none_or(|soonest| point.offset_ns < self.through(soonest, point.arrived_ns))
+            .is_none_or(|best| point.offset_ns < self.through(best, point.arrived_ns))
         {
             self.window = Some(point);
             if self.offset_ns(point.arrived_ns) > point.offset_ns {
@@ -251,37 +252,37 @@ impl RemoteClock {
         }
     }
 
-    /// Takes the soonest point of a window that has ended.
-    fn close(&mut self, soonest: Point) {
-        let line_ns = self.offset_ns(soonest.arrived_ns);
-        let is_late = self.count > 0 && soonest.offset_ns - line_ns > WINDOW_LATE_NS;
+    /// Adds the best point of a completed window.
+    fn close(&mut self, best: Point) {
+        let line_ns = self.offset_ns(best.arrived_ns);
+        let is_late = self.count > 0 && best.offset_ns - line_ns > WINDOW_LATE_NS;
         self.late_windows = if is_late { self.late_windows + 1 } else { 0 };
         if self.late_windows >= LATE_WINDOWS {
-            self.restart_at(soonest);
+            self.restart_at(best);
         }
         if self.late_windows == 0 {
-            self.points[self.count % WINDOWS] = Some(soonest);
+            self.points[self.count % WINDOWS] = Some(best);
             self.count += 1;
         }
     }
 
-    /// Fits the line: its slope by the points far apart, its height by the soonest.
+    /// Fits the line: its slope to points far apart, its height to the lowest point.
     fn fit(&mut self) {
         self.slope = self.fitted_slope().unwrap_or(self.slope);
-        let remembered = if self.count < WINDOWS_FOR_SLOPE {
-            SHORT_MEMORY
+        let stored = if self.count < WINDOWS_FOR_SLOPE {
+            WINDOWS_WITHOUT_SLOPE
         } else {
             WINDOWS
         };
-        let oldest = self.count.saturating_sub(remembered);
+        let oldest = self.count.saturating_sub(stored);
         let points = (oldest..self.count).map(|index| self.points[index % WINDOWS]);
         let candidates = points.chain([self.window]).flatten();
-        // The line through the lowest point, compared at one time.
+        // The lowest point, compared at a common time.
         let at_ns = self.window_end_ns;
         self.anchor = candidates.min_by_key(|point| self.through(*point, at_ns));
     }
 
-    /// Returns the median of the slopes between points that are half of the kept time apart.
+    /// Returns the median of the slopes between points that are half of the stored time apart.
     fn fitted_slope(&self) -> Option<f64> {
         let known = self.count.min(WINDOWS);
         if known < WINDOWS_FOR_SLOPE {
@@ -303,15 +304,15 @@ impl RemoteClock {
         }
         let slopes = &mut slopes[..count];
         slopes.sort_unstable_by(f64::total_cmp);
-        Some(slopes.get(count / 2)?.clamp(-LARGEST_DRIFT, LARGEST_DRIFT))
+        Some(slopes.get(count / 2)?.clamp(-MAX_DRIFT, MAX_DRIFT))
     }
 
-    /// Returns the smallest possible offset of a packet that arrives at a time, ns.
+    /// Returns the offset on the line at a time, ns: that of a packet without delay.
     fn offset_ns(&self, at_ns: u64) -> i64 {
         self.anchor.map_or(0, |anchor| self.through(anchor, at_ns))
     }
 
-    /// Returns the offset at a time, on the line through a point, ns.
+    /// Returns the offset at a time on the line through a point, ns.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a drift of minutes is below a second"

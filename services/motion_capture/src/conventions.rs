@@ -1,14 +1,13 @@
-//! Conventions of axes: from the capture system's to the paper's, {I} with z down, and {B} with x forward, y right, z
-//! down.
+//! Axis conventions: from the capture system's frames to the paper's, {I} with z down, and {B} with x forward, y right,
+//! z down.
 //!
-//! | its axes | default of both transforms |
+//! | axes | default of both transforms |
 //! | --- | --- |
 //! | z up (Vicon, VRPN) | half a turn about x |
 //! | y up (`NatNet`) | a quarter turn about x |
 //!
-//! So with the defaults a level body that was defined while its nose pointed along the capture system's x axis is level
-//! in {I} with yaw 0. For a body that was defined otherwise, state `body_from_markers`; for another {I}, state
-//! `world_from_capture`.
+//! With the defaults, a level body that was defined while its nose pointed along the capture system's x axis is level in
+//! {I} with yaw 0. Another definition of the body needs `body_from_markers`, another {I} `world_from_capture`.
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::{CaptureSystem, FrameTransform};
@@ -17,7 +16,7 @@ use shared_types::rotation::from_roll_pitch_yaw;
 use crate::protocol;
 use crate::wire::CapturePose;
 
-/// Axis of a capture system that points up in the room; the other ones are horizontal.
+/// Upward axis of a capture system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpAxis {
     /// y.
@@ -36,10 +35,10 @@ pub struct Transform {
 }
 
 impl From<&FrameTransform> for Transform {
-    fn from(stated: &FrameTransform) -> Self {
+    fn from(config: &FrameTransform) -> Self {
         Self {
-            rotation: from_roll_pitch_yaw(stated.roll_pitch_yaw),
-            translation: Vector3::from(stated.position),
+            rotation: from_roll_pitch_yaw(config.roll_pitch_yaw),
+            translation: Vector3::from(config.position),
         }
     }
 }
@@ -56,7 +55,7 @@ impl Transform {
     }
 }
 
-/// Transform of a capture system's poses to poses of the vehicle.
+/// Transforms from a capture system's poses to poses of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
     /// The capture system's frame to {I}.
@@ -74,17 +73,17 @@ pub struct WorldPose {
     pub world_from_body: Matrix3<f64>,
 }
 
-/// Returns the rotation of a system's axes into those of {I}, and of its bodies' axes into those of {B}.
+/// Returns the default rotation from a system's axes to {I}, and from its bodies' axes to {B}.
 #[must_use]
 pub fn axes(system: CaptureSystem) -> Matrix3<f64> {
-    match protocol::of(system).up_axis() {
+    match protocol::for_system(system).up_axis() {
         UpAxis::Y => Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0),
         UpAxis::Z => Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0),
     }
 }
 
 impl Calibration {
-    /// Returns the stated transforms, and the system's defaults for unstated ones.
+    /// Makes the calibration of the stated transforms, with the system's defaults for the others.
     #[must_use]
     pub fn new(
         system: CaptureSystem,
@@ -101,7 +100,7 @@ impl Calibration {
         }
     }
 
-    /// Returns the pose of the vehicle for a pose of its markers.
+    /// Converts a pose of the markers to the pose of the vehicle.
     #[must_use]
     pub fn world_pose(&self, pose: &CapturePose) -> WorldPose {
         let world = &self.world_from_capture;
@@ -113,7 +112,7 @@ impl Calibration {
         }
     }
 
-    /// Returns the pose of the markers for a pose of the vehicle: the inverse of [`Calibration::world_pose`].
+    /// Converts a pose of the vehicle to that of the markers: the inverse of [`Calibration::world_pose`].
     #[must_use]
     pub fn capture_pose(&self, pose: &WorldPose) -> CapturePose {
         let capture = self.world_from_capture.inverse();
@@ -138,7 +137,7 @@ mod tests {
 
     /// Returns the axis that points up in the room.
     fn up(system: CaptureSystem) -> Vector3<f64> {
-        match protocol::of(system).up_axis() {
+        match protocol::for_system(system).up_axis() {
             UpAxis::Y => Vector3::y(),
             UpAxis::Z => Vector3::z(),
         }

@@ -1,7 +1,7 @@
-//! Diagnosis: why a capture system's packets give no pose of the vehicle, in words.
+//! Diagnosis: why a capture system's packets give no pose of the vehicle, as a message.
 //!
-//! One text for all places where it is shown: `gerono mocap probe`, the refusal to arm, live views, the log and the
-//! summary. It costs nothing in a good flight, and has a fixed size in a bad one.
+//! `gerono mocap probe`, the refusal to arm, live views, the log and the summary show the same message. It allocates
+//! nothing: its state has a fixed size.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -12,13 +12,13 @@ use crate::refusals::Tally;
 use crate::transport::CaptureSource;
 use crate::wire::{Frame, Name, PoseError};
 
-/// Distance from the origin beyond which the unit is in doubt, m.
+/// Distance from the origin beyond which the unit is probably wrong, m.
 pub const FAR: f64 = 30.0;
 
-/// Frames of the vehicle with one stamp after which the server's time stands still.
-const STANDING: u32 = 20;
+/// Frames of the vehicle with the same stamp after which the server's clock counts as stopped.
+const REPEATED_STAMPS: u32 = 20;
 
-/// Facts about the frames so far.
+/// Statistics of the frames so far.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     selector: Selector,
@@ -27,67 +27,67 @@ pub struct Diagnosis {
     vehicle: Tally<PoseError>,
     /// Refused poses of other bodies.
     others: Tally<PoseError>,
-    is_seen: bool,
-    /// Name of a body that is nearly the vehicle's.
-    near: Option<Name>,
+    is_present: bool,
+    /// Name of a body that is similar to the vehicle's.
+    similar: Option<Name>,
     /// Distance of the vehicle's last pose from the origin, m.
     distance: f64,
     last_stamp_ns: Option<i64>,
-    /// Frames of the vehicle with the stamp of the one before, and with another.
-    standing: u32,
-    moving: u32,
+    /// Frames of the vehicle with the same stamp as the previous one, and with another.
+    repeated_stamps: u32,
+    new_stamps: u32,
 }
 
 impl Diagnosis {
-    /// Makes a diagnosis without facts for a checked scenario.
+    /// Makes a diagnosis of a checked scenario before the first frame.
     ///
     /// # Errors
-    /// If it was not checked.
-    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> std::result::Result<Self, Problem> {
-        let name = stated.name_and_number().map_or("", |(name, _)| name);
+    /// If the scenario was not checked.
+    pub fn new(system: CaptureSystem, config: &MotionCapture) -> std::result::Result<Self, Problem> {
+        let name = config.name_and_number().map_or("", |(name, _)| name);
         Ok(Self {
-            selector: Selector::new(system, stated)?,
-            name: Name::cut(name.as_bytes()),
+            selector: Selector::new(system, config)?,
+            name: Name::truncated(name.as_bytes()),
             vehicle: Tally::default(),
             others: Tally::default(),
-            is_seen: false,
-            near: None,
+            is_present: false,
+            similar: None,
             distance: 0.0,
             last_stamp_ns: None,
-            standing: 0,
-            moving: 0,
+            repeated_stamps: 0,
+            new_stamps: 0,
         })
     }
 
-    /// Takes the next frame.
-    pub fn take(&mut self, frame: &Frame) {
+    /// Adds the next frame.
+    pub fn add(&mut self, frame: &Frame) {
         for (body, reason) in frame.refused() {
-            if self.selector.is(body) {
+            if self.selector.matches(body) {
                 self.vehicle.add(reason);
             } else {
                 self.others.add(reason);
             }
         }
-        if let Some(body) = frame.bodies().iter().find(|body| self.selector.is(body)) {
-            self.is_seen = true;
+        if let Some(body) = frame.bodies().iter().find(|body| self.selector.matches(body)) {
+            self.is_present = true;
             if let Some(pose) = &body.pose {
                 self.distance = pose.position.norm();
             }
-            self.time(frame);
-        } else if !self.is_seen && self.near.is_none() {
+            self.add_stamp(frame);
+        } else if !self.is_present && self.similar.is_none() {
             let mut names = frame.bodies().iter().map(|body| &body.name);
-            self.near = names.find(|name| is_near(name, &self.name)).copied();
+            self.similar = names.find(|name| is_similar(name, &self.name)).copied();
         }
     }
 
-    fn time(&mut self, frame: &Frame) {
+    fn add_stamp(&mut self, frame: &Frame) {
         let Some(stamp) = frame.stamp else {
             return;
         };
         if self.last_stamp_ns.replace(stamp.sent_ns) == Some(stamp.sent_ns) {
-            self.standing = self.standing.saturating_add(1);
+            self.repeated_stamps = self.repeated_stamps.saturating_add(1);
         } else {
-            self.moving = self.moving.saturating_add(1);
+            self.new_stamps = self.new_stamps.saturating_add(1);
         }
     }
 
@@ -103,15 +103,16 @@ impl Diagnosis {
         &self.others
     }
 
-    /// Returns the stamp that all frames have, if the server's time stands still, ns.
+    /// Returns the constant stamp of a server whose clock is stopped, ns.
     #[must_use]
-    pub fn standing_stamp(&self) -> Option<i64> {
-        let is_standing = self.standing >= STANDING && self.standing / STANDING >= self.moving;
-        self.last_stamp_ns.filter(|_| is_standing)
+    pub fn stopped_stamp(&self) -> Option<i64> {
+        let is_stopped = self.repeated_stamps >= REPEATED_STAMPS
+            && self.repeated_stamps / REPEATED_STAMPS >= self.new_stamps;
+        self.last_stamp_ns.filter(|_| is_stopped)
     }
 
-    /// Returns the findings with what the source and the feed know, for display; empty if there are none. `frozen` is the
-    /// part of the vehicle's pose that does not move.
+    /// Returns the findings for display, including those of the source; empty if there are none. `frozen` is the frozen
+    /// part of the vehicle's pose.
     #[must_use]
     pub fn with<'a>(&'a self, source: &'a dyn CaptureSource, frozen: Option<PosePart>) -> Findings<'a> {
         Findings {
@@ -122,18 +123,18 @@ impl Diagnosis {
     }
 }
 
-/// Returns whether a name differs from the wanted one in case, blanks, punctuation and letters beyond ASCII only.
-fn is_near(name: &Name, wanted: &Name) -> bool {
+/// Returns whether two different names are equal up to case, blanks, punctuation and non-ASCII letters.
+fn is_similar(name: &Name, expected: &Name) -> bool {
     fn letters(name: &Name) -> impl Iterator<Item = u8> {
         let bytes = name.as_bytes().iter();
         bytes
             .filter(|byte| byte.is_ascii_alphanumeric())
             .map(u8::to_ascii_lowercase)
     }
-    name != wanted && letters(wanted).next().is_some() && letters(name).eq(letters(wanted))
+    name != expected && letters(expected).next().is_some() && letters(name).eq(letters(expected))
 }
 
-/// The findings, separated by semicolons, the gravest first.
+/// Findings, separated by semicolons, the most severe first.
 #[derive(Clone, Copy, Debug)]
 pub struct Findings<'a> {
     diagnosis: &'a Diagnosis,
@@ -160,28 +161,28 @@ impl Display for Findings<'_> {
         }
         match self.frozen {
             Some(PosePart::Attitude) => list.add(format_args!(
-                "the attitude of `{}` does not move: is it tracked by one marker?",
+                "the attitude of `{}` does not change: is it tracked by a single marker?",
                 diagnosis.name
             ))?,
             Some(PosePart::Pose) => list.add(format_args!(
-                "the pose of `{}` does not move at all: the server repeats it, or simulated cameras have no noise",
+                "the pose of `{}` does not change: the server repeats it, or simulated cameras have no noise",
                 diagnosis.name
             ))?,
             None => {}
             Some(part @ PosePart::Coordinate(_)) => list.add(format_args!(
-                "the {part} of `{}` in the cameras' frame does not move",
+                "the {part} of `{}` in the cameras' frame does not change",
                 diagnosis.name
             ))?,
-            Some(part) => list.add(format_args!("the {part} of `{}` does not move", diagnosis.name))?,
+            Some(part) => list.add(format_args!("the {part} of `{}` does not change", diagnosis.name))?,
         }
-        if !diagnosis.is_seen {
+        if !diagnosis.is_present {
             self.names(&mut list)?;
         }
-        if let Some(stamp_ns) = diagnosis.standing_stamp() {
+        if let Some(stamp_ns) = diagnosis.stopped_stamp() {
             #[expect(clippy::cast_precision_loss, reason = "shown to a millisecond")]
             let stamp = stamp_ns as f64 * 1e-9;
             list.add(format_args!(
-                "the server sends no time: its stamp stands still at {stamp:.3} s"
+                "the server's clock does not run: its stamp is always {stamp:.3} s"
             ))?;
         }
         if diagnosis.distance > FAR {
@@ -202,21 +203,21 @@ impl Display for Findings<'_> {
 }
 
 impl Findings<'_> {
-    /// Adds the reason why the vehicle's name is in no frame.
+    /// Adds the reason why no frame contains the vehicle's name.
     fn names(&self, list: &mut List<'_, '_>) -> Result {
-        let wanted = self.diagnosis.name;
-        let (mut ambiguous, mut near) = (None, None);
+        let expected = self.diagnosis.name;
+        let (mut ambiguous, mut similar) = (None, None);
         self.source.announced(&mut |body| {
-            let reason = body.ambiguity.filter(|_| *body.name == wanted);
+            let reason = body.ambiguity.filter(|_| *body.name == expected);
             ambiguous = ambiguous.or(reason.zip(body.number));
-            if near.is_none() && is_near(body.name, &wanted) {
-                near = Some((*body.name, body.number));
+            if similar.is_none() && is_similar(body.name, &expected) {
+                similar = Some((*body.name, body.number));
             }
         });
         if let Some((reason, number)) = ambiguous {
-            return list.add(format_args!("{reason}: choose it by `#{number}`, or rename it"));
+            return list.add(format_args!("{reason}: select it by `#{number}`, or rename it"));
         }
-        match near.or(self.diagnosis.near.map(|name| (name, None))) {
+        match similar.or(self.diagnosis.similar.map(|name| (name, None))) {
             Some((name, Some(number))) => list.add(format_args!("announced: `{name}`, which is `#{number}`")),
             Some((name, None)) => list.add(format_args!("announced: `{name}`")),
             None => Ok(()),
@@ -224,7 +225,7 @@ impl Findings<'_> {
     }
 }
 
-/// Parts of a sentence.
+/// Writer of a list that is separated by semicolons.
 struct List<'a, 'b> {
     formatter: &'a mut Formatter<'b>,
     is_first: bool,
@@ -282,7 +283,7 @@ mod tests {
         let mut diagnosis =
             Diagnosis::new(CaptureSystem::Vrpn, &stated(CaptureSystem::Vrpn, object)).unwrap();
         for frame in frames {
-            diagnosis.take(frame);
+            diagnosis.add(frame);
         }
         diagnosis.with(&*source, None).to_string()
     }
@@ -297,8 +298,8 @@ mod tests {
 
     #[test]
     fn units_names_and_stamps_that_cannot_work_are_named() {
-        let near = frame("Quad ", [0.0; 3], 0);
-        assert_eq!(said("quad", &[near]), "announced: `Quad `");
+        let similar = frame("Quad ", [0.0; 3], 0);
+        assert_eq!(said("quad", &[similar]), "announced: `Quad `");
         let millimetres = frame("quad", [0.0, 1234.0, 0.0], 0);
         assert_eq!(
             said("quad", &[millimetres]),
@@ -312,7 +313,7 @@ mod tests {
         let untimed = vec![frame("quad", [0.0; 3], 0); 50];
         assert_eq!(
             said("quad", &untimed),
-            "the server sends no time: its stamp stands still at 0.000 s"
+            "the server's clock does not run: its stamp is always 0.000 s"
         );
         let stranger = frame("wand", [2000.0, 0.0, 0.0], 0);
         assert_eq!(
@@ -376,12 +377,12 @@ mod tests {
         for (major, minor) in [(2, 8), (5, 0)] {
             let said = said_by_motive(Version { major, minor }, &[], "quad");
             let words = format!(
-                "packets refused: 1 times Motive speaks NatNet {major}.{minor}; 3.x and 4.x are understood"
+                "packets refused: 1 times Motive sends NatNet {major}.{minor}; 3.x and 4.x are supported"
             );
             assert_eq!(said, words);
         }
         let newer = said_by_motive(Version { major: 4, minor: 9 }, &[], "quad");
-        assert_eq!(newer, "NatNet 4.9 is newer than 4.2, the newest that was tried");
+        assert_eq!(newer, "NatNet 4.9 is newer than 4.2, the newest tested version");
     }
 
     #[test]
@@ -390,7 +391,7 @@ mod tests {
         let shared = said_by_motive(version, &[(7, "quad"), (8, "quad")], "quad");
         assert_eq!(
             shared,
-            "another body has its name or its id: choose it by `#7`, or rename it"
+            "another body has the same name or id: select it by `#7`, or rename it"
         );
         let blank = said_by_motive(version, &[(7, "Quad ")], "quad");
         assert_eq!(blank, "announced: `Quad `, which is `#7`");

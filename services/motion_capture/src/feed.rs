@@ -1,9 +1,9 @@
 //! Feed: from frames to accepted poses of the vehicle.
 //!
-//! Failure policy: a pose is accepted only if its frame is new, its time is known, its body is the vehicle's and seen,
-//! and it is where the vehicle can be after the last accepted pose. All others are counted by reason ([`CaptureFigures`]).
-//! Of a pose that is wrong or frozen in one part, the other part is handed out alone, and the pose is counted by reason.
-//! Missing poses never look like a vehicle that stands still: without an accepted pose there is no output.
+//! Failure policy: a pose is accepted only if its frame is new, its time is known, its body is the vehicle's and tracked,
+//! and the vehicle can have reached it since the last accepted pose. All others are counted by reason
+//! ([`CaptureFigures`]). If one part of a pose is wrong or frozen, the other part is used alone, and the pose is counted by
+//! reason. Without an accepted pose there is no output: missing poses never look like a vehicle at rest.
 
 mod memory;
 mod numbering;
@@ -27,17 +27,17 @@ use crate::clock::{Mapped, RemoteClock};
 use crate::conventions::{Calibration, WorldPose};
 use crate::figures::Figures;
 use crate::frame_clock::FrameClock;
-use crate::wire::{Frame, LONGEST_NAME, Name, Stamp, WireBody};
+use crate::wire::{Frame, MAX_NAME_LENGTH, Name, Stamp, WireBody};
 use numbering::{Numbering, Order};
 use stillness::Stillness;
 use track::{PoseDecision, Tracks};
 
-/// Largest lead of a pose's capture time over its arrival, ns: an error of the clock's estimate.
+/// Maximum lead of a pose's capture time over its arrival, ns: an error of the clock estimate.
 const FUTURE_NS: u64 = 1_000_000;
-/// Age on arrival above which the time of a pose is regarded as wrong, ns.
-const OLDEST_NS: u64 = 1_000_000_000;
-/// Frames in a row whose numbers are not where the clock has them, after which the time between frames is measured again.
-const MOST_DOUBTED: u32 = 100;
+/// Maximum age of a pose on arrival, ns.
+const MAX_AGE_NS: u64 = 1_000_000_000;
+/// Consecutive frames with a rejected stamp after which the period of frames is measured again.
+const MAX_REJECTED: u32 = 100;
 
 /// Selector of the vehicle's body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,27 +47,27 @@ pub struct Selector {
 }
 
 impl Selector {
-    /// Returns the body that a scenario names.
+    /// Makes the selector of a scenario.
     ///
     /// # Errors
     /// If the scenario was not checked.
-    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
-        let wrong = |reason: &str| {
+    pub fn new(system: CaptureSystem, config: &MotionCapture) -> Result<Self, Problem> {
+        let invalid = |reason: &str| {
             let key = ["motion_capture", "object"].into_iter().collect();
             Problem::new(key, reason, "write it as `quad`, `#7` or `quad#1`")
         };
-        let (name, number) = stated
+        let (name, number) = config
             .name_and_number()
-            .ok_or_else(|| wrong("no number stands behind the #"))?;
+            .ok_or_else(|| invalid("there is no number after the #"))?;
         let name = Name::new(name.as_bytes())
-            .map_err(|_| wrong(&format!("a name longer than {LONGEST_NAME} bytes")))?;
+            .map_err(|_| invalid(&format!("a name longer than {MAX_NAME_LENGTH} bytes")))?;
         let number = number.or(system.properties().numbers.unstated());
         Ok(Self { name, number })
     }
 
     /// Returns whether a body is the vehicle.
     #[must_use]
-    pub fn is(&self, body: &WireBody) -> bool {
+    pub fn matches(&self, body: &WireBody) -> bool {
         (self.name == Name::EMPTY || self.name == body.name)
             && self.number.is_none_or(|number| number == body.number)
     }
@@ -82,25 +82,25 @@ pub struct VehiclePose {
     pub arrived_ns: u64,
     /// The pose.
     pub pose: WorldPose,
-    /// The parts of it that are the vehicle's.
+    /// The valid parts of the pose.
     pub parts: PoseParts,
 }
 
-/// The parts of a pose that are the vehicle's: both or one.
+/// Valid parts of a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PoseParts {
     /// Position and attitude.
     Both,
-    /// The position.
+    /// Position only.
     Position,
-    /// The attitude.
+    /// Attitude only.
     Attitude,
 }
 
 impl VehiclePose {
-    /// Writes it into a sample, all but the header, of a flight that began at a time of the local clock.
-    pub fn write(&self, flight_began_ns: u64, sample: &mut MocapPose) {
-        sample.capture_time_ns = self.captured_ns.saturating_sub(flight_began_ns);
+    /// Writes the pose into a sample, except for its header, with times since the start of the flight.
+    pub fn write(&self, flight_start_ns: u64, sample: &mut MocapPose) {
+        sample.capture_time_ns = self.captured_ns.saturating_sub(flight_start_ns);
         sample.position_world = self.pose.position_world.into();
         sample.world_from_body = to_row_major(&self.pose.world_from_body);
         sample.velocity_body = [0.0; 3];
@@ -117,15 +117,15 @@ impl VehiclePose {
 /// Condition of the feed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Health {
-    /// Nothing has come yet.
+    /// No frame received yet.
     Silent,
-    /// Frames come, but none with the vehicle's body so far.
+    /// No frame has contained the vehicle's body yet.
     Absent,
-    /// Poses come, and are not accepted yet.
+    /// No pose accepted yet.
     Settling,
     /// Poses are accepted.
     Good,
-    /// Poses were accepted, and none has been for two periods of the slowest stated rate.
+    /// No pose accepted for two periods of the slowest stated rate.
     Doubtful,
 }
 
@@ -137,8 +137,8 @@ pub struct Feed {
     latency_ns: u64,
     clock: RemoteClock,
     frame_clock: FrameClock,
-    /// Frames in a row whose stamps were doubted.
-    doubted: u32,
+    /// Consecutive frames with a rejected stamp.
+    rejected: u32,
     numbering: Numbering,
     tracks: Tracks,
     figures: Figures,
@@ -147,11 +147,11 @@ pub struct Feed {
     stillness: Stillness,
     frozen: Option<PosePart>,
     /// Arrival of the last frame, ns of the local clock; 0 before the first.
-    heard_at_ns: u64,
+    received_at_ns: u64,
     /// Arrival of the last accepted pose, ns of the local clock.
-    believed_at_ns: u64,
+    accepted_at_ns: u64,
     /// Time without an accepted pose after which the feed is doubtful, ns.
-    patience_ns: u64,
+    timeout_ns: u64,
     health: Health,
 }
 
@@ -159,40 +159,40 @@ impl Feed {
     /// Makes the feed of a checked scenario.
     ///
     /// # Errors
-    /// If it was not checked.
-    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
+    /// If the scenario was not checked.
+    pub fn new(system: CaptureSystem, config: &MotionCapture) -> Result<Self, Problem> {
         let calibration = Calibration::new(
             system,
-            stated.world_from_capture.as_ref(),
-            stated.body_from_markers.as_ref(),
+            config.world_from_capture.as_ref(),
+            config.body_from_markers.as_ref(),
         );
         Ok(Self {
-            selector: Selector::new(system, stated)?,
+            selector: Selector::new(system, config)?,
             calibration,
-            latency_ns: nanoseconds(stated.latency.unwrap_or(system.properties().latency)),
+            latency_ns: nanoseconds(config.latency.unwrap_or(system.properties().latency)),
             clock: RemoteClock::new(),
             frame_clock: FrameClock::default(),
-            doubted: 0,
+            rejected: 0,
             numbering: Numbering::default(),
             tracks: Tracks::new(Bounds {
-                max_speed: stated.max_speed,
-                max_turn_rate: stated.max_turn_rate,
-                settle_ns: nanoseconds(stated.settle),
+                max_speed: config.max_speed,
+                max_turn_rate: config.max_turn_rate,
+                settle_ns: nanoseconds(config.settle),
             }),
-            figures: Figures::new(stated.rate),
+            figures: Figures::new(config.rate),
             counts: CaptureFigures::new_zeroed(),
             last_stamp_ns: i64::MIN,
             stillness: Stillness::new(&calibration.world_from_capture),
             frozen: None,
-            heard_at_ns: 0,
-            believed_at_ns: 0,
-            patience_ns: nanoseconds(2.0 / stated.rate[0]),
+            received_at_ns: 0,
+            accepted_at_ns: 0,
+            timeout_ns: nanoseconds(2.0 / config.rate[0]),
             health: Health::Silent,
         })
     }
 
-    /// Returns the counts since the feed began, and no other figures. Each frame counts once: as believed, or for one of the
-    /// reasons why not.
+    /// Returns the counters since the start; other figures are zero. Each frame counts once: as believed, or for one reason
+    /// of its refusal.
     #[must_use]
     pub fn counts(&self) -> &CaptureFigures {
         &self.counts
@@ -204,45 +204,45 @@ impl Feed {
         &self.figures
     }
 
-    /// Returns its condition.
+    /// Returns the condition of the feed.
     #[must_use]
     pub fn health(&self) -> Health {
         self.health
     }
 
-    /// Returns the part of the vehicle's last pose that does not change although cameras have noise.
+    /// Returns the frozen part of the vehicle's last pose.
     #[must_use]
     pub fn frozen_part(&self) -> Option<PosePart> {
         self.frozen
     }
 
-    /// Returns the drift of the sender's clock against the local one, per unit.
+    /// Returns the rate at which the local clock gains on the sender's, s/s.
     #[must_use]
     pub fn drift(&self) -> f64 {
         self.clock.drift()
     }
 
-    /// Takes a frame that arrived at a time of the local clock, ns, which never falls; returns the vehicle's pose if
-    /// the frame has one that is accepted, at least in part.
-    pub fn take(&mut self, frame: &Frame, arrived_ns: u64) -> Option<VehiclePose> {
-        let vehicle = frame.bodies().iter().position(|body| self.selector.is(body));
+    /// Processes a frame with its arrival time (ns of the local clock, never decreasing). Returns the vehicle's pose if at
+    /// least a part of it is accepted.
+    pub fn accept(&mut self, frame: &Frame, arrived_ns: u64) -> Option<VehiclePose> {
+        let vehicle = frame.bodies().iter().position(|body| self.selector.matches(body));
         if self.health == Health::Silent {
             self.health = Health::Absent;
         }
         if vehicle.is_none() && !frame.is_complete {
-            // A packet about another body only serves to detect an exchange with the vehicle.
-            self.look_at_others(frame, None, arrived_ns);
+            // A packet of another body is only needed to detect an exchange with the vehicle.
+            self.track_others(frame, None, arrived_ns);
             return None;
         }
         self.counts.frames += 1;
-        self.heard_at_ns = arrived_ns;
-        let pose = self.accepted(frame, vehicle, arrived_ns);
+        self.received_at_ns = arrived_ns;
+        let pose = self.process(frame, vehicle, arrived_ns);
         match (&pose, self.health) {
             (Some(pose), _) if pose.parts == PoseParts::Both => {
-                self.believed_at_ns = pose.arrived_ns;
+                self.accepted_at_ns = pose.arrived_ns;
                 self.health = Health::Good;
             }
-            (_, Health::Good) if arrived_ns.saturating_sub(self.believed_at_ns) > self.patience_ns => {
+            (_, Health::Good) if arrived_ns.saturating_sub(self.accepted_at_ns) > self.timeout_ns => {
                 self.health = Health::Doubtful;
             }
             (_, Health::Absent) if vehicle.is_some() => self.health = Health::Settling,
@@ -252,18 +252,18 @@ impl Feed {
     }
 
     /// Returns the vehicle's pose in a frame, if its time is known and it is accepted.
-    fn accepted(&mut self, frame: &Frame, vehicle: Option<usize>, arrived_ns: u64) -> Option<VehiclePose> {
+    fn process(&mut self, frame: &Frame, vehicle: Option<usize>, arrived_ns: u64) -> Option<VehiclePose> {
         if !self.is_new(frame) {
             return None;
         }
-        self.figures.hear(arrived_ns, &mut self.counts);
+        self.figures.add_arrival(arrived_ns, &mut self.counts);
         let captured_ns = self.captured_ns(frame, arrived_ns)?;
-        let pose = self.believed(frame, vehicle, captured_ns);
-        self.look_at_others(frame, vehicle, captured_ns);
+        let pose = self.judge(frame, vehicle, captured_ns);
+        self.track_others(frame, vehicle, captured_ns);
         let (pose, parts) = pose?;
         if parts == PoseParts::Both {
             self.counts.believed += 1;
-            self.figures.believe(arrived_ns.saturating_sub(captured_ns));
+            self.figures.add_latency(arrived_ns.saturating_sub(captured_ns));
         }
         Some(VehiclePose {
             captured_ns,
@@ -273,9 +273,9 @@ impl Feed {
         })
     }
 
-    /// Returns whether a frame is newer than all before it.
+    /// Returns whether a frame is newer than all previous ones.
     fn is_new(&mut self, frame: &Frame) -> bool {
-        match frame.number.map(|number| self.numbering.look(number)) {
+        match frame.number.map(|number| self.numbering.classify(number)) {
             Some(Order::Next { lost }) => self.counts.lost += u64::from(lost),
             Some(Order::Repeated) => {
                 self.counts.repeated += 1;
@@ -296,21 +296,21 @@ impl Feed {
         let stamp = match (frame.stamp, frame.number) {
             (Some(stamp), _) => stamp,
             (None, Some(number)) => self.stamp_of_number(number, arrived_ns)?,
-            // Of a body that is not seen.
+            // The body is not tracked.
             (None, None) => return Some(arrived_ns.saturating_sub(self.latency_ns)),
         };
-        match self.clock.hear(stamp.sent_ns, arrived_ns) {
+        match self.clock.map(stamp.sent_ns, arrived_ns) {
             Mapped::At(sent_ns) => {
-                self.doubted = 0;
-                self.in_order(stamp, sent_ns, arrived_ns)
+                self.rejected = 0;
+                self.captured_in_order(stamp, sent_ns, arrived_ns)
             }
-            Mapped::Listening => {
+            Mapped::Collecting => {
                 self.counts.unsettled += 1;
                 None
             }
-            Mapped::Doubted => {
+            Mapped::Rejected => {
                 self.counts.mistimed += 1;
-                self.doubted += 1;
+                self.rejected += 1;
                 None
             }
             Mapped::Stepped => {
@@ -323,10 +323,10 @@ impl Feed {
 
     /// Returns the stamp of a frame that has only a number.
     fn stamp_of_number(&mut self, number: u32, arrived_ns: u64) -> Option<Stamp> {
-        if self.doubted > MOST_DOUBTED {
-            // Its sender has another rate now.
+        if self.rejected > MAX_REJECTED {
+            // The rate of the sender has changed.
             self.frame_clock = FrameClock::default();
-            self.doubted = 0;
+            self.rejected = 0;
         }
         let Some(stamp_ns) = self.frame_clock.stamp(number, arrived_ns) else {
             self.counts.unsettled += 1;
@@ -338,9 +338,9 @@ impl Feed {
         })
     }
 
-    /// As [`Feed::captured_ns`], for a frame that was sent at a time of the local clock. Without frame numbers the
-    /// stamps give the order.
-    fn in_order(&mut self, stamp: Stamp, sent_ns: i64, arrived_ns: u64) -> Option<u64> {
+    /// As [`Feed::captured_ns`], for a frame that was sent at `sent_ns` of the local clock. Checks the order of the stamps,
+    /// which also covers frames without numbers.
+    fn captured_in_order(&mut self, stamp: Stamp, sent_ns: i64, arrived_ns: u64) -> Option<u64> {
         match stamp.exposed_ns.cmp(&self.last_stamp_ns) {
             Ordering::Greater => {}
             Ordering::Equal => {
@@ -358,7 +358,7 @@ impl Feed {
         let captured_ns = u64::try_from(captured_ns)
             .ok()
             .filter(|&at_ns| aged_ns >= 0 && at_ns <= arrived_ns.saturating_add(FUTURE_NS));
-        if captured_ns.is_none_or(|at_ns| arrived_ns.saturating_sub(at_ns) > OLDEST_NS) {
+        if captured_ns.is_none_or(|at_ns| arrived_ns.saturating_sub(at_ns) > MAX_AGE_NS) {
             self.counts.mistimed += 1;
             return None;
         }
@@ -366,8 +366,8 @@ impl Feed {
         captured_ns.map(|at_ns| at_ns.min(arrived_ns))
     }
 
-    /// Returns the vehicle's pose in a frame with the parts that are accepted, if any is.
-    fn believed(
+    /// Returns the vehicle's pose in a frame with its accepted parts, if any.
+    fn judge(
         &mut self,
         frame: &Frame,
         vehicle: Option<usize>,
@@ -384,17 +384,17 @@ impl Feed {
         };
         let pose = self.calibration.world_pose(captured);
         let (position, rotation) = (&captured.position, &captured.capture_from_markers);
-        self.frozen = self.stillness.take(captured);
+        self.frozen = self.stillness.update(captured);
         if let Some(frozen) = self.frozen {
             self.counts.frozen += 1;
-            let parts = frozen.rest()?;
+            let parts = frozen.remaining_parts()?;
             let follows = match parts {
-                PoseParts::Position => self.tracks.reach(position, captured_ns),
-                _ => self.tracks.turn(rotation, captured_ns),
+                PoseParts::Position => self.tracks.follow_position(position, captured_ns),
+                _ => self.tracks.follow_attitude(rotation, captured_ns),
             };
             return follows.then_some((pose, parts));
         }
-        let counter = match self.tracks.vehicle(position, rotation, captured_ns) {
+        let counter = match self.tracks.add_vehicle(position, rotation, captured_ns) {
             PoseDecision::Follows => return Some((pose, PoseParts::Both)),
             PoseDecision::Settled => {
                 self.counts.settled += 1;
@@ -412,14 +412,14 @@ impl Feed {
         None
     }
 
-    fn look_at_others(&mut self, frame: &Frame, vehicle: Option<usize>, at_ns: u64) {
+    fn track_others(&mut self, frame: &Frame, vehicle: Option<usize>, at_ns: u64) {
         for (index, body) in frame.bodies().iter().enumerate() {
             if Some(index) != vehicle
-                && !self.selector.is(body)
+                && !self.selector.matches(body)
                 && let Some(pose) = &body.pose
             {
                 self.tracks
-                    .other(index, body, &pose.position, &pose.capture_from_markers, at_ns);
+                    .add_other(index, body, &pose.position, &pose.capture_from_markers, at_ns);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Rate, latency and jitter of arrivals, over the last whole second.
+//! Rate, latency and jitter of arrivals over the last complete second.
 
 use shared_types::capture_figures::CaptureFigures;
 
@@ -8,11 +8,11 @@ const WINDOW_NS: u64 = 1_000_000_000;
 /// Figures of a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Second {
-    /// Frames a second, Hz.
+    /// Frame rate, Hz.
     pub rate: f64,
     /// Mean time from capture to arrival of the accepted poses, s; 0 without any.
     pub latency: f64,
-    /// Largest such time, s.
+    /// Maximum time from capture to arrival, s.
     pub latency_max: f64,
     /// Standard deviation of the time between frames, s.
     pub jitter: f64,
@@ -27,7 +27,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Takes a number.
+    /// Adds a number.
     pub fn push(&mut self, value: f64) {
         self.count += 1.0;
         let from_mean = value - self.mean;
@@ -35,13 +35,13 @@ impl Moments {
         self.squares += from_mean * (value - self.mean);
     }
 
-    /// Returns the mean; 0 of none.
+    /// Returns the mean; 0 without numbers.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.mean
     }
 
-    /// Returns the standard deviation; 0 of less than two.
+    /// Returns the standard deviation; 0 with fewer than two numbers.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         if self.count < 2.0 {
@@ -51,11 +51,11 @@ impl Moments {
     }
 }
 
-/// Counter of arrivals and their figures.
+/// Statistics of arrivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     band: [f64; 2],
-    began_ns: Option<u64>,
+    started_ns: Option<u64>,
     arrived_ns: u64,
     frames: u32,
     between: Moments,
@@ -65,12 +65,12 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Makes empty figures; a rate outside the band, Hz, gives a warning.
+    /// Makes empty statistics. A rate outside the band (Hz) counts as a warning.
     #[must_use]
     pub fn new(band: [f64; 2]) -> Self {
         Self {
             band,
-            began_ns: None,
+            started_ns: None,
             arrived_ns: 0,
             frames: 0,
             between: Moments::default(),
@@ -80,7 +80,7 @@ impl Figures {
         }
     }
 
-    /// Returns the figures of the last whole second with an arrival; `None` before the first.
+    /// Returns the figures of the last complete second with an arrival; `None` before the first.
     #[must_use]
     pub fn last(&self) -> Option<&Second> {
         self.last.as_ref()
@@ -93,15 +93,15 @@ impl Figures {
             .is_some_and(|second| (self.band[0]..=self.band[1]).contains(&second.rate))
     }
 
-    /// Takes the arrival of a frame.
-    pub(crate) fn hear(&mut self, arrived_ns: u64, counts: &mut CaptureFigures) {
-        if let Some(began_ns) = self.began_ns {
+    /// Adds the arrival of a frame.
+    pub(crate) fn add_arrival(&mut self, arrived_ns: u64, counts: &mut CaptureFigures) {
+        if let Some(started_ns) = self.started_ns {
             self.between
                 .push(seconds(arrived_ns.saturating_sub(self.arrived_ns)));
             self.frames += 1;
-            if arrived_ns.saturating_sub(began_ns) >= WINDOW_NS {
+            if arrived_ns.saturating_sub(started_ns) >= WINDOW_NS {
                 self.last = Some(Second {
-                    rate: f64::from(self.frames) / seconds(arrived_ns - began_ns),
+                    rate: f64::from(self.frames) / seconds(arrived_ns - started_ns),
                     latency: self.latency.mean(),
                     latency_max: self.latency_max,
                     jitter: self.between.deviation(),
@@ -109,18 +109,18 @@ impl Figures {
                 counts.rate_warnings += u64::from(!self.is_rate_good());
                 *self = Self {
                     last: self.last,
-                    began_ns: Some(arrived_ns),
+                    started_ns: Some(arrived_ns),
                     ..Self::new(self.band)
                 };
             }
         } else {
-            self.began_ns = Some(arrived_ns);
+            self.started_ns = Some(arrived_ns);
         }
         self.arrived_ns = arrived_ns;
     }
 
-    /// Takes the age on arrival of an accepted pose.
-    pub(crate) fn believe(&mut self, latency_ns: u64) {
+    /// Adds the latency of an accepted pose.
+    pub(crate) fn add_latency(&mut self, latency_ns: u64) {
         let latency = seconds(latency_ns);
         self.latency.push(latency);
         self.latency_max = self.latency_max.max(latency);

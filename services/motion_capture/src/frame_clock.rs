@@ -1,45 +1,45 @@
 //! Frame clock: stamps for frames that have only numbers, by the period between frames.
 //!
-//! Such a sender takes its frames at a steady rate, so that a frame's number tells its time as a stamp does. The arrival
-//! alone does not: packets that were held up on the way come at once, and the oldest of them would be taken for new. The
-//! period is that between the soonest frames of half seconds that are 2 to 16 s apart; what is left of its error is a
-//! drift that [`RemoteClock`](crate::clock::RemoteClock) follows.
+//! Such a sender captures at a constant rate, so that a frame's number determines its time. The arrival time does not:
+//! packets that were held up arrive in one burst, and the oldest of them would count as new. The period is measured
+//! between the frames with the smallest delay of two windows that are 2 to 16 s apart. Its remaining error is a drift that
+//! [`RemoteClock`](crate::clock::RemoteClock) tracks.
 
-/// Time for which arrivals are counted before the first stamp, ns.
-const LISTEN_NS: u64 = 500_000_000;
-/// Length of a window, of which the soonest frame counts, ns.
+/// Time for which arrivals are collected before the first stamp, ns.
+const COLLECT_NS: u64 = 500_000_000;
+/// Length of a window, which contributes its frame with the smallest delay, ns.
 const WINDOW_NS: u64 = 500_000_000;
-/// Shortest time between two frames that tell the period, ns.
-const SHORTEST_NS: u64 = 2_000_000_000;
+/// Minimum time between the two frames of a measurement of the period, ns.
+const MIN_BASELINE_NS: u64 = 2_000_000_000;
 /// Time after which the older of these frames is replaced, ns.
 const GENERATION_NS: u64 = 8_000_000_000;
-/// Most frames between two that belong together.
-const MOST_FRAMES: u32 = 10_000;
+/// Maximum step of frame numbers within a sequence.
+const MAX_STEP: u32 = 10_000;
 
 /// Arrival of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Arrival {
     number: u32,
     arrived_ns: u64,
-    /// The stamp it was given, ns.
+    /// Assigned stamp, ns.
     stamp_ns: i64,
 }
 
-/// Stamps by numbers.
+/// Assigns stamps to frame numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct FrameClock {
     newest: Option<Arrival>,
     /// Time between two frames, ns; 0 while it is not known.
     period_ns: f64,
-    /// The frames from which the period is counted, now and in the next generation.
+    /// First frame of the measurement of the period, and its next replacement.
     origins: [Option<Arrival>; 2],
     window_end_ns: u64,
-    /// The soonest frame of the window by its stamp.
-    soonest: Option<Arrival>,
+    /// Frame of the window with the smallest delay.
+    best: Option<Arrival>,
 }
 
 impl FrameClock {
-    /// Makes the clock that goes on with a period, ns, after a frame of this number and stamp, ns.
+    /// Makes a clock that continues after a frame of this number and stamp (ns) with a known period (ns).
     pub(crate) fn after(number: u32, stamp_ns: i64, period_ns: f64) -> Self {
         let newest = Arrival {
             number,
@@ -59,7 +59,7 @@ impl FrameClock {
         Some((newest.number, newest.stamp_ns, self.period_ns))
     }
 
-    /// Takes the next frame's number and arrival (ns of the local clock, never falling); returns its stamp, ns.
+    /// Returns the stamp of the next frame, ns, from its number and arrival (ns of the local clock, never decreasing).
     #[expect(clippy::cast_possible_truncation, reason = "ten thousand frames are minutes")]
     pub(crate) fn stamp(&mut self, number: u32, arrived_ns: u64) -> Option<i64> {
         let mut frame = Arrival {
@@ -68,7 +68,7 @@ impl FrameClock {
             stamp_ns: 0,
         };
         let frames = self.newest.map(|newest| number.wrapping_sub(newest.number));
-        let Some((newest, frames)) = self.newest.zip(frames.filter(|&frames| frames <= MOST_FRAMES)) else {
+        let Some((newest, frames)) = self.newest.zip(frames.filter(|&frames| frames <= MAX_STEP)) else {
             *self = Self {
                 newest: Some(frame),
                 origins: [Some(frame), None],
@@ -77,12 +77,12 @@ impl FrameClock {
             return None;
         };
         if self.period_ns == 0.0 {
-            // The first frames are counted as they come.
+            // The first period is measured over all arrivals so far.
             self.newest = Some(Arrival { number, ..newest });
             let [Some(origin), _] = self.origins else {
                 return None;
             };
-            if arrived_ns.saturating_sub(origin.arrived_ns) < LISTEN_NS {
+            if arrived_ns.saturating_sub(origin.arrived_ns) < COLLECT_NS {
                 return None;
             }
             self.period_ns = period_ns(&origin, &frame);
@@ -93,48 +93,45 @@ impl FrameClock {
                 .saturating_add((f64::from(frames) * self.period_ns) as i64);
         }
         self.newest = Some(frame);
-        self.count(frame);
+        self.add(frame);
         Some(frame.stamp_ns)
     }
 
-    /// Counts a stamped frame for the period.
-    fn count(&mut self, frame: Arrival) {
+    /// Adds a stamped frame to the measurement of the period.
+    fn add(&mut self, frame: Arrival) {
         if frame.arrived_ns >= self.window_end_ns {
-            if let Some(soonest) = self.soonest.take() {
-                self.close(soonest);
+            if let Some(best) = self.best.take() {
+                self.close(best);
             }
             self.window_end_ns = frame.arrived_ns + WINDOW_NS;
         }
-        if self
-            .soonest
-            .is_none_or(|soonest| frame.delay_ns() < soonest.delay_ns())
-        {
-            self.soonest = Some(frame);
+        if self.best.is_none_or(|best| frame.delay_ns() < best.delay_ns()) {
+            self.best = Some(frame);
         }
     }
 
-    /// Takes the soonest frame of a window that has ended.
-    fn close(&mut self, soonest: Arrival) {
-        let since = |origin: Arrival| soonest.arrived_ns.saturating_sub(origin.arrived_ns);
+    /// Adds the best frame of a completed window.
+    fn close(&mut self, best: Arrival) {
+        let since = |origin: Arrival| best.arrived_ns.saturating_sub(origin.arrived_ns);
         let [first, next] = &mut self.origins;
-        let origin = *first.get_or_insert(soonest);
-        if since(origin) >= SHORTEST_NS {
-            self.period_ns = period_ns(&origin, &soonest);
+        let origin = *first.get_or_insert(best);
+        if since(origin) >= MIN_BASELINE_NS {
+            self.period_ns = period_ns(&origin, &best);
         }
-        if since(*next.get_or_insert(soonest)) >= GENERATION_NS {
-            *first = next.replace(soonest);
+        if since(*next.get_or_insert(best)) >= GENERATION_NS {
+            *first = next.replace(best);
         }
     }
 }
 
 impl Arrival {
-    /// Returns the delay on the way, up to a constant, ns.
+    /// Returns the network delay up to a constant, ns.
     fn delay_ns(&self) -> i64 {
         self.arrived_ns.cast_signed().saturating_sub(self.stamp_ns)
     }
 }
 
-/// Returns the mean time between the frames from one to a later one, ns.
+/// Returns the mean period between two frames, ns.
 #[expect(clippy::cast_precision_loss, reason = "a time of seconds in ns is exact")]
 fn period_ns(first: &Arrival, last: &Arrival) -> f64 {
     let frames = last.number.wrapping_sub(first.number).max(1);
@@ -154,7 +151,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// At any rate, with frames lost, late by chance and held up in bundles, a frame's time is known to 8 ms and a
-        /// period, by which the soonest of each bundle may be late: 4 ms are overlooked by the clock's line, the rest is
+        /// period, by which the best of each bundle may be late: 4 ms are overlooked by the clock's line, the rest is
         /// jitter, and drift by the error that such a bundle makes in the period.
         #[test]
         fn frames_that_are_held_up_have_the_time_at_which_they_would_have_come(
@@ -180,7 +177,7 @@ mod tests {
                 };
                 last_ns = ((sent_ns + held_ns - 0.3 * MS * libm::log(1.0 - jitter[index % 89])) as u64).max(last_ns);
                 let stamp_ns = clock.stamp(first_number.wrapping_add(index as u32), last_ns);
-                let mapped = stamp_ns.map(|stamp_ns| remote.hear(stamp_ns, last_ns));
+                let mapped = stamp_ns.map(|stamp_ns| remote.map(stamp_ns, last_ns));
                 if seconds > 4.0 {
                     heard += 1;
                     if let Some(Mapped::At(at_ns)) = mapped {

@@ -1,10 +1,10 @@
 //! `NatNet` 3 and 4 (`OptiTrack` Motive): UDP, little-endian, packed.
 //!
-//! A client asks on the command port: CONNECT is answered by SERVERINFO, which states the version of everything else;
-//! REQUEST_MODELDEF by MODELDEF, which gives rigid bodies their names. FRAMEs come by multicast, or to clients that
-//! have asked. From 4.1 on a number of bytes precedes each section of a frame and each description, so that all but the
-//! rigid bodies is skipped. The versions before 3 state neither their clock nor the exposure; they and those from 5 on
-//! are refused by name.
+//! A client sends requests to the command port: the response to CONNECT is SERVERINFO, with the version of all other
+//! messages; the response to REQUEST_MODELDEF is MODELDEF, with the names of rigid bodies. FRAMEs are sent by multicast, or
+//! to clients that have sent a request. From 4.1 on each section of a frame and each description starts with its length,
+//! so that all but the rigid bodies is skipped. Versions before 3 state neither their clock nor the exposure. They and
+//! those from 5 on are refused with an error that names the version.
 
 mod frame;
 mod model;
@@ -17,10 +17,10 @@ use crate::server::quaternion;
 use crate::transport::{Address, CaptureSource, TransportError};
 use crate::wire::{CapturePose, Cursor, Frame, Name, WireError};
 
-/// The protocol.
+/// `NatNet` protocol.
 pub(crate) struct Natnet;
 
-/// Ticks a second of the clock that a simulated server stamps with.
+/// Clock frequency of a simulated server, Hz.
 const CLOCK_FREQUENCY: u64 = 10_000_000;
 
 impl Protocol for Natnet {
@@ -49,13 +49,13 @@ impl Protocol for Natnet {
 
     fn introduction(&self, plan: &Plan, bodies: &[&str]) -> Vec<Vec<u8>> {
         let requests = [message::CONNECT, message::REQUEST_MODELDEF].map(u16::to_le_bytes);
-        let answers = requests
+        let responses = requests
             .iter()
-            .filter_map(|request| self.answer(plan, request, bodies));
-        answers.collect()
+            .filter_map(|request| self.respond(plan, request, bodies));
+        responses.collect()
     }
 
-    fn answer(&self, plan: &Plan, request: &[u8], bodies: &[&str]) -> Option<Vec<u8>> {
+    fn respond(&self, plan: &Plan, request: &[u8], bodies: &[&str]) -> Option<Vec<u8>> {
         match u16::from_le_bytes(*request.first_chunk()?) {
             message::CONNECT => Some(sender::server_info(&ServerInfo {
                 version: plan.version,
@@ -89,14 +89,14 @@ impl Protocol for Natnet {
     }
 }
 
-/// Decoder of datagrams, with the frame that they fill.
+/// Decoder of datagrams and the frame that it fills.
 struct Datagrams {
     decoder: Decoder,
     frame: Frame,
 }
 
 impl Decode for Datagrams {
-    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+    fn decode(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
         if let Received::Frame { .. } = self.decoder.decode(bytes, &mut self.frame)? {
             sink(&self.frame);
         }
@@ -104,7 +104,7 @@ impl Decode for Datagrams {
     }
 }
 
-/// Port of frames unless the server tells otherwise.
+/// Default port of frames.
 pub const DATA_PORT: u16 = 1511;
 
 /// Kinds of messages.
@@ -119,7 +119,7 @@ pub mod message {
     pub const MODELDEF: u16 = 5;
     /// A frame.
     pub const FRAME: u16 = 7;
-    /// Sign of life of a unicast client.
+    /// Keep-alive of a unicast client.
     pub const KEEP_ALIVE: u16 = 10;
 }
 
@@ -136,14 +136,14 @@ pub struct Version {
 }
 
 impl Version {
-    /// Returns whether lengths precede sections.
+    /// Returns whether sections start with their length.
     #[must_use]
     pub fn has_lengths(self) -> bool {
         self >= Self { major: 4, minor: 1 }
     }
 
-    /// The newest version that was tried against programs of others.
-    pub const NEWEST_TRIED: Self = Self { major: 4, minor: 2 };
+    /// The newest version that was tested against third-party software.
+    pub const NEWEST_TESTED: Self = Self { major: 4, minor: 2 };
 
     fn check(self) -> Result<Self, WireError> {
         if matches!(self.major, 3 | 4) {
@@ -153,7 +153,7 @@ impl Version {
         }
     }
 
-    /// Returns a version whose frames are laid out in the other way.
+    /// Returns a version with the other layout of frames.
     fn other_layout(self) -> Self {
         match self.has_lengths() {
             true => Self { major: 3, minor: 1 },
@@ -171,33 +171,33 @@ impl std::fmt::Display for Version {
 /// Description of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServerInfo {
-    /// Version of its bit stream.
+    /// Version of the bit stream.
     pub version: Version,
-    /// Ticks a second of the clock of the stamps.
+    /// Frequency of the clock of the stamps, Hz.
     pub clock_frequency: u64,
     /// Port of frames.
     pub data_port: u16,
-    /// The group to which it sends; `None` if it sends to each client.
+    /// Multicast group; `None` for unicast.
     pub multicast: Option<[u8; 4]>,
 }
 
-/// A rigid body of a frame as it travels.
+/// Rigid body of a frame as on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidBody {
-    /// Its streaming id.
+    /// Streaming id.
     pub id: i32,
     /// Position, m.
     pub position: [f32; 3],
     /// Attitude x, y, z, w.
     pub quaternion: [f32; 4],
-    /// Mean error of its markers, m.
+    /// Mean error of the markers, m.
     pub error: f32,
-    /// `true` if it is seen.
+    /// `true` if the body is tracked.
     pub tracked: bool,
 }
 
 impl RigidBody {
-    /// Makes the body of a pose; all zeros if it is not seen.
+    /// Makes the body of a pose; all zeros if it is not tracked.
     #[expect(clippy::cast_possible_truncation, reason = "the wire has single precision")]
     fn new(id: i32, pose: Option<&CapturePose>) -> Self {
         let position: [f64; 3] = pose.map_or([0.0; 3], |pose| pose.position.into());
@@ -212,43 +212,43 @@ impl RigidBody {
     }
 }
 
-/// The end of a frame: its times on the server's clock.
+/// Times of a frame on the server's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Times {
-    /// s since the software began.
+    /// Time since the start of the software, s.
     pub timestamp: f64,
     /// Middle of the exposure, ticks of the clock; 0 if not known.
     pub exposed: u64,
-    /// Time at which the cameras' data had arrived, ticks.
+    /// Arrival of the cameras' data, ticks.
     pub received: u64,
-    /// Time at which the frame was sent, ticks.
+    /// Transmission of the frame, ticks.
     pub sent: u64,
 }
 
-/// A rigid body by its description.
+/// Name and id of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Described {
-    /// Its streaming id.
+pub struct Description {
+    /// Streaming id.
     pub id: i32,
-    /// Its name, of which the first [`LONGEST_NAME`](crate::wire::LONGEST_NAME) bytes are kept.
+    /// Name, truncated to [`MAX_NAME_LENGTH`](crate::wire::MAX_NAME_LENGTH) bytes.
     pub name: Name,
-    /// `true` if another body has its name or its id.
+    /// `true` if another body has the same name or id.
     pub is_shared: bool,
-    /// `true` if its name is longer than what is kept.
-    pub is_cut: bool,
+    /// `true` if the name was truncated.
+    pub is_truncated: bool,
 }
 
-impl Described {
-    /// Returns why its name stands for no single body, if it does not.
+impl Description {
+    /// Returns the reason why the name is ambiguous, if it is.
     fn ambiguity(&self) -> Option<&'static str> {
-        if self.is_cut {
+        if self.is_truncated {
             Some("its name is too long")
         } else {
-            self.is_shared.then_some("another body has its name or its id")
+            self.is_shared.then_some("another body has the same name or id")
         }
     }
 
-    /// Returns the name of the body in a frame; empty if the name stands for no single body.
+    /// Returns the name of the body in a frame; empty if the name is ambiguous.
     #[must_use]
     pub fn unique_name(&self) -> Name {
         self.ambiguity().map_or(self.name, |_| Name::EMPTY)
@@ -260,28 +260,28 @@ impl Described {
 pub enum Received {
     /// The description of the server.
     ServerInfo(ServerInfo),
-    /// The names of the bodies, which the decoder knows now.
+    /// The names of the bodies, which the decoder has stored.
     Names {
-        /// Error of a description that gave no name, if there is one.
+        /// Error of an unreadable description, if there is one.
         unreadable: Option<WireError>,
     },
-    /// A frame, which the caller's frame holds now.
+    /// A frame, stored in the caller's frame.
     Frame {
-        /// `true` if the names should be requested again: the server says that the bodies have changed, or there is one
-        /// without a name.
-        names_are_old: bool,
+        /// `true` if the names should be requested again: the server reports that the bodies have changed, or a body has
+        /// no name.
+        needs_names: bool,
     },
-    /// A message without use here.
+    /// A message that is ignored.
     Other,
 }
 
-/// Decoder with the data that a frame needs: the server's version and clock, and the names.
+/// Decoder with the server's version and clock and the names of bodies, which frames refer to.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     server: Option<ServerInfo>,
-    bodies: Vec<Described>,
-    /// Memory into which a message is read before it replaces the known bodies.
-    reading: Vec<Described>,
+    bodies: Vec<Description>,
+    /// Buffer of a message before it replaces `bodies`.
+    reading: Vec<Description>,
 }
 
 impl Default for Decoder {
@@ -291,13 +291,13 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Makes a decoder without any data.
+    /// Makes a decoder before the server's first message.
     #[must_use]
     pub fn new() -> Self {
         Self {
             server: None,
-            bodies: Vec::with_capacity(crate::wire::MOST_BODIES),
-            reading: Vec::with_capacity(crate::wire::MOST_BODIES),
+            bodies: Vec::with_capacity(crate::wire::MAX_BODIES),
+            reading: Vec::with_capacity(crate::wire::MAX_BODIES),
         }
     }
 
@@ -307,16 +307,16 @@ impl Decoder {
         self.server.as_ref()
     }
 
-    /// Returns the rigid bodies that have been described.
+    /// Returns the described rigid bodies.
     #[must_use]
-    pub fn bodies(&self) -> &[Described] {
+    pub fn bodies(&self) -> &[Description] {
         &self.bodies
     }
 
-    /// Reads a datagram.
+    /// Decodes a datagram.
     ///
     /// # Errors
-    /// [`WireError`]; nothing of the datagram is used then, the frame is empty, and known names stay.
+    /// [`WireError`]; the datagram is then dropped, the frame is empty, and stored names are kept.
     pub fn decode(&mut self, datagram: &[u8], frame: &mut Frame) -> Result<Received, WireError> {
         frame.clear();
         let mut cursor = Cursor::new(datagram);
@@ -337,11 +337,11 @@ impl Decoder {
             std::mem::swap(&mut self.bodies, &mut self.reading);
             return Ok(Received::Names { unreadable });
         }
-        let mut names_are_old = false;
+        let mut needs_names = false;
         let mut read = |server: &ServerInfo, frame: &mut Frame| {
             frame.fill(|frame| {
                 let mut payload = payload;
-                names_are_old = frame::read(&mut payload, server, &self.bodies, frame)?;
+                needs_names = frame::read(&mut payload, server, &self.bodies, frame)?;
                 Ok(())
             })
         };
@@ -351,14 +351,14 @@ impl Decoder {
             frame.clear();
             return Err(if is_other {
                 WireError::OtherVersion {
-                    said: [server.version.major, server.version.minor],
+                    stated: [server.version.major, server.version.minor],
                     sent: [version.major, version.minor],
                 }
             } else {
                 error
             });
         }
-        Ok(Received::Frame { names_are_old })
+        Ok(Received::Frame { needs_names })
     }
 }
 

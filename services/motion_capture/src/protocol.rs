@@ -1,7 +1,7 @@
-//! Protocols: all that depends on which motion-capture system sends.
+//! Protocols: everything that is specific to one motion-capture system.
 //!
-//! A system is one module that implements [`Protocol`], and one line in [`of`]. What a scenario needs to state it, its
-//! word, default port and rules for names, is its record in [`CaptureSystem::properties`].
+//! A system is a module that implements [`Protocol`], and a line in [`for_system`]. Its name in scenarios, default port and
+//! rules for names are in [`CaptureSystem::properties`].
 
 use std::net::SocketAddrV4;
 
@@ -14,9 +14,9 @@ use crate::vicon_udp::ViconUdp;
 use crate::vrpn::Vrpn;
 use crate::wire::{CapturePose, Frame, WireError};
 
-/// Protocol of a motion-capture system: its axes, its bytes in both directions, and its sockets.
+/// Protocol of a motion-capture system: axes, sockets, decoder and encoder.
 pub trait Protocol: Sync {
-    /// Returns the axis that points up, of the room and of a level body.
+    /// Returns the upward axis of the room and of a level body.
     fn up_axis(&self) -> UpAxis;
 
     /// Opens the sockets on which poses are received.
@@ -25,34 +25,34 @@ pub trait Protocol: Sync {
     /// If a socket cannot be opened.
     fn open(&self, address: &Address) -> Result<Box<dyn CaptureSource>, TransportError>;
 
-    /// Makes a decoder at the beginning of a stream.
+    /// Makes a decoder for the start of a stream.
     fn decoder(&self) -> Box<dyn Decode>;
 
-    /// Returns how a server reaches its clients.
+    /// Returns how a server sends to its clients.
     fn transport(&self) -> Transport;
 
-    /// Returns the port to which frames go, of a system whose own port is this.
+    /// Returns the port to which frames are sent, given the system's port.
     fn frame_port(&self, port: u16) -> u16 {
         port
     }
 
-    /// Encodes all that a client needs before it can read frames: one packet for each request.
+    /// Encodes the messages that a client needs before it can decode frames: one packet per request.
     fn introduction(&self, _plan: &Plan, _bodies: &[&str]) -> Vec<Vec<u8>> {
         Vec::new()
     }
 
-    /// Encodes the answer to a datagram of a client; `None` if it is not a request.
-    fn answer(&self, _plan: &Plan, _request: &[u8], _bodies: &[&str]) -> Option<Vec<u8>> {
+    /// Encodes the response to a datagram of a client; `None` if it is not a request.
+    fn respond(&self, _plan: &Plan, _request: &[u8], _bodies: &[&str]) -> Option<Vec<u8>> {
         None
     }
 
-    /// Encodes a frame of bodies in the order of the introduction; the pose of one that is not seen is `None`.
+    /// Encodes a frame of bodies in the order of the introduction; the pose is `None` if a body is not tracked.
     fn frame(&self, plan: &Plan, frame: &SentFrame, bodies: &[(&str, Option<CapturePose>)]) -> Vec<u8>;
 }
 
 /// Returns the protocol of a system.
 #[must_use]
-pub fn of(system: CaptureSystem) -> &'static dyn Protocol {
+pub fn for_system(system: CaptureSystem) -> &'static dyn Protocol {
     match system {
         CaptureSystem::ViconUdp => &ViconUdp,
         CaptureSystem::Vrpn => &Vrpn,
@@ -60,23 +60,23 @@ pub fn of(system: CaptureSystem) -> &'static dyn Protocol {
     }
 }
 
-/// Decoder of what a server sends.
+/// Decoder of a server's packets or stream.
 pub trait Decode {
-    /// Takes a datagram, or the next bytes of a stream, and hands out the frames that are complete.
+    /// Decodes a datagram, or the next bytes of a stream, and passes complete frames to `sink`.
     ///
     /// # Errors
-    /// [`WireError`] if they cannot be read: of a datagram nothing is used then, and a stream is to be closed.
-    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError>;
+    /// [`WireError`] if they are invalid: a datagram is then dropped as a whole; the caller must close a stream.
+    fn decode(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError>;
 }
 
-/// Way from a server to its clients.
+/// Transport from a server to its clients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
-    /// Datagrams that no client requests.
+    /// Datagrams without a request.
     Datagrams,
-    /// A connection of each client, which begins with the introduction.
+    /// A connection per client, which starts with the introduction.
     Connections,
-    /// Datagrams, after requests at the server's port.
+    /// Datagrams after requests to the server's port.
     Requests,
 }
 
@@ -85,7 +85,7 @@ pub enum Transport {
 pub struct Plan {
     /// The simulated system.
     pub system: CaptureSystem,
-    /// Its address, to listen or to send from.
+    /// Local address of the server.
     pub at: SocketAddrV4,
     /// Destination of datagrams; may be a multicast group for `NatNet`.
     pub to: SocketAddrV4,
@@ -93,15 +93,15 @@ pub struct Plan {
     pub version: natnet::Version,
 }
 
-/// Number and times of a frame that is sent, ns of the sender's clock.
+/// Number and times of a frame to be sent, ns of the sender's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SentFrame {
-    /// Its number.
+    /// Frame number.
     pub number: u32,
-    /// The exposure.
+    /// Exposure.
     pub exposed_ns: u64,
-    /// End of the computation of its poses.
+    /// End of the computation of the poses.
     pub computed_ns: u64,
-    /// The sending.
+    /// Transmission.
     pub sent_ns: u64,
 }

@@ -1,15 +1,15 @@
-//! Refusals by reason: how many of each, and the last one in its own numbers.
+//! Refusals by reason: the count of each, and the values of the last one.
 
 use std::fmt::{Display, Formatter, Result};
 
 use crate::wire::{PoseError, WireError};
 
-/// Reasons that are told apart. More of them count together.
+/// Maximum number of distinguished reasons; further ones are counted together.
 const REASONS: usize = 8;
 
 /// Reason of a refusal.
 pub trait Reason: Copy + Display {
-    /// Returns whether two refusals have one reason, whatever their numbers are.
+    /// Returns whether two refusals have the same reason, regardless of their values.
     fn is_same(&self, other: &Self) -> bool;
 }
 
@@ -25,7 +25,7 @@ impl Reason for PoseError {
     }
 }
 
-/// Counts by reason, of a fixed size.
+/// Counters by reason, of fixed size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally<R> {
     reasons: [Option<(R, u64)>; REASONS],
@@ -73,13 +73,13 @@ impl<R: Reason> Tally<R> {
 
     /// Returns the most frequent reason and its count.
     #[must_use]
-    pub fn foremost(&self) -> Option<(R, u64)> {
+    pub fn most_frequent(&self) -> Option<(R, u64)> {
         let reasons = self.reasons.iter().flatten();
         reasons.max_by_key(|(_, count)| *count).copied()
     }
 }
 
-/// `221 times Motive speaks NatNet 2.8; …`, the reasons in the order in which they first occurred.
+/// `221 times Motive sends NatNet 2.8; …`, the reasons in the order in which they first occurred.
 impl<R: Reason> Display for Tally<R> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         let mut separator = "";
@@ -109,10 +109,10 @@ mod tests {
             tally.add(reason);
         }
         assert_eq!(tally.total(), 3);
-        assert_eq!(tally.foremost(), Some((PoseError::Far(1234.0), 2)));
+        assert_eq!(tally.most_frequent(), Some((PoseError::Far(1234.0), 2)));
         assert_eq!(
             tally.to_string(),
-            "2 times 1234 m from the origin: millimetres?; 1 times a quaternion of norm 1.1000 is no rotation"
+            "2 times 1234 m from the origin: millimetres?; 1 times a quaternion of norm 1.1000 is not a rotation"
         );
     }
 

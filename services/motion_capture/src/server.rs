@@ -1,4 +1,4 @@
-//! Simulated motion-capture system: it sends given poses to the clients of a real one.
+//! Simulated motion-capture server: sends given poses to clients of the real system.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddrV4, TcpListener, TcpStream, UdpSocket};
@@ -28,12 +28,12 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Opens its socket.
+    /// Opens the server's socket.
     ///
     /// # Errors
-    /// If the operating system refuses.
+    /// If the socket cannot be opened.
     pub fn open(plan: &Plan) -> std::io::Result<Self> {
-        let protocol = protocol::of(plan.system);
+        let protocol = protocol::for_system(plan.system);
         let datagrams = |at: SocketAddrV4| -> std::io::Result<Socket> {
             let socket = UdpSocket::bind(at)?;
             socket.set_nonblocking(true)?;
@@ -55,7 +55,7 @@ impl Server {
         })
     }
 
-    /// Accepts clients and answers their requests; never waits.
+    /// Accepts clients and responds to their requests. Never blocks.
     pub fn serve(&mut self, bodies: &[&str]) {
         let Self {
             plan,
@@ -66,22 +66,22 @@ impl Server {
             Socket::Datagrams(socket) => {
                 let mut request = [0; 1024];
                 while let Ok((length, client)) = socket.recv_from(&mut request) {
-                    if let Some(answer) = protocol.answer(plan, &request[..length], bodies) {
-                        let _ = socket.send_to(&answer, client);
+                    if let Some(response) = protocol.respond(plan, &request[..length], bodies) {
+                        let _ = socket.send_to(&response, client);
                     }
                 }
             }
             Socket::Connections(listener, clients) => {
                 while let Ok((client, _)) = listener.accept() {
                     let introduction = protocol.introduction(plan, bodies).concat();
-                    clients.extend(introduced(client, &introduction));
+                    clients.extend(send_introduction(client, &introduction));
                 }
                 clients.retain_mut(is_connected);
             }
         }
     }
 
-    /// Sends a frame; `None` is a body that is not seen. A missing client is not an error.
+    /// Sends a frame; the pose of a body that is not tracked is `None`. A missing client is not an error.
     pub fn send(&mut self, frame: &SentFrame, bodies: &[(&str, Option<CapturePose>)]) {
         let bytes = self.protocol.frame(&self.plan, frame, bodies);
         match &mut self.socket {
@@ -96,14 +96,14 @@ impl Server {
 }
 
 /// Sends the introduction to a new client.
-fn introduced(mut client: TcpStream, introduction: &[u8]) -> Option<TcpStream> {
+fn send_introduction(mut client: TcpStream, introduction: &[u8]) -> Option<TcpStream> {
     client.set_nodelay(true).ok()?;
     client.write_all(introduction).ok()?;
     client.set_nonblocking(true).ok()?;
     Some(client)
 }
 
-/// Reads and ignores a client's messages; returns whether it is still connected.
+/// Discards a client's messages. Returns whether it is still connected.
 #[must_use]
 pub fn is_connected(client: &mut TcpStream) -> bool {
     let mut ignored = [0; 1024];
@@ -116,8 +116,7 @@ pub fn is_connected(client: &mut TcpStream) -> bool {
     }
 }
 
-/// Returns the quaternion x, y, z, w of a rotation, with the largest part computed first: a division by a small one
-/// would lose digits.
+/// Returns the quaternion x, y, z, w of a rotation. Divides by its largest component: a small one would lose precision.
 #[must_use]
 pub fn quaternion(r: &Matrix3<f64>) -> [f64; 4] {
     let (xx, yy, zz) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
@@ -131,7 +130,7 @@ pub fn quaternion(r: &Matrix3<f64>) -> [f64; 4] {
         r[(0, 2)] + r[(2, 0)],
         r[(1, 2)] + r[(2, 1)],
     );
-    // Each row is the quaternion times four of one of its parts.
+    // Each row is the quaternion times four times one of its components.
     let rows = [
         [1.0 + xx - yy - zz, xy, xz, x],
         [xy, 1.0 - xx + yy - zz, yz, y],

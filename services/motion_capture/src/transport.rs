@@ -1,11 +1,11 @@
-//! Sockets that never block: from a capture system's packets to frames with their arrival times.
+//! Non-blocking sockets: from a capture system's packets to frames with their arrival times.
 //!
-//! A socket is bound to the address of one interface, the loopback by default, and the kernel drops packets from other
-//! machines than the stated server. That is no protection against a machine in the same network that forges its
-//! address: see docs/motion_capture.md for the trust in the laboratory's network.
+//! A socket is bound to the address of one interface, the loopback by default, and the kernel drops packets from machines
+//! other than the stated server. This does not protect against a machine in the same network that forges its address: see
+//! docs/motion_capture.md for the trust in the laboratory's network.
 //!
-//! [`CaptureSource::poll`] makes a bounded number of system calls and returns. [`CaptureSource::descriptors`] are to be
-//! waited on, and [`CaptureSource::due_ns`] is the time of the next poll even without a packet.
+//! [`CaptureSource::poll`] makes a bounded number of system calls. The caller waits on [`CaptureSource::descriptors`], at
+//! the latest until [`CaptureSource::due_ns`].
 
 mod source_filter;
 pub(crate) mod udp;
@@ -20,27 +20,27 @@ use crate::protocol;
 use crate::refusals::Tally;
 use crate::wire::{Frame, Name, WireError};
 
-/// Most packets that one poll takes from a socket, so that a flood does not hold up the caller.
-pub(crate) const MOST_PACKETS: usize = 64;
+/// Maximum number of packets that one poll reads from a socket, so that a flood does not delay the caller.
+pub(crate) const MAX_PACKETS: usize = 64;
 
 /// Address of a capture system and of the local interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// The system.
+    /// Capture system.
     pub system: CaptureSystem,
-    /// The sending machine and its port; with Vicon the local port.
+    /// Address and port of the server; with Vicon the local port.
     pub server: SocketAddrV4,
-    /// The local interface.
+    /// Address of the local interface.
     pub interface: Ipv4Addr,
 }
 
 impl Address {
-    /// Returns the address that a scenario states.
+    /// Returns the address of a scenario.
     ///
     /// # Errors
     /// If the scenario was not checked.
-    pub fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Problem> {
-        let wrong = |name: &str, reason: String| {
+    pub fn new(system: CaptureSystem, config: &MotionCapture) -> Result<Self, Problem> {
+        let invalid = |name: &str, reason: String| {
             let key: Key = ["motion_capture", name].into_iter().collect();
             Problem::new(
                 key,
@@ -50,23 +50,23 @@ impl Address {
         };
         let parsed = |name: &str, text: &str| {
             text.parse()
-                .map_err(|_| wrong(name, format!("`{text}` is no IPv4 address")))
+                .map_err(|_| invalid(name, format!("`{text}` is not an IPv4 address")))
         };
-        let port = stated.port.map_or(Ok(system.properties().port), u16::try_from);
-        let port = port.map_err(|_| wrong("port", "there is no such port".to_owned()))?;
+        let port = config.port.map_or(Ok(system.properties().port), u16::try_from);
+        let port = port.map_err(|_| invalid("port", "there is no such port".to_owned()))?;
         Ok(Self {
             system,
-            server: SocketAddrV4::new(parsed("server", &stated.server)?, port),
-            interface: parsed("interface", &stated.interface)?,
+            server: SocketAddrV4::new(parsed("server", &config.server)?, port),
+            interface: parsed("interface", &config.interface)?,
         })
     }
 
-    /// Opens the sockets; a server that does not run yet is awaited in [`CaptureSource::poll`].
+    /// Opens the sockets. The server may start later: [`CaptureSource::poll`] connects to it.
     ///
     /// # Errors
     /// If a socket cannot be opened.
     pub fn open(&self) -> Result<Box<dyn CaptureSource>, TransportError> {
-        protocol::of(self.system).open(self)
+        protocol::for_system(self.system).open(self)
     }
 }
 
@@ -90,9 +90,9 @@ impl TransportError {
                 "end the other program that listens there, or choose another port"
             }
             std::io::ErrorKind::AddrNotAvailable => {
-                "state as `interface` an address that this machine has (see `ip address`)"
+                "set `interface` to an address of this machine (see `ip address`)"
             }
-            _ => "see whether the interface is up",
+            _ => "check that the interface is up",
         };
         Self { at, source, fix }
     }
@@ -103,46 +103,45 @@ impl TransportError {
 pub struct WireCounts {
     /// Packets, or pieces of a stream, from the server.
     pub packets: u64,
-    /// Frames that they held.
+    /// Decoded frames.
     pub frames: u64,
-    /// Packets, or messages of a stream, that could not be read, by reason.
+    /// Packets, or messages of a stream, that could not be decoded, by reason.
     pub malformed: Tally<WireError>,
-    /// Datagrams that continued a frame of the datagram before.
+    /// Datagrams that continued the frame of the previous one.
     pub continued: u64,
-    /// Packets that were dropped because they came from other machines than the server, or too many at once; counted a
-    /// few times a second.
+    /// Packets dropped because they came from other machines than the server, or overflowed the buffer; updated a few times
+    /// a second.
     pub foreign: u64,
-    /// Connections that were made, or servers that answered.
+    /// Established connections, or descriptions of a server.
     pub connections: u64,
-    /// Connections that ended or could not be made, and errors of a socket.
+    /// Failed and ended connections, and socket errors.
     pub failures: u64,
 }
 
 /// Capture system on the network.
 pub trait CaptureSource: Debug + Send {
-    /// Takes the packets that have arrived by now (ns of the local clock) and hands out their frames, oldest first,
-    /// without ever waiting. Also connects, repeats requests, and sends signs of life, when they are due.
+    /// Reads the packets received by now (ns of the local clock) and passes their frames to `sink`, oldest first. Never
+    /// blocks. Also connects, repeats requests and sends keep-alives when due.
     fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame));
 
-    /// Returns the descriptors to wait on for the next packet. They may change with the next poll: a connection may be
-    /// a new one.
+    /// Returns the descriptors to wait on for the next packet. They may change with each poll, which may reconnect.
     fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2];
 
-    /// Returns the time of the next poll even without a packet, ns of the local clock; `None` if never.
+    /// Returns the time at which the next poll is due without a packet, ns of the local clock; `None` if never.
     fn due_ns(&self) -> Option<u64>;
 
     /// Returns the counts.
     fn counts(&self) -> WireCounts;
 
-    /// Hands out the bodies that the server has announced ahead of poses.
+    /// Passes the bodies that the server has announced to `sink`.
     fn announced(&self, _sink: &mut dyn FnMut(&Announced<'_>)) {}
 
-    /// Returns a line about the server, if it has described itself.
+    /// Returns a line that describes the server, if it has sent a description.
     fn server(&self) -> Option<String> {
         None
     }
 
-    /// Hands out doubts about the server, each a clause of a sentence.
+    /// Passes findings about the server to `add`, each a clause of a sentence.
     ///
     /// # Errors
     /// The first error of `add`.
@@ -154,11 +153,11 @@ pub trait CaptureSource: Debug + Send {
 /// Body that a server has announced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Announced<'a> {
-    /// Its name.
+    /// Name.
     pub name: &'a Name,
-    /// The number that also selects it, if it has one.
+    /// Number that selects the body, if it has one.
     pub number: Option<i32>,
-    /// The reason why its name does not select it, if so.
+    /// Reason why the name is ambiguous, if it is.
     pub ambiguity: Option<&'static str>,
 }
 

@@ -1,9 +1,9 @@
-//! Vicon Tracker's UDP object stream: one datagram a frame, little-endian, packed.
+//! Vicon Tracker's UDP object stream: one datagram per frame, little-endian, packed.
 //!
 //! `u32 frame, u8 items`, then per item `u8 id (0: object), u16 size (72), char name[24], f64 translation[3]` in mm and
-//! `f64 rotation[3]` in rad with R = Rx Ry Rz, right-handed. Datagrams are filled up to 256, 512 or 1024 bytes. There is
-//! no time stamp and no quality. A hidden object is absent, repeats what it was, or is all zero. Objects with one name,
-//! also two whose names are equal in their first 24 bytes, count as not seen: nothing tells them apart.
+//! `f64 rotation[3]` in rad with R = Rx Ry Rz, right-handed. Datagrams are padded to 256, 512 or 1024 bytes. There is no
+//! time stamp and no quality. An occluded object is absent, repeats its last pose, or is all zero. Objects with the same
+//! name, or whose first 24 bytes are equal, count as not tracked, because they cannot be distinguished.
 
 pub mod sender;
 pub(crate) mod source;
@@ -16,7 +16,7 @@ use crate::protocol::{Decode, Plan, Protocol, SentFrame, Transport};
 use crate::transport::{Address, CaptureSource, TransportError};
 use crate::wire::{CapturePose, Cursor, Frame, Name, PoseError, WireError};
 
-/// The protocol.
+/// Protocol of Vicon's UDP object stream.
 pub(crate) struct ViconUdp;
 
 impl Protocol for ViconUdp {
@@ -50,7 +50,7 @@ impl Protocol for ViconUdp {
 struct Datagrams(Frame);
 
 impl Decode for Datagrams {
-    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+    fn decode(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
         decode(bytes, &mut self.0)?;
         sink(&self.0);
         Ok(())
@@ -62,15 +62,15 @@ pub const NAME_LENGTH: usize = 24;
 
 /// Kind of an item that is an object.
 pub(crate) const OBJECT: u8 = 0;
-/// Largest angle, rad: no program computes several turns.
-const LARGEST_ANGLE: f64 = 10.0;
-/// Length of an object without kind and length, bytes.
+/// Maximum angle, rad: angles of several turns are a wrong unit.
+const MAX_ANGLE: f64 = 10.0;
+/// Length of an object without its kind and length fields, bytes.
 pub(crate) const OBJECT_LENGTH: u16 = 72;
 
-/// An object as it travels.
+/// Object as on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
-    /// Its name, filled up with zeros.
+    /// Name, padded with zeros.
     pub name: [u8; NAME_LENGTH],
     /// Translation, mm.
     pub translation_mm: [f64; 3],
@@ -79,7 +79,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// Makes the object of a pose; of a longer name the first bytes.
+    /// Makes the object of a pose. Truncates a longer name.
     fn new(name: &str, pose: &CapturePose) -> Self {
         let mut padded = [0; NAME_LENGTH];
         let length = name.len().min(NAME_LENGTH);
@@ -93,7 +93,7 @@ impl Object {
         }
     }
 
-    /// Returns its pose in SI units; `None` if it says that it is not seen.
+    /// Returns the pose in SI units; `None` if the object is not tracked.
     fn pose(&self) -> Result<Option<CapturePose>, PoseError> {
         let numbers = self.translation_mm.iter().chain(&self.rotation);
         if numbers.clone().all(|&number| number == 0.0) {
@@ -102,7 +102,7 @@ impl Object {
         if !self.rotation.iter().all(|angle| angle.is_finite()) {
             return Err(PoseError::NotFinite);
         }
-        if let Some(angle) = self.rotation.iter().find(|angle| angle.abs() > LARGEST_ANGLE) {
+        if let Some(angle) = self.rotation.iter().find(|angle| angle.abs() > MAX_ANGLE) {
             return Err(PoseError::Angle(*angle));
         }
         CapturePose::new(
@@ -119,7 +119,7 @@ pub fn capture_from_markers([x, y, z]: [f64; 3]) -> Matrix3<f64> {
     exp(&(Vector3::x() * x)) * exp(&(Vector3::y() * y)) * exp(&(Vector3::z() * z))
 }
 
-/// Reads a datagram into the frame.
+/// Decodes a datagram into the frame.
 ///
 /// # Errors
 /// [`WireError`]; the frame is then empty.

@@ -1,12 +1,12 @@
-//! VRPN over TCP: a cookie both ways, then big-endian messages.
+//! VRPN over TCP: a cookie in both directions, then big-endian messages.
 //!
-//! A message is `u32 length, u32 s, u32 µs, i32 sender, i32 type, u32 0` and a payload, whose length is `length` − 24 and
-//! which is filled up to a multiple of 8. Senders (type −1) and types (−2) are given their names first. A pose is a
-//! message of the type `vrpn_Tracker Pos_Quat`: `i32 sensor, i32, f64 position[3]` in m, `f64 quaternion[4]` x y z w.
+//! A message is `u32 length, u32 s, u32 µs, i32 sender, i32 type, u32 0` and a payload of `length` − 24 bytes, padded to a
+//! multiple of 8. Messages of type −1 and −2 first define the names of senders and types. A pose is a message of the type
+//! `vrpn_Tracker Pos_Quat`: `i32 sensor, i32, f64 position[3]` in m, `f64 quaternion[4]` x y z w.
 //!
-//! Bytes arrive in pieces of any length. A message that cannot be read is left out. A stream whose lengths have become
-//! invalid cannot be resumed: the error ends the connection. A pose whose values cannot be true is one of a body that is not seen, and has no time: its stamp must not
-//! count for the server's clock.
+//! Bytes arrive in pieces of any length. A message that cannot be decoded is skipped. A stream with an invalid length
+//! cannot be resynchronised: the error ends the connection. A body with an invalid pose counts as not tracked, without a
+//! stamp: the stamp must not influence the clock estimate.
 
 pub mod sender;
 mod source;
@@ -18,9 +18,9 @@ use crate::protocol::{Decode, Plan, Protocol, SentFrame, Transport};
 use crate::refusals::Tally;
 use crate::server::quaternion;
 use crate::transport::{Address, CaptureSource, TransportError};
-use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, PoseError, Stamp, WireError};
+use crate::wire::{CapturePose, Cursor, Frame, MAX_BODIES, Name, PoseError, Stamp, WireError};
 
-/// The protocol.
+/// VRPN protocol.
 pub(crate) struct Vrpn;
 
 impl Protocol for Vrpn {
@@ -69,34 +69,34 @@ impl Protocol for Vrpn {
 }
 
 impl Decode for Decoder {
-    fn take(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
+    fn decode(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Frame)) -> Result<(), WireError> {
         self.push(bytes, sink)
     }
 }
 
-/// Greeting of both sides: version, and no logging.
+/// First message of both sides: version, and no logging.
 pub const COOKIE: [u8; 24] = *b"vrpn: ver. 07.38  0\0\0\0\0\0";
 
 /// The part of the cookie on which both sides must agree.
 const COOKIE_MAGIC: &[u8] = b"vrpn: ver. 07.";
 
-/// Name of the messages that hold poses.
+/// Name of the message type of poses.
 pub const POSE_TYPE: &str = "vrpn_Tracker Pos_Quat";
 
-/// Type of the message that names a sender.
+/// Type of the message that defines the name of a sender.
 pub const SENDER_DESCRIPTION: i32 = -1;
-/// Type of the message that names a type.
+/// Type of the message that defines the name of a type.
 pub const TYPE_DESCRIPTION: i32 = -2;
 
-/// Length of a message's head, bytes.
-pub(crate) const HEAD: usize = 24;
-/// Longest message, bytes: VRPN's own buffer.
-const LONGEST_MESSAGE: usize = 64 * 1024;
+/// Length of a message's header, bytes.
+pub(crate) const HEADER: usize = 24;
+/// Maximum length of a message, bytes: the size of VRPN's own buffer.
+const MAX_MESSAGE: usize = 64 * 1024;
 
-/// A pose as it travels.
+/// Pose as on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseReport {
-    /// Number of the sensor.
+    /// Sensor number.
     pub sensor: i32,
     /// Position, m.
     pub position: [f64; 3],
@@ -104,7 +104,7 @@ pub struct PoseReport {
     pub quaternion: [f64; 4],
 }
 
-/// Decoder of the stream. Its memory does not grow.
+/// Decoder of the stream, with fixed memory.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: Vec<u8>,
@@ -123,14 +123,14 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Makes a decoder at the beginning of a connection.
+    /// Makes a decoder for the start of a connection.
     #[must_use]
     pub fn new() -> Self {
         Self {
-            buffer: vec![0; LONGEST_MESSAGE],
+            buffer: vec![0; MAX_MESSAGE],
             filled: 0,
             has_cookie: false,
-            senders: vec![Name::EMPTY; MOST_BODIES],
+            senders: vec![Name::EMPTY; MAX_BODIES],
             pose_type: None,
             frame: Frame::new(),
             refusals: Tally::default(),
@@ -145,28 +145,27 @@ impl Decoder {
         self.pose_type = None;
     }
 
-    /// Returns whether the server has greeted.
+    /// Returns whether the server's cookie was received.
     #[must_use]
-    pub fn is_greeted(&self) -> bool {
+    pub fn has_cookie(&self) -> bool {
         self.has_cookie
     }
 
-    /// Returns the senders that have a name, with their numbers.
+    /// Returns the names of the senders.
     pub fn senders(&self) -> impl Iterator<Item = &Name> {
         self.senders.iter().filter(|name| **name != Name::EMPTY)
     }
 
-    /// Returns the reasons for which messages and streams were refused.
+    /// Returns the refused messages and streams, by reason.
     #[must_use]
     pub fn refusals(&self) -> &Tally<WireError> {
         &self.refusals
     }
 
-    /// Takes the next bytes, and hands out a frame of one body for every pose among them, in order.
+    /// Decodes the next bytes, and passes a frame of one body for each pose to `sink`, in order.
     ///
     /// # Errors
-    /// [`WireError`] if this is not such a stream. Frames that were handed out before are valid; the connection is to
-    /// be closed.
+    /// [`WireError`] if the stream is invalid. Frames passed before are valid; the caller must close the connection.
     pub fn push(&mut self, mut bytes: &[u8], mut sink: impl FnMut(&Frame)) -> Result<(), WireError> {
         while !bytes.is_empty() {
             let taken = bytes.len().min(self.buffer.len() - self.filled);
@@ -180,7 +179,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Reads the whole messages, and moves the rest to the front: it is shorter than one message.
+    /// Decodes complete messages, and moves the remainder to the front of the buffer: it is shorter than one message.
     fn drain(&mut self, sink: &mut impl FnMut(&Frame)) -> Result<(), WireError> {
         let mut from = 0;
         if !self.has_cookie {
@@ -201,7 +200,7 @@ impl Decoder {
             match self.read(from..from + length) {
                 Ok(true) => sink(&self.frame),
                 Ok(false) => {}
-                // The message's length was right, so that the next one begins where it must.
+                // The length was valid, so the next message can be decoded.
                 Err(error) => self.refusals.add(error),
             }
             from += length;
@@ -211,7 +210,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Reads a whole message; returns whether it was a pose, which the frame then holds.
+    /// Decodes a complete message. Returns whether it was a pose, which the frame then contains.
     fn read(&mut self, message: Range<usize>) -> Result<bool, WireError> {
         let Self {
             buffer,
@@ -228,8 +227,8 @@ impl Decoder {
         let sender = cursor.i32_be("a message's sender")?;
         let kind = cursor.i32_be("a message's type")?;
         cursor.skip(1, 4, "a message's head")?;
-        // The payload without its padding; a length of less than a head was refused before.
-        let payload = cursor.slice((length as usize).saturating_sub(HEAD), "a message")?;
+        // The payload without its padding; `message_length` refused a length below that of the header.
+        let payload = cursor.slice((length as usize).saturating_sub(HEADER), "a message")?;
         let mut payload = Cursor::new(payload);
         let sender_index = usize::try_from(sender)
             .ok()
@@ -239,7 +238,7 @@ impl Decoder {
                 let name = described_name(&mut payload)?;
                 match (sender_index, Name::new(name)) {
                     (Some(index), Ok(name)) => senders[index] = name,
-                    // A tracker without a name is never the vehicle.
+                    // A sender without a name is never the vehicle.
                     (Some(index), Err(error)) => {
                         senders[index] = Name::EMPTY;
                         refusals.add(error);
@@ -276,22 +275,22 @@ impl Decoder {
     }
 }
 
-/// Returns the length of the message that begins here, with its padding; `None` if it is not known yet.
+/// Returns the length of the message at the start of the bytes, with its padding; `None` if it is not known yet.
 fn message_length(bytes: &[u8]) -> Result<Option<usize>, WireError> {
     let Some(length) = bytes.first_chunk().map(|length| u32::from_be_bytes(*length)) else {
         return Ok(None);
     };
     let length = usize::try_from(length).map_err(|_| WireError::Oversized("a message"))?;
-    if length < HEAD {
+    if length < HEADER {
         return Err(WireError::Invalid("the length of a message"));
     }
-    if length > LONGEST_MESSAGE {
+    if length > MAX_MESSAGE {
         return Err(WireError::Oversized("a message"));
     }
     Ok(Some(length.next_multiple_of(8)))
 }
 
-/// Returns the pose of a report; `None` of zeros, which some servers send for what they do not see.
+/// Returns the pose of a report; `None` for all zeros, which some servers send for a body that is not tracked.
 fn pose(
     report: &PoseReport,
     microseconds: u32,
@@ -312,7 +311,7 @@ fn pose(
     CapturePose::from_quaternion(report.position, report.quaternion).map(Some)
 }
 
-/// Returns the bytes of a name; up to its first zero it is the name.
+/// Returns the bytes of a name, which ends at the first zero.
 fn described_name<'a>(payload: &mut Cursor<'a>) -> Result<&'a [u8], WireError> {
     let length = payload.u32_be("the length of a name")?;
     let length = usize::try_from(length).map_err(|_| WireError::Oversized("a name"))?;

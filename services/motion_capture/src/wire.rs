@@ -1,116 +1,116 @@
-//! Common parts of the decoders: a cursor that cannot leave its bytes, and the frame that they fill.
+//! Common parts of the decoders: a bounds-checked cursor, and the frame that they fill.
 //!
-//! All input from strangers has limits: names, bodies, lengths. A packet whose *structure* is wrong gives a
-//! [`WireError`], and nothing of it is used. Bodies of independent parties share a packet, so a *value* that cannot be
-//! true gives a [`PoseError`] of that body alone: it counts as not seen, and the others are used.
+//! All untrusted input has limits: names, bodies, lengths. A packet with an invalid *structure* gives a [`WireError`] and
+//! is dropped as a whole. A packet contains bodies of several users, so an invalid *value* gives a [`PoseError`] of that
+//! body alone: it counts as not tracked, and the others are used.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Most bodies of a frame, and most that a list of names holds.
-pub const MOST_BODIES: usize = 256;
+/// Maximum number of bodies in a frame or a list of names.
+pub const MAX_BODIES: usize = 256;
 
-/// Longest name of a body, bytes.
-pub const LONGEST_NAME: usize = 255;
+/// Maximum length of a body's name, bytes.
+pub const MAX_NAME_LENGTH: usize = 255;
 
-/// Largest coordinate of a place in a laboratory, m.
-const LARGEST_COORDINATE: f64 = 1e3;
+/// Maximum coordinate in a laboratory, m.
+const MAX_COORDINATE: f64 = 1e3;
 
-/// Largest difference of a quaternion's squared norm from 1; single precision passes, a flipped bit mostly not.
+/// Maximum error of a quaternion's squared norm; single precision passes, most flipped bits do not.
 const QUATERNION_DEFECT: f64 = 1e-4;
 
-/// Error of a packet that cannot be used. Each names the part of the packet.
+/// Error of a packet, with the part of the packet that is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// It ends too early.
-    #[error("the packet ends inside {0}")]
+    /// The packet is too short.
+    #[error("the packet is truncated in {0}")]
     Truncated(&'static str),
-    /// A part is longer, or there are more of them, than any sender sends.
+    /// The length of a part, or the number of parts, exceeds its limit.
     #[error("{0} exceeds its limit")]
     Oversized(&'static str),
-    /// A value that the format does not have, or that no laboratory has.
-    #[error("{0} cannot be what it says")]
+    /// A value is not valid in the format, or not plausible.
+    #[error("{0} is not valid")]
     Invalid(&'static str),
-    /// It can be read only after another packet, which has not come.
-    #[error("the packet came before {0}")]
+    /// The packet needs another one, which was not received yet.
+    #[error("the packet arrived before {0}")]
     Early(&'static str),
-    /// The server speaks a version of `NatNet` that is not understood: major and minor.
-    #[error("Motive speaks NatNet {0}.{1}; 3.x and 4.x are understood")]
+    /// The server sends an unsupported version of `NatNet`: major and minor.
+    #[error("Motive sends NatNet {0}.{1}; 3.x and 4.x are supported")]
     Version(u8, u8),
-    /// The server states one version of `NatNet` (major, minor), and its frames are laid out as another one's.
+    /// The server states a version of `NatNet` (major, minor), but its frames have the layout of another one.
     #[error(
-        "the server says NatNet {}.{}, and its frames are laid out as {}.{}: set one bit stream version in Motive",
-        .said[0], .said[1], .sent[0], .sent[1]
+        "the server states NatNet {}.{}, but its frames have the layout of {}.{}: set one bit stream version in Motive",
+        .stated[0], .stated[1], .sent[0], .sent[1]
     )]
     OtherVersion {
         /// The stated version.
-        said: [u8; 2],
+        stated: [u8; 2],
         /// A version with the layout of the frames.
         sent: [u8; 2],
     },
 }
 
-/// Error of one body's pose in a packet whose structure is right.
+/// Error of one body's pose in a packet with a valid structure.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// A coordinate or an angle is NaN or infinite.
     #[error("a coordinate or an angle is not a number")]
     NotFinite,
-    /// Distance of a coordinate from the origin that no laboratory has, m.
+    /// A coordinate is implausibly large, m.
     #[error("{0:.0} m from the origin: millimetres?")]
     Far(f64),
-    /// Norm of a quaternion that is no rotation.
-    #[error("a quaternion of norm {0:.4} is no rotation")]
+    /// A quaternion of this norm is not a rotation.
+    #[error("a quaternion of norm {0:.4} is not a rotation")]
     Norm(f64),
     /// Angle of several turns, rad.
     #[error("an angle of {0:.1} rad: degrees?")]
     Angle(f64),
     /// Another body has the same name.
-    #[error("two bodies have its name: rename one in the capture program")]
+    #[error("another body has the same name: rename one of them in the capture program")]
     SharedName,
     /// Another body has the same id.
-    #[error("two bodies have its id: give one another streaming id in the capture program")]
+    #[error("another body has the same id: change the streaming id of one of them in the capture program")]
     SharedId,
-    /// The time stamp of the pose has more microseconds than a second.
+    /// The time stamp has more than 999,999 µs.
     #[error("its time stamp has more than 999,999 µs")]
     Stamp,
 }
 
-/// A name of up to [`LONGEST_NAME`] bytes, without an allocation.
+/// Name of up to [`MAX_NAME_LENGTH`] bytes, stored inline.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Name {
     length: u8,
-    bytes: [u8; LONGEST_NAME],
+    bytes: [u8; MAX_NAME_LENGTH],
 }
 
 impl Name {
     /// No name.
     pub const EMPTY: Self = Self {
         length: 0,
-        bytes: [0; LONGEST_NAME],
+        bytes: [0; MAX_NAME_LENGTH],
     };
 
-    /// Makes the name of some bytes, up to the first zero.
+    /// Makes a name of the bytes up to the first zero.
     ///
     /// # Errors
-    /// If it is too long.
+    /// If the name is too long.
     pub fn new(bytes: &[u8]) -> Result<Self, WireError> {
         let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-        if end > LONGEST_NAME {
+        if end > MAX_NAME_LENGTH {
             return Err(WireError::Oversized("a name"));
         }
-        Ok(Self::cut(&bytes[..end]))
+        Ok(Self::truncated(&bytes[..end]))
     }
 
-    /// Makes a name of the first [`LONGEST_NAME`] bytes.
-    pub(crate) fn cut(bytes: &[u8]) -> Self {
-        let bytes = &bytes[..bytes.len().min(LONGEST_NAME)];
+    /// Makes a name of the first [`MAX_NAME_LENGTH`] bytes.
+    pub(crate) fn truncated(bytes: &[u8]) -> Self {
+        let bytes = &bytes[..bytes.len().min(MAX_NAME_LENGTH)];
         let mut name = Self::EMPTY;
         name.length = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
         name.bytes[..bytes.len()].copy_from_slice(bytes);
         name
     }
 
-    /// Its bytes.
+    /// Returns the bytes of the name.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes[..usize::from(self.length)]
@@ -120,7 +120,7 @@ impl Name {
 impl std::fmt::Display for Name {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for chunk in self.as_bytes().utf8_chunks() {
-            // Control characters from strangers must not reach a terminal.
+            // Untrusted control characters must not reach a terminal.
             for character in chunk.valid().chars().filter(|character| !character.is_control()) {
                 write!(formatter, "{character}")?;
             }
@@ -138,7 +138,7 @@ impl std::fmt::Debug for Name {
     }
 }
 
-/// Pose of a body's markers in the capture system's frame, as it was sent except for units: m, and a rotation.
+/// Received pose of a body's markers in the capture system's frame, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapturePose {
     /// Origin of the markers' frame, m.
@@ -151,7 +151,7 @@ impl CapturePose {
     /// Makes a pose of a position (m) and a rotation as quaternion x, y, z, w.
     ///
     /// # Errors
-    /// If a number is not that of a place in a laboratory, or the quaternion is no rotation.
+    /// If the position is not plausible, or the quaternion is not a rotation.
     pub fn from_quaternion(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Self, PoseError> {
         let squared = x * x + y * y + z * z + w * w;
         if !squared.is_finite() {
@@ -173,7 +173,7 @@ impl CapturePose {
     /// Makes a pose of a position (m) and a rotation.
     ///
     /// # Errors
-    /// If a number is not that of a place in a laboratory.
+    /// If the position is not plausible.
     pub fn new(position: [f64; 3], capture_from_markers: Matrix3<f64>) -> Result<Self, PoseError> {
         if !position.iter().all(|coordinate| coordinate.is_finite()) {
             return Err(PoseError::NotFinite);
@@ -181,7 +181,7 @@ impl CapturePose {
         let farthest = position
             .iter()
             .fold(0.0_f64, |most, coordinate| most.max(coordinate.abs()));
-        if farthest > LARGEST_COORDINATE {
+        if farthest > MAX_COORDINATE {
             return Err(PoseError::Far(farthest));
         }
         Ok(Self {
@@ -191,37 +191,37 @@ impl CapturePose {
     }
 }
 
-/// A body of a frame.
+/// Body of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WireBody {
-    /// Its name; empty where the protocol has none for it.
+    /// Name; empty if it is not known.
     pub name: Name,
-    /// Its number: `NatNet`'s streaming id, VRPN's sensor; 0 with Vicon.
+    /// `NatNet`'s streaming id, or VRPN's sensor; 0 with Vicon.
     pub number: i32,
-    /// Its pose; `None` if it is not seen.
+    /// Pose; `None` if the body is not tracked.
     pub pose: Option<CapturePose>,
 }
 
-/// Times of a frame on the sender's clock, ns from an arbitrary moment.
+/// Times of a frame on the sender's clock, ns from an arbitrary epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
-    /// The exposure, as far as the sender knows it.
+    /// Exposure, as far as the sender states it.
     pub exposed_ns: i64,
-    /// Time of the sending; equal to the exposure if it is not known.
+    /// Transmission; equal to the exposure if it is not known.
     pub sent_ns: i64,
 }
 
-/// Content of one packet. Its memory is allocated at the start and filled again and again.
+/// Content of one packet. Its memory is allocated once and reused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Number of the frame, which counts up; `None` where the protocol has none.
+    /// Frame number, which counts up; `None` if the protocol has none.
     pub number: Option<u32>,
-    /// Its time on the sender's clock; `None` if the protocol has none.
+    /// Time on the sender's clock; `None` if the protocol has none.
     pub stamp: Option<Stamp>,
-    /// `true` if it contains all bodies that are seen; if not it contains one, and says nothing of the others.
+    /// `true` if all tracked bodies are contained; otherwise absent bodies may be tracked too.
     pub is_complete: bool,
     bodies: Vec<WireBody>,
-    /// Index of each body whose pose was refused, with the reason.
+    /// Indices of bodies with a refused pose, with the reasons.
     refusals: Vec<(usize, PoseError)>,
 }
 
@@ -239,8 +239,8 @@ impl Frame {
             number: None,
             stamp: None,
             is_complete: true,
-            bodies: Vec::with_capacity(MOST_BODIES),
-            refusals: Vec::with_capacity(MOST_BODIES),
+            bodies: Vec::with_capacity(MAX_BODIES),
+            refusals: Vec::with_capacity(MAX_BODIES),
         }
     }
 
@@ -250,7 +250,7 @@ impl Frame {
         &self.bodies
     }
 
-    /// Returns the bodies whose pose was refused, with the reasons. They count as not seen.
+    /// Returns the bodies with a refused pose, with the reasons. They count as not tracked.
     pub fn refused(&self) -> impl Iterator<Item = (&WireBody, PoseError)> {
         let refused = self.refusals.iter();
         refused.map(|&(index, reason)| (&self.bodies[index], reason))
@@ -270,14 +270,14 @@ impl Frame {
     /// # Errors
     /// If there are too many.
     pub fn push(&mut self, body: WireBody) -> Result<(), WireError> {
-        if self.bodies.len() == MOST_BODIES {
+        if self.bodies.len() == MAX_BODIES {
             return Err(WireError::Oversized("the number of bodies"));
         }
         self.bodies.push(body);
         Ok(())
     }
 
-    /// Adds a body whose pose was seen, not seen, or refused for its values.
+    /// Adds a body with a pose, without one, or with a refused one.
     ///
     /// # Errors
     /// If there are too many.
@@ -298,7 +298,7 @@ impl Frame {
         Ok(())
     }
 
-    /// Refuses the pose of a body that was added before, for another reason than its own.
+    /// Refuses the pose of a body that was already added.
     pub(crate) fn refuse(&mut self, index: usize, reason: PoseError) {
         self.bodies[index].pose = None;
         match self.refusals.iter_mut().find(|(known, _)| *known == index) {
@@ -307,7 +307,7 @@ impl Frame {
         }
     }
 
-    /// Lets a decoder fill the frame; a failure leaves it empty.
+    /// Fills the frame by a decoder. After an error the frame is empty.
     pub(crate) fn fill(
         &mut self,
         decode: impl FnOnce(&mut Self) -> Result<(), WireError>,
@@ -321,7 +321,7 @@ impl Frame {
     }
 }
 
-/// Cursor over the bytes of a packet. Each request names what it reads, for the error.
+/// Bounds-checked cursor over the bytes of a packet. `what` names the part that is read, for the error.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cursor<'a> {
     rest: &'a [u8],
@@ -357,7 +357,7 @@ impl<'a> Cursor<'a> {
         self.slice(length, what).map(|_| ())
     }
 
-    /// Returns a text that ends with a zero, and skips the zero.
+    /// Reads a zero-terminated text, and skips the zero.
     pub(crate) fn text(&mut self, what: &'static str) -> Result<&'a [u8], WireError> {
         let end = self.rest.iter().position(|&byte| byte == 0);
         let text = self.slice(end.ok_or(WireError::Truncated(what))?, what)?;
@@ -370,7 +370,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Numbers of one byte order.
+/// Readers of numbers.
 macro_rules! numbers {
     ($($name:ident: $number:ty, $from:ident;)*) => {
         impl Cursor<'_> {
@@ -403,7 +403,7 @@ mod tests {
         assert_eq!(name.as_bytes(), b"qu\x1bad\xff");
         assert_eq!(name.to_string(), "quad\u{fffd}");
         assert_eq!(
-            Name::new(&[b'a'; LONGEST_NAME + 1]),
+            Name::new(&[b'a'; MAX_NAME_LENGTH + 1]),
             Err(WireError::Oversized("a name"))
         );
     }
@@ -417,7 +417,7 @@ mod tests {
         };
         let mut frame = Frame::new();
         let memory = frame.bodies.capacity();
-        for _ in 0..MOST_BODIES {
+        for _ in 0..MAX_BODIES {
             frame.push(body).unwrap();
         }
         assert!(frame.push(body).is_err());
@@ -441,11 +441,15 @@ mod tests {
         let level = [0.0, 0.0, 0.0, 1.0];
         for (position, quaternion, words) in [
             ([0.0, 1234.0, 0.0], level, "1234 m from the origin: millimetres?"),
-            ([0.0; 3], [0.0; 4], "a quaternion of norm 0.0000 is no rotation"),
+            (
+                [0.0; 3],
+                [0.0; 4],
+                "a quaternion of norm 0.0000 is not a rotation",
+            ),
             (
                 [0.0; 3],
                 [0.0, 0.0, 0.0, 1.001],
-                "a quaternion of norm 1.0010 is no rotation",
+                "a quaternion of norm 1.0010 is not a rotation",
             ),
             ([f64::NAN, 0.0, 0.0], level, "not a number"),
         ] {
@@ -454,7 +458,7 @@ mod tests {
         }
         assert_eq!(
             WireError::Version(2, 8).to_string(),
-            "Motive speaks NatNet 2.8; 3.x and 4.x are understood"
+            "Motive sends NatNet 2.8; 3.x and 4.x are supported"
         );
     }
 }

@@ -187,12 +187,12 @@ mod tests {
         );
         assert!(!text.contains("Radio link") && !text.contains("Reasons"));
         let mut spoilt = figures;
-        let reason = b"packets refused: 3 times Motive speaks NatNet 2.8; 3.x and 4.x are understood";
+        let reason = b"packets refused: 3 times Motive sends NatNet 2.8; 3.x and 4.x are supported";
         spoilt.reason[..reason.len()].copy_from_slice(reason);
         spoilt.reason_length = reason.len() as u32;
         let text = LaboratoryReport::of(Some(&spoilt), None).unwrap().to_string();
         assert!(
-            text.ends_with("Motive speaks NatNet 2.8; 3.x and 4.x are understood."),
+            text.ends_with("Motive sends NatNet 2.8; 3.x and 4.x are supported."),
             "{text}"
         );
         let link = LinkFigures {

@@ -268,7 +268,7 @@ mod tests {
         }
         let old = with(&|figures| figures.believed_at_ns = NOW_NS - 2_000_000_000);
         assert!(old.contains("is 2.0 s old"), "{old}");
-        let words = "packets refused: 9 times Motive speaks NatNet 2.8; 3.x and 4.x are understood";
+        let words = "packets refused: 9 times Motive sends NatNet 2.8; 3.x and 4.x are supported";
         let refused = with(&|figures| {
             figures.health = CaptureFigures::HEALTH_SILENT;
             figures.malformed = 9;

@@ -24,7 +24,7 @@ impl Sender {
     /// Stamp and arrival of the packet that is sent at a local time.
     fn packet(&mut self, sent_local_ns: i64) -> (i64, u64) {
         let delay = 0.2e-3 - 0.5e-3 * libm::log(1.0 - self.next());
-        // One in fifty waits behind something.
+        // One packet in fifty is held up.
         let delay = if self.next() < 0.02 { delay + 0.03 } else { delay };
         let stamp = sent_local_ns + self.offset_ns + (sent_local_ns as f64 * self.drift) as i64;
         (stamp, (sent_local_ns + (delay * 1e9) as i64) as u64)
@@ -39,8 +39,8 @@ fn listen(clock: &mut RemoteClock, sender: &mut Sender, from_s: i64, seconds: i6
         let sent = from_s * 1_000_000_000 + tick * 10 * MS;
         let (stamp, arrival) = sender.packet(sent);
         last_arrival = arrival.max(last_arrival);
-        if let Mapped::At(at) = clock.hear(stamp, last_arrival) {
-            // The soonest packet took 0.2 ms, which cannot be distinguished from a clock that is late by as much.
+        if let Mapped::At(at) = clock.map(stamp, last_arrival) {
+            // The minimum delay of 0.2 ms cannot be distinguished from an offset of the clock.
             worst = worst.max((at - sent - MS / 5).abs());
             mapped += 1;
         }
@@ -76,11 +76,11 @@ proptest! {
         let mut clock = RemoteClock::new();
         let mut sender = Sender { offset_ns: 77, drift: 3e-5, random: seed };
         listen(&mut clock, &mut sender, 1, 20);
-        let believed = clock.clone();
+        let before = clock.clone();
         for lie in lies {
-            prop_assert!(!matches!(clock.hear(lie, 21_000_000_000), Mapped::At(at) if (at - 21_000_000_000).abs() > 70 * MS));
+            prop_assert!(!matches!(clock.map(lie, 21_000_000_000), Mapped::At(at) if (at - 21_000_000_000).abs() > 70 * MS));
         }
-        prop_assert_eq!(clock.drift(), believed.drift());
+        prop_assert_eq!(clock.drift(), before.drift());
         let (worst, _) = listen(&mut clock, &mut sender, 21, 10);
         prop_assert!(worst < MS, "{worst} ns");
     }
@@ -96,7 +96,7 @@ proptest! {
         prop_assert!(mapped > 900, "{mapped}");
     }
 
-    /// As if the way had become longer, which cannot be told apart.
+    /// Cannot be distinguished from an increased network delay.
     #[test]
     fn a_clock_that_is_set_back_a_little_is_followed_too(seed in 1u64.., step_ms in 6i64..50) {
         let mut clock = RemoteClock::new();
@@ -110,7 +110,7 @@ proptest! {
     }
 }
 
-/// A way that takes longer for a while, or from then on, costs no pose: the time of each is known to the delay.
+/// A network delay that increases, for a while or permanently, costs no pose: the time error is at most the delay.
 #[test]
 fn a_slower_network_bends_the_line_and_refuses_nothing() {
     for (extra_ms, until_s) in [(0, 6.0), (3, 6.0), (6, 5.2), (6, 6.0), (10, 60.0), (20, 7.0)] {
@@ -131,7 +131,7 @@ fn a_slower_network_bends_the_line_and_refuses_nothing() {
             };
             let (stamp, arrival) = sender.packet(sent);
             last_arrival = (arrival + extra.unsigned_abs()).max(last_arrival);
-            let mapped = clock.hear(stamp, last_arrival);
+            let mapped = clock.map(stamp, last_arrival);
             let case = format!("{extra_ms} ms until {until_s} s, at {seconds} s");
             if tick > 20 {
                 let Mapped::At(at) = mapped else {
@@ -158,7 +158,7 @@ fn a_stamp_that_is_early_by_mistake_is_forgotten_after_two_windows() {
     listen(&mut clock, &mut sender, 1, 20);
     let early = 21_000_000_000 - 30 * MS;
     assert!(matches!(
-        clock.hear(21_000_000_000 - MS, early as u64 + 1),
+        clock.map(21_000_000_000 - MS, early as u64 + 1),
         Mapped::At(_)
     ));
     let (worst, mapped) = listen(&mut clock, &mut sender, 21, 2);
@@ -167,7 +167,7 @@ fn a_stamp_that_is_early_by_mistake_is_forgotten_after_two_windows() {
     assert!(worst < MS && mapped == 500, "{worst} ns");
 }
 
-/// Packets that something has held up, and that come all at once, are late ones and no clock that was set.
+/// Packets that were held up and arrive in one burst are late; the clock was not set.
 #[test]
 fn packets_that_were_held_up_do_not_set_the_clock() {
     for (held_ms, rate) in [(190, 200), (310, 100), (110, 500), (950, 100)] {
@@ -188,7 +188,7 @@ fn packets_that_were_held_up_do_not_set_the_clock() {
                 arrival
             };
             last_arrival = arrival.max(last_arrival);
-            let mapped = clock.hear(stamp, last_arrival);
+            let mapped = clock.map(stamp, last_arrival);
             let late_ms = (last_arrival.cast_signed() - sent) / MS;
             if sent > 2_000_000_000 && late_ms < 60 {
                 let is_right = matches!(mapped, Mapped::At(at) if (at - sent).abs() < MS);

@@ -1,8 +1,8 @@
-//! Memory of a feed as a record, so that a restarted driver goes on with the clock and the pose of the one before it.
+//! Saved state of a feed, so that a restarted driver resumes with the clock and the pose of its predecessor.
 //!
-//! It runs on the same machine and listens to the same server, so the line between the clocks holds on, and the vehicle
-//! is where it can have got to since. What is wrong in it is found as in a feed that never stopped: packets that
-//! disagree restart the clock's estimate, poses out of reach must settle. A memory with an impossible number is not used.
+//! The driver runs on the same machine and receives from the same server, so the clock line is still valid, and the
+//! vehicle is within reach of its last pose. Errors are handled as in a feed that never stopped: packets that disagree
+//! restart the clock estimate, and poses out of reach must settle. A state with invalid numbers is not used.
 
 use nalgebra::Matrix3;
 use shared_types::rotation::{defect, from_row_major, to_row_major};
@@ -10,14 +10,14 @@ use shared_types::sample::{Field, Flag};
 
 use super::Feed;
 use super::numbering::Numbering;
-use super::track::{Candidate, Place, PoseDecision};
+use super::track::{Candidate, PoseDecision, TimedPose};
 use crate::clock::{ClockLine, RemoteClock};
 use crate::frame_clock::FrameClock;
 use crate::wire::CapturePose;
 
-/// Age of a memory beyond which a feed starts without it, ns.
-const LONGEST_NS: u64 = 2_000_000_000;
-/// Distance from SO(3) up to which nine numbers count as an attitude: single precision passes.
+/// Maximum age of a saved state, ns.
+const MAX_AGE_NS: u64 = 2_000_000_000;
+/// Maximum distance from SO(3) of a rotation: single precision passes.
 const ATTITUDE_DEFECT: f64 = 1e-3;
 
 shared_types::sample! {
@@ -79,18 +79,18 @@ shared_types::sample! {
 }
 
 impl Feed {
-    /// Returns the memory.
+    /// Returns the state.
     #[must_use]
     pub fn save(&self) -> FeedMemory {
         let line = self.clock.line();
         let (given_to, given_stamp_ns, period_ns) = self.frame_clock.newest().unwrap_or_default();
-        let place = self.tracks.believed();
+        let accepted = self.tracks.accepted();
         let number = self.numbering.newest();
         let seen = self.stillness.last.as_ref();
         let candidate = self.tracks.candidate();
         let newest = candidate.map(|candidate| &candidate.newest);
         FeedMemory {
-            heard_at_ns: self.heard_at_ns,
+            heard_at_ns: self.received_at_ns,
             arrived_ns: line.map_or(0, |line| line.arrived_ns),
             offset_ns: line.map_or(0, |line| line.offset_ns),
             slope: line.map_or(0.0, |line| line.slope),
@@ -98,34 +98,34 @@ impl Feed {
             given_stamp_ns,
             given_to,
             last_stamp_ns: self.last_stamp_ns,
-            at_ns: place.map_or(0, |place| place.at_ns),
-            turned_at_ns: place.map_or(0, |place| place.turned_at_ns),
-            position: place.map_or([0.0; 3], |place| place.position.into()),
-            rotation: to_row_major(&place.map_or(Matrix3::identity(), |place| place.rotation)),
+            at_ns: accepted.map_or(0, |pose| pose.at_ns),
+            turned_at_ns: accepted.map_or(0, |pose| pose.turned_at_ns),
+            position: accepted.map_or([0.0; 3], |pose| pose.position.into()),
+            rotation: to_row_major(&accepted.map_or(Matrix3::identity(), |pose| pose.rotation)),
             seen_position: seen.map_or([0.0; 3], |seen| seen.position.into()),
             seen_rotation: to_row_major(&seen.map_or(Matrix3::identity(), |seen| seen.capture_from_markers)),
             candidate_at_ns: newest.map_or(0, |newest| newest.at_ns),
             candidate_since_ns: candidate.map_or(0, |candidate| candidate.since_ns),
             candidate_position: newest.map_or([0.0; 3], |newest| newest.position.into()),
             candidate_rotation: to_row_major(&newest.map_or(Matrix3::identity(), |newest| newest.rotation)),
-            candidate_verdict: candidate.map_or(0, |candidate| number_of(candidate.verdict)),
+            candidate_verdict: candidate.map_or(0, |candidate| decision_number(candidate.decision)),
             pad0: [0; 7],
             still_for: self.stillness.still_for,
             is_seen: seen.is_some().into(),
             number: number.unwrap_or(0),
             is_timed: line.is_some().into(),
             is_numbered: number.is_some().into(),
-            is_tracked: place.is_some().into(),
+            is_tracked: accepted.is_some().into(),
         }
     }
 
-    /// Goes on with a memory at a time of the local clock, ns, unless it is too old or impossible.
+    /// Restores a state at a time of the local clock, ns, unless it is too old or invalid.
     pub fn restore(&mut self, memory: &FeedMemory, now_ns: u64) {
-        let is_recent = memory.heard_at_ns != 0 && now_ns.saturating_sub(memory.heard_at_ns) <= LONGEST_NS;
-        if !is_recent || !is_possible(memory) {
+        let is_recent = memory.heard_at_ns != 0 && now_ns.saturating_sub(memory.heard_at_ns) <= MAX_AGE_NS;
+        if !is_recent || !is_valid(memory) {
             return;
         }
-        self.heard_at_ns = memory.heard_at_ns;
+        self.received_at_ns = memory.heard_at_ns;
         self.last_stamp_ns = memory.last_stamp_ns;
         if memory.is_timed.is_set() {
             self.clock = RemoteClock::with_line(ClockLine {
@@ -140,23 +140,23 @@ impl Feed {
         if memory.period_ns > 0.0 {
             self.frame_clock = FrameClock::after(memory.given_to, memory.given_stamp_ns, memory.period_ns);
         }
-        let believed = memory.is_tracked.is_set().then(|| Place {
+        let accepted = memory.is_tracked.is_set().then(|| TimedPose {
             position: memory.position.into(),
             rotation: from_row_major(&memory.rotation),
             at_ns: memory.at_ns,
             turned_at_ns: memory.turned_at_ns,
         });
-        let candidate = verdict_of(memory.candidate_verdict).map(|verdict| Candidate {
-            newest: Place {
+        let candidate = decision_of_number(memory.candidate_verdict).map(|decision| Candidate {
+            newest: TimedPose {
                 position: memory.candidate_position.into(),
                 rotation: from_row_major(&memory.candidate_rotation),
                 at_ns: memory.candidate_at_ns,
                 turned_at_ns: memory.candidate_at_ns,
             },
             since_ns: memory.candidate_since_ns,
-            verdict,
+            decision,
         });
-        self.tracks.restore(believed, candidate);
+        self.tracks.restore(accepted, candidate);
         if memory.is_seen.is_set() {
             self.stillness.last = Some(CapturePose {
                 position: memory.seen_position.into(),
@@ -167,27 +167,27 @@ impl Feed {
     }
 }
 
-/// Decisions on poses that are not accepted.
-const VERDICTS: [PoseDecision; 4] = [
+/// Decisions on poses that are not accepted, in the order of `candidate_verdict`.
+const DECISIONS: [PoseDecision; 4] = [
     PoseDecision::Unsettled,
     PoseDecision::Turned,
     PoseDecision::Jumped,
     PoseDecision::Exchanged,
 ];
 
-fn number_of(verdict: PoseDecision) -> u8 {
+fn decision_number(decision: PoseDecision) -> u8 {
     (1..)
-        .zip(VERDICTS)
-        .find(|(_, one)| *one == verdict)
+        .zip(DECISIONS)
+        .find(|(_, other)| *other == decision)
         .map_or(0, |(number, _)| number)
 }
 
-fn verdict_of(number: u8) -> Option<PoseDecision> {
-    VERDICTS.get(usize::from(number.checked_sub(1)?)).copied()
+fn decision_of_number(number: u8) -> Option<PoseDecision> {
+    DECISIONS.get(usize::from(number.checked_sub(1)?)).copied()
 }
 
-/// Returns whether a memory holds numbers and attitudes.
-fn is_possible(memory: &FeedMemory) -> bool {
+/// Returns whether a state has finite numbers and valid rotations.
+fn is_valid(memory: &FeedMemory) -> bool {
     memory.is_finite()
         && [
             &memory.rotation,

@@ -1,25 +1,25 @@
 //! Order of frames by their numbers, which wrap around and restart with the sender.
 
-/// Largest step back of a late number; a larger one means that the sender restarted.
+/// Maximum step between consecutive numbers of a restarted sender.
 const LATE: i32 = 1000;
-/// Largest step ahead of a number that continues the sequence.
+/// Maximum step ahead of a number that continues the sequence.
 const AHEAD: i32 = 10_000;
-/// Late or far numbers in a row, each the next of the one before, after which the sender has restarted.
+/// Consecutive increasing numbers outside of the sequence after which the sender counts as restarted.
 const RESTART: u32 = 8;
 
-/// Place of a frame by its number.
+/// Order of a frame relative to the previous ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
-    /// Newer than all before, with so many lost between.
+    /// Newer than all previous ones.
     Next {
-        /// Numbers that were left out.
+        /// Number of frames lost before this one.
         lost: u32,
     },
     /// Received before.
     Repeated,
-    /// Behind a newer one.
+    /// Older than the newest one.
     Late,
-    /// The first of a restarted sender.
+    /// The sender has restarted.
     Restarted,
 }
 
@@ -27,13 +27,13 @@ pub(super) enum Order {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Numbering {
     newest: Option<u32>,
-    /// The last number that was not the next one, and the count of those that led up to it.
+    /// The last number outside of the sequence, and the length of the sequence that it ends.
     stray: u32,
     strays: u32,
 }
 
 impl Numbering {
-    /// Makes the order after a number.
+    /// Makes a sequence that continues after a number.
     pub(super) fn after(newest: u32) -> Self {
         Self {
             newest: Some(newest),
@@ -46,8 +46,8 @@ impl Numbering {
         self.newest
     }
 
-    /// Takes the next frame's number.
-    pub(super) fn look(&mut self, number: u32) -> Order {
+    /// Classifies the next frame by its number.
+    pub(super) fn classify(&mut self, number: u32) -> Order {
         let Some(newest) = self.newest else {
             self.newest = Some(number);
             return Order::Next { lost: 0 };
@@ -79,20 +79,20 @@ impl Numbering {
 mod tests {
     use super::*;
 
-    fn looked(numbers: &[u32]) -> Vec<Order> {
+    fn classified(numbers: &[u32]) -> Vec<Order> {
         let mut numbering = Numbering::default();
-        numbers.iter().map(|&number| numbering.look(number)).collect()
+        numbers.iter().map(|&number| numbering.classify(number)).collect()
     }
 
     #[test]
     fn numbers_wrap_around() {
         let next = Order::Next { lost: 0 };
-        assert_eq!(looked(&[u32::MAX - 1, u32::MAX, 0, 1]), [next; 4]);
+        assert_eq!(classified(&[u32::MAX - 1, u32::MAX, 0, 1]), [next; 4]);
     }
 
     #[test]
     fn lost_repeated_and_late_frames_are_told_apart() {
-        let orders = looked(&[10, 13, 12, 13, 14]);
+        let orders = classified(&[10, 13, 12, 13, 14]);
         let wanted = [
             Order::Next { lost: 0 },
             Order::Next { lost: 2 },
@@ -105,14 +105,14 @@ mod tests {
 
     #[test]
     fn one_wrong_number_does_not_make_those_after_it_late() {
-        let orders = looked(&[100, 101, 3_000_000, 102, 103]);
+        let orders = classified(&[100, 101, 3_000_000, 102, 103]);
         assert_eq!(orders[2], Order::Late);
         assert_eq!(orders[3..], [Order::Next { lost: 0 }; 2]);
     }
 
     #[test]
     fn a_restarted_sender_is_followed() {
-        let orders = looked(&[&[5000][..], &(0..20).collect::<Vec<_>>()].concat());
+        let orders = classified(&[&[5000][..], &(0..20).collect::<Vec<_>>()].concat());
         assert_eq!(orders.iter().filter(|order| **order == Order::Late).count(), 7);
         assert_eq!(orders[8], Order::Restarted);
         assert_eq!(orders[9..], [Order::Next { lost: 0 }; 12]);

@@ -1,12 +1,11 @@
-//! Stillness: parts of a pose that no longer change although the rest does.
+//! Stillness: detects parts of a pose that are frozen while the rest changes.
 //!
-//! Cameras have noise in every part of a pose, so what repeats is stale, or was never measured: a tracker of single
-//! markers sends one attitude for ever, and a filter in the capture program may hold a heading. Position and attitude
-//! are compared bit for bit with those of the frame before. A coordinate of the position, or the heading, can be equal
-//! by chance, so it must stand still for [`FRAMES`] frames in which the other ones move. All are those of the system's own
-//! frame, as they were received: in another one, which is turned against it, what stands still there would move along with
-//! the rest. A simulator without noise whose
-//! body hovers has no part that moves alone, and is not frozen.
+//! Cameras have noise in every part of a pose, so a repeated value is stale or was never measured: a tracker of single
+//! markers sends a constant attitude, and a filter in the capture program may hold a heading. Position and attitude are
+//! compared bit for bit with those of the previous frame. A coordinate of the position, or the heading, can be equal by
+//! chance, so it counts as frozen after [`FRAMES`] frames in which the others change. All are compared in the system's own
+//! frame: in a rotated frame, a frozen coordinate would change with the others. In a simulator without noise, a body at
+//! rest has no changing part and does not count as frozen.
 
 use std::fmt;
 
@@ -17,11 +16,11 @@ use super::PoseParts;
 use crate::conventions::Transform;
 use crate::wire::CapturePose;
 
-/// Frames in a row in which a coordinate stands still before it counts as frozen. What it is false by until then, a filter
-/// takes for a speed. Cameras with noise of 20 µm that send single precision repeat a coordinate once in 300 frames.
+/// Consecutive frames without a change after which a coordinate counts as frozen. Few, because its error until then acts on
+/// a filter as a velocity. Cameras with 20 µm of noise that send single precision repeat a coordinate once in 300 frames.
 const FRAMES: u8 = 3;
-/// Changes below which a coordinate stands still, and above which one moves: m, and rad. The noise of cameras is above
-/// both, the rounding of a heading of single precision below the first.
+/// Changes below which a coordinate is still, and above which it moves: m, and rad. Camera noise is above both; the
+/// rounding of a heading in single precision is below the first.
 const STILL: [f64; 2] = [1e-9, 5e-7];
 const MOVES: [f64; 2] = [1e-6, 1e-5];
 
@@ -42,8 +41,8 @@ impl PosePart {
     /// Index of the heading among the coordinates.
     const HEADING: usize = 3;
 
-    /// Returns what is left of a pose of which this part is frozen.
-    pub(super) fn rest(self) -> Option<PoseParts> {
+    /// Returns the valid parts of a pose in which this part is frozen.
+    pub(super) fn remaining_parts(self) -> Option<PoseParts> {
         match self {
             Self::Pose => None,
             Self::Attitude | Self::Coordinate(Self::HEADING) => Some(PoseParts::Position),
@@ -63,7 +62,7 @@ impl fmt::Display for PosePart {
     }
 }
 
-/// The last pose, and for how many frames each of its coordinates has stood still.
+/// Last pose, and the number of frames for which each coordinate has not changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stillness {
     z_up_from_capture: Matrix3<f64>,
@@ -72,7 +71,7 @@ pub(super) struct Stillness {
 }
 
 impl Stillness {
-    /// Starts before the first pose of a system whose frame is so in {I}.
+    /// Makes the detector of a system with this frame, before the first pose.
     pub(super) fn new(world_from_capture: &Transform) -> Self {
         Self {
             z_up_from_capture: z_up_from_capture(&world_from_capture.rotation),
@@ -81,8 +80,8 @@ impl Stillness {
         }
     }
 
-    /// Takes the next pose; returns the part that is frozen.
-    pub(super) fn take(&mut self, pose: &CapturePose) -> Option<PosePart> {
+    /// Adds the next pose. Returns the frozen part, if any.
+    pub(super) fn update(&mut self, pose: &CapturePose) -> Option<PosePart> {
         let (position, rotation) = (pose.position, pose.capture_from_markers);
         let last = self.last.replace(*pose)?;
         let [dx, dy, dz] = (position - last.position).abs().into();
@@ -102,25 +101,25 @@ impl Stillness {
             }
         }
         let is_still = |index: &usize| self.still_for[*index] >= FRAMES;
-        let of_position = if position == last.position {
+        let frozen_position = if position == last.position {
             Some(PosePart::Position)
         } else {
             (0..PosePart::HEADING).find(is_still).map(PosePart::Coordinate)
         };
-        let of_attitude = if rotation == last.capture_from_markers {
+        let frozen_attitude = if rotation == last.capture_from_markers {
             Some(PosePart::Attitude)
         } else {
             Some(PosePart::HEADING).filter(is_still).map(PosePart::Coordinate)
         };
-        match (of_position, of_attitude) {
+        match (frozen_position, frozen_attitude) {
             (Some(_), Some(_)) => Some(PosePart::Pose),
             (part, None) | (None, part) => part,
         }
     }
 }
 
-/// Returns the cyclic exchange of axes that makes z of the system's axis which is nearest to the vertical: its heading is
-/// the turn about that one.
+/// Returns the cyclic permutation of axes after which the most vertical axis of the system is z: the heading is the
+/// rotation about it.
 fn z_up_from_capture(world_from_capture: &Matrix3<f64>) -> Matrix3<f64> {
     let vertical = world_from_capture.row(2).abs();
     let x_to_y = Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
@@ -163,13 +162,13 @@ mod tests {
 
     fn frozen(is_frozen: [bool; 6], frames: u32) -> Option<PosePart> {
         let mut stillness = stillness(CaptureSystem::Vrpn, None);
-        (0..frames).fold(None, |_, frame| stillness.take(&pose(frame, is_frozen)))
+        (0..frames).fold(None, |_, frame| stillness.update(&pose(frame, is_frozen)))
     }
 
     #[test]
     fn cameras_with_noise_are_never_frozen() {
         let mut stillness = stillness(CaptureSystem::Vrpn, None);
-        assert!((0..10_000).all(|frame| stillness.take(&pose(frame, [false; 6])).is_none()));
+        assert!((0..10_000).all(|frame| stillness.update(&pose(frame, [false; 6])).is_none()));
     }
 
     #[test]
@@ -207,7 +206,7 @@ mod tests {
             for (index, frozen_one) in [0, 1, 2, 5].into_iter().enumerate() {
                 let mut stillness = stillness(CaptureSystem::Vrpn, Some(transform));
                 let one = std::array::from_fn(|other| other == frozen_one);
-                let found = (0..20).fold(None, |_, frame| stillness.take(&pose(frame, one)));
+                let found = (0..20).fold(None, |_, frame| stillness.update(&pose(frame, one)));
                 assert_eq!(found, Some(PosePart::Coordinate(index)));
             }
         }
@@ -220,7 +219,7 @@ mod tests {
                 for frame in 0..20 {
                     let noise = pose(frame, [false, false, false, false, false, is_frozen]);
                     let about_z = from_roll_pitch_yaw([0.0, 0.0, heading]) * noise.capture_from_markers;
-                    *found = stillness.take(&CapturePose {
+                    *found = stillness.update(&CapturePose {
                         position: noise.position,
                         capture_from_markers: level * about_z * level.transpose(),
                     });
@@ -239,7 +238,7 @@ mod tests {
                 position: Vector3::new(near, 1.0 + near, -1.0 - near),
                 capture_from_markers: from_roll_pitch_yaw([near, -near, 0.5 + near]),
             };
-            assert_eq!(stillness.take(&pose), None, "frame {frame}");
+            assert_eq!(stillness.update(&pose), None, "frame {frame}");
         }
     }
 
@@ -248,9 +247,9 @@ mod tests {
     fn parts_that_freeze_at_once_are_the_whole_pose() {
         let (position, attitude) = ([true, true, true], [true, true, true]);
         let (coordinate, heading) = ([false, true, false], [false, false, true]);
-        for of_position in [position, coordinate] {
-            for of_attitude in [attitude, heading] {
-                let is_frozen = [of_position, of_attitude].concat().try_into().unwrap();
+        for frozen_position in [position, coordinate] {
+            for frozen_attitude in [attitude, heading] {
+                let is_frozen = [frozen_position, frozen_attitude].concat().try_into().unwrap();
                 assert_eq!(frozen(is_frozen, u32::from(FRAMES) + 1), Some(PosePart::Pose));
             }
         }
@@ -260,8 +259,8 @@ mod tests {
     fn what_moves_again_is_no_longer_frozen() {
         let mut stillness = stillness(CaptureSystem::Vrpn, None);
         for frame in 0..50 {
-            stillness.take(&pose(frame, [false, false, false, false, false, true]));
+            stillness.update(&pose(frame, [false, false, false, false, false, true]));
         }
-        assert_eq!(stillness.take(&pose(50, [false; 6])), None);
+        assert_eq!(stillness.update(&pose(50, [false; 6])), None);
     }
 }

@@ -78,7 +78,7 @@ impl Room {
     fn fly(&mut self, bodies: &[(&str, Vector3<f64>)]) -> Option<VehiclePose> {
         self.number += 1;
         self.fill(bodies);
-        let pose = self.feed.take(&self.frame, self.now_ns);
+        let pose = self.feed.accept(&self.frame, self.now_ns);
         self.now_ns += 10 * MS;
         pose.filter(|pose| pose.parts == PoseParts::Both)
     }
@@ -165,7 +165,7 @@ fn of_a_turn_that_nothing_makes_only_the_position_is_accepted() {
         })
         .unwrap();
     let believed = room.feed.counts().believed;
-    let pose = room.feed.take(&room.frame, room.now_ns).unwrap();
+    let pose = room.feed.accept(&room.frame, room.now_ns).unwrap();
     assert_eq!(pose.parts, PoseParts::Position);
     let mut sample = <MocapPose as zerocopy::FromZeros>::new_zeroed();
     pose.write(START, &mut sample);
@@ -254,7 +254,7 @@ fn a_body_is_named_by_its_name_its_number_or_both() {
     };
     let selects = |system, object: &str, body: &WireBody| {
         let stated = MotionCapture::new(system, Ipv4Addr::LOCALHOST, object);
-        Selector::new(system, &stated).unwrap().is(body)
+        Selector::new(system, &stated).unwrap().matches(body)
     };
     assert!(selects(CaptureSystem::Natnet, "#7", &body(b"quad", 7)));
     assert!(!selects(CaptureSystem::Natnet, "#7", &body(b"quad", 8)));
@@ -283,7 +283,7 @@ fn a_part_that_freezes_alone_is_not_accepted_and_named_and_the_other_is() {
             .unwrap();
         let quad = room.quad();
         room.now_ns += 10 * MS;
-        let pose = room.feed.take(&room.frame, room.now_ns).unwrap();
+        let pose = room.feed.accept(&room.frame, room.now_ns).unwrap();
         assert_eq!(pose.pose.position_world, Vector3::new(quad.x, -quad.y, -quad.z));
     }
     assert_eq!(room.feed.frozen_part(), Some(PosePart::Attitude));
@@ -425,7 +425,7 @@ fn a_part_that_is_frozen_stays_frozen_across_a_restart() {
                 pose: Some(pose),
             })
             .unwrap();
-        feed.take(&room.frame, room.now_ns)
+        feed.accept(&room.frame, room.now_ns)
     };
     let mut feed = room.feed.clone();
     let parts = |pose: Option<VehiclePose>| pose.map(|pose| pose.parts);
@@ -469,7 +469,7 @@ fn a_feed_of_stamps_goes_on_with_the_clock_of_its_memory() {
                 pose: Some(pose),
             })
             .unwrap();
-        feed.take(&frame, now_ns)
+        feed.accept(&frame, now_ns)
     };
     let accepted = (0..100).filter(|&at| take(&mut feed, at).is_some()).count();
     assert!(accepted > 40, "{accepted}");

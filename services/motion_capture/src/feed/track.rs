@@ -1,64 +1,66 @@
-//! Tracks: the accepted poses of bodies, and their possible next poses.
+//! Tracks: the last accepted poses of bodies, and the check whether a next pose is reachable.
 //!
-//! A pose follows a track if the body could have got there, in position *and* attitude, at the stated speed and rate of
-//! turn since the last accepted pose. Both reaches grow with the time and saturate: after a fifth of a second in
-//! position, and at 1 rad in attitude, so that a body that was away for long, or came back turned, must settle again.
-//! Of a body that turns at once, the position follows without the attitude until it has settled: confused markers have
-//! the same centre as before. Of a pose that is frozen in part, the other part can follow alone.
-//! Poses that continue refused ones are refused too, even if they have come into reach by then: a pose belongs to the
-//! track from which the body gets there sooner, and to the refused ones if it is where the last of them was. A track
-//! restarts when poses followed each other for the stated time, unless they began where another body was: then the
-//! markers were exchanged, and the poses are refused for any time.
+//! A pose follows a track if the body can have reached it, in position *and* attitude, at the stated speed and turn rate
+//! since the last accepted pose. Both reaches grow with time and saturate, the position's after 0.2 s and the attitude's at
+//! 1 rad, so that a body that was away for long, or came back turned, must settle again.
+//!
+//! If only the attitude jumps, the position is still accepted until the attitude has settled: confused markers keep their
+//! centroid. If one part of a pose is frozen, the other can follow alone.
+//!
+//! Poses that continue refused ones are refused too, even if they are within reach by then: a pose belongs to the track
+//! from which the body reaches it sooner, and to the refused ones if it is where the last of them was. A track restarts
+//! when poses were consistent for the stated time, unless they began where another body was: then the markers were
+//! exchanged, and the poses are refused without a time limit.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::angle_between;
 
-use crate::wire::{MOST_BODIES, Name, WireBody};
+use crate::wire::{MAX_BODIES, Name, WireBody};
 
-/// Longest time without a pose for which a body's reach grows, ns.
-const LONGEST_NS: u64 = 200_000_000;
-/// Error of a pose by noise and by an uncertain time, m.
+/// Time without a pose after which a body's reach no longer grows, ns.
+const MAX_REACH_NS: u64 = 200_000_000;
+/// Position error by noise and uncertain time, m.
 const POSITION_NOISE: f64 = 0.02;
-/// The same of an attitude, rad.
+/// Attitude error by noise and uncertain time, rad.
 const ATTITUDE_NOISE: f64 = 0.1;
-/// Largest turn between two accepted poses, rad.
-const LARGEST_TURN: f64 = 1.0;
-/// Time for which another body's last place is kept, ns.
+/// Maximum rotation between two accepted poses, rad.
+const MAX_TURN: f64 = 1.0;
+/// Time for which another body's last pose is stored, ns.
 const OTHER_NS: u64 = 1_000_000_000;
-/// A place is another body's if the way from there is shorter by this factor than from the vehicle's last place.
+/// A pose is another body's if its distance from that body is less than this share of its distance from the vehicle.
 const EXCHANGE_FACTOR: f64 = 0.5;
 
-/// Limits of a pose.
+/// Limits of a body's motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Largest speed, m/s.
+    /// Maximum speed, m/s.
     pub max_speed: f64,
-    /// Largest rate of turn, rad/s.
+    /// Maximum turn rate, rad/s.
     pub max_turn_rate: f64,
-    /// Time for which poses must follow each other before they are accepted, ns.
+    /// Time for which poses must be consistent before they are accepted, ns.
     pub settle_ns: u64,
 }
 
 /// Decision on a pose for a track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseDecision {
-    /// It follows.
+    /// The pose follows the track.
     Follows,
-    /// It is the last of those that started the track.
+    /// The pose completes the poses that start a track.
     Settled,
     /// There is no track yet.
     Unsettled,
-    /// The body can have got there, but not have turned so.
+    /// The position is reachable, the attitude is not.
     Turned,
-    /// The body cannot have got there.
+    /// The position is not reachable.
     Jumped,
-    /// The body cannot have got there, but another could.
+    /// The pose is not reachable, but is for another body.
     Exchanged,
 }
 
 /// Pose of a body at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct TimedPose {
     pub(super) position: Vector3<f64>,
     pub(super) rotation: Matrix3<f64>,
     /// Time of the position.
@@ -67,31 +69,31 @@ pub(super) struct Place {
     pub(super) turned_at_ns: u64,
 }
 
-/// Poses that follow each other and are not accepted yet.
+/// Consistent poses that are not accepted yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Candidate {
-    pub(super) newest: Place,
+    pub(super) newest: TimedPose,
     pub(super) since_ns: u64,
-    pub(super) verdict: PoseDecision,
+    pub(super) decision: PoseDecision,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Other {
     name: Name,
     number: i32,
-    place: Place,
+    pose: TimedPose,
 }
 
-/// The vehicle's track, and the last places of other bodies.
+/// The vehicle's track, and the last poses of other bodies.
 #[derive(Clone, Debug)]
 pub(super) struct Tracks {
     bounds: Bounds,
-    believed: Option<Place>,
+    accepted: Option<TimedPose>,
     candidate: Option<Candidate>,
     others: Vec<Other>,
 }
 
-impl Place {
+impl TimedPose {
     fn new(position: &Vector3<f64>, rotation: &Matrix3<f64>, at_ns: u64) -> Self {
         Self {
             position: *position,
@@ -101,40 +103,43 @@ impl Place {
         }
     }
 
-    /// Returns whether another one cannot be told from it.
-    fn is_as(&self, other: &Self) -> bool {
-        let [way, turn] = self.way_and_turn(other);
-        way <= POSITION_NOISE && turn <= ATTITUDE_NOISE
+    /// Returns whether two poses are equal up to noise.
+    fn is_close_to(&self, other: &Self) -> bool {
+        let [distance, angle] = self.distance_and_angle(other);
+        distance <= POSITION_NOISE && angle <= ATTITUDE_NOISE
     }
 
-    /// Returns way and turn to another one, m and rad.
-    fn way_and_turn(&self, to: &Self) -> [f64; 2] {
-        let turn = angle_between(&self.rotation, &to.rotation);
-        [(self.position - to.position).norm(), turn]
+    /// Returns distance and rotation angle to another pose, m and rad.
+    fn distance_and_angle(&self, to: &Self) -> [f64; 2] {
+        let angle = angle_between(&self.rotation, &to.rotation);
+        [(self.position - to.position).norm(), angle]
     }
 }
 
 impl Bounds {
-    fn can_follow(&self, from: &Place, to: &Place) -> bool {
+    fn can_follow(&self, from: &TimedPose, to: &TimedPose) -> bool {
         self.can_reach(from, to) && self.can_turn(from, to)
     }
 
-    fn can_reach(&self, from: &Place, to: &Place) -> bool {
-        let since_ns = to.at_ns.saturating_sub(from.at_ns).min(LONGEST_NS);
-        let [way, _] = from.way_and_turn(to);
-        way <= self.max_speed * seconds(since_ns) + POSITION_NOISE
+    fn can_reach(&self, from: &TimedPose, to: &TimedPose) -> bool {
+        let since_ns = to.at_ns.saturating_sub(from.at_ns).min(MAX_REACH_NS);
+        let [distance, _] = from.distance_and_angle(to);
+        distance <= self.max_speed * seconds(since_ns) + POSITION_NOISE
     }
 
-    fn can_turn(&self, from: &Place, to: &Place) -> bool {
-        let since_ns = to.turned_at_ns.saturating_sub(from.turned_at_ns).min(LONGEST_NS);
-        let [_, turn] = from.way_and_turn(to);
-        turn <= (self.max_turn_rate * seconds(since_ns)).min(LARGEST_TURN) + ATTITUDE_NOISE
+    fn can_turn(&self, from: &TimedPose, to: &TimedPose) -> bool {
+        let since_ns = to
+            .turned_at_ns
+            .saturating_sub(from.turned_at_ns)
+            .min(MAX_REACH_NS);
+        let [_, angle] = from.distance_and_angle(to);
+        angle <= (self.max_turn_rate * seconds(since_ns)).min(MAX_TURN) + ATTITUDE_NOISE
     }
 
-    /// Returns the shortest time in which the body gets from one place to another, s.
-    fn time_between(&self, from: &Place, to: &Place) -> f64 {
-        let [way, turn] = from.way_and_turn(to);
-        (way / self.max_speed).max(turn / self.max_turn_rate)
+    /// Returns the minimum time from one pose to another, s.
+    fn min_time(&self, from: &TimedPose, to: &TimedPose) -> f64 {
+        let [distance, angle] = from.distance_and_angle(to);
+        (distance / self.max_speed).max(angle / self.max_turn_rate)
     }
 }
 
@@ -147,15 +152,15 @@ impl Tracks {
     pub(super) fn new(bounds: Bounds) -> Self {
         Self {
             bounds,
-            believed: None,
+            accepted: None,
             candidate: None,
-            others: Vec::with_capacity(MOST_BODIES),
+            others: Vec::with_capacity(MAX_BODIES),
         }
     }
 
     /// Returns the last accepted pose of the vehicle.
-    pub(super) fn believed(&self) -> Option<&Place> {
-        self.believed.as_ref()
+    pub(super) fn accepted(&self) -> Option<&TimedPose> {
+        self.accepted.as_ref()
     }
 
     /// Returns the poses that are not accepted yet.
@@ -163,112 +168,112 @@ impl Tracks {
         self.candidate.as_ref()
     }
 
-    /// Goes on from an accepted pose of the vehicle, and from poses that were not accepted yet.
-    pub(super) fn restore(&mut self, believed: Option<Place>, candidate: Option<Candidate>) {
-        (self.believed, self.candidate) = (believed, candidate);
+    /// Restores the last accepted pose of the vehicle, and the poses that were not accepted yet.
+    pub(super) fn restore(&mut self, accepted: Option<TimedPose>, candidate: Option<Candidate>) {
+        (self.accepted, self.candidate) = (accepted, candidate);
     }
 
-    /// Takes the vehicle's next pose.
-    pub(super) fn vehicle(
+    /// Decides on the vehicle's next pose.
+    pub(super) fn add_vehicle(
         &mut self,
         position: &Vector3<f64>,
         rotation: &Matrix3<f64>,
         at_ns: u64,
     ) -> PoseDecision {
-        let place = Place::new(position, rotation, at_ns);
-        let time = |from: &Place| self.bounds.time_between(from, &place);
-        let longest_ns = self.bounds.settle_ns.max(LONGEST_NS);
-        let continued = self.candidate.filter(|Candidate { newest, verdict, .. }| {
-            // Another body stays another one also after an occlusion.
+        let pose = TimedPose::new(position, rotation, at_ns);
+        let time = |from: &TimedPose| self.bounds.min_time(from, &pose);
+        let longest_ns = self.bounds.settle_ns.max(MAX_REACH_NS);
+        let continued = self.candidate.filter(|Candidate { newest, decision, .. }| {
+            // Exchanged bodies stay exchanged after an occlusion.
             let lasts =
-                at_ns.saturating_sub(newest.at_ns) <= longest_ns || *verdict == PoseDecision::Exchanged;
-            lasts && self.bounds.can_follow(newest, &place)
+                at_ns.saturating_sub(newest.at_ns) <= longest_ns || *decision == PoseDecision::Exchanged;
+            lasts && self.bounds.can_follow(newest, &pose)
         });
-        if let Some(believed) = self.believed
-            && self.bounds.can_follow(&believed, &place)
+        if let Some(accepted) = self.accepted
+            && self.bounds.can_follow(&accepted, &pose)
             && continued.is_none_or(|candidate| {
-                !candidate.newest.is_as(&place) && time(&believed) <= time(&candidate.newest)
+                !candidate.newest.is_close_to(&pose) && time(&accepted) <= time(&candidate.newest)
             })
         {
-            self.believed = Some(place);
+            self.accepted = Some(pose);
             self.candidate = None;
             return PoseDecision::Follows;
         }
         let mut candidate = Candidate {
-            newest: place,
+            newest: pose,
             since_ns: continued.map_or(at_ns, |candidate| candidate.since_ns),
-            verdict: continued.map_or_else(|| self.verdict_of_first(&place), |candidate| candidate.verdict),
+            decision: continued.map_or_else(|| self.first_decision(&pose), |candidate| candidate.decision),
         };
         let lasts_ns = at_ns.saturating_sub(candidate.since_ns);
-        // One pose follows nothing, however short the time is.
-        if candidate.verdict != PoseDecision::Exchanged
+        // A single pose never settles a track, even with a settling time of 0.
+        if candidate.decision != PoseDecision::Exchanged
             && continued.is_some()
             && lasts_ns >= self.bounds.settle_ns
         {
-            self.believed = Some(place);
+            self.accepted = Some(pose);
             self.candidate = None;
             return PoseDecision::Settled;
         }
-        if candidate.verdict == PoseDecision::Turned && !self.reach(position, at_ns) {
-            candidate.verdict = PoseDecision::Jumped;
+        if candidate.decision == PoseDecision::Turned && !self.follow_position(position, at_ns) {
+            candidate.decision = PoseDecision::Jumped;
         }
         self.candidate = Some(candidate);
-        candidate.verdict
+        candidate.decision
     }
 
-    /// Takes the vehicle's next position alone. Returns whether it follows.
-    pub(super) fn reach(&mut self, position: &Vector3<f64>, at_ns: u64) -> bool {
-        self.follow(|believed| Place {
+    /// Updates the track by a position alone, if it is reachable. Returns whether it is.
+    pub(super) fn follow_position(&mut self, position: &Vector3<f64>, at_ns: u64) -> bool {
+        self.follow(|accepted| TimedPose {
             position: *position,
             at_ns,
-            ..believed
+            ..accepted
         })
     }
 
-    /// Takes the vehicle's next attitude alone. Returns whether it follows.
-    pub(super) fn turn(&mut self, rotation: &Matrix3<f64>, at_ns: u64) -> bool {
-        self.follow(|believed| Place {
+    /// Updates the track by an attitude alone, if it is reachable. Returns whether it is.
+    pub(super) fn follow_attitude(&mut self, rotation: &Matrix3<f64>, at_ns: u64) -> bool {
+        self.follow(|accepted| TimedPose {
             rotation: *rotation,
             turned_at_ns: at_ns,
-            ..believed
+            ..accepted
         })
     }
 
-    /// Takes the next place, one part of which stays, if the vehicle can have got there.
-    fn follow(&mut self, next: impl FnOnce(Place) -> Place) -> bool {
-        let Some(believed) = &mut self.believed else {
+    /// Updates the track by the next pose, if it is reachable.
+    fn follow(&mut self, next: impl FnOnce(TimedPose) -> TimedPose) -> bool {
+        let Some(accepted) = &mut self.accepted else {
             return false;
         };
-        let place = next(*believed);
-        let follows = self.bounds.can_follow(believed, &place);
+        let pose = next(*accepted);
+        let follows = self.bounds.can_follow(accepted, &pose);
         if follows {
-            *believed = place;
+            *accepted = pose;
         }
         follows
     }
 
-    /// Returns the decision on a pose that follows neither the track nor the pose before.
-    fn verdict_of_first(&self, place: &Place) -> PoseDecision {
-        let Some(believed) = &self.believed else {
+    /// Returns the decision on a pose that continues neither the track nor the candidate.
+    fn first_decision(&self, pose: &TimedPose) -> PoseDecision {
+        let Some(accepted) = &self.accepted else {
             return PoseDecision::Unsettled;
         };
-        let own = (believed.position - place.position).norm();
+        let own = (accepted.position - pose.position).norm();
         let is_others = self.others.iter().any(|other| {
-            place.at_ns.saturating_sub(other.place.at_ns) <= OTHER_NS
-                && self.bounds.can_follow(&other.place, place)
-                && (other.place.position - place.position).norm() < EXCHANGE_FACTOR * own
+            pose.at_ns.saturating_sub(other.pose.at_ns) <= OTHER_NS
+                && self.bounds.can_follow(&other.pose, pose)
+                && (other.pose.position - pose.position).norm() < EXCHANGE_FACTOR * own
         });
         if is_others {
             PoseDecision::Exchanged
-        } else if self.bounds.can_reach(believed, place) {
+        } else if self.bounds.can_reach(accepted, pose) {
             PoseDecision::Turned
         } else {
             PoseDecision::Jumped
         }
     }
 
-    /// Takes a pose of another body, which mostly stands at the same index of every frame.
-    pub(super) fn other(
+    /// Updates the pose of another body, which usually has the same index in every frame.
+    pub(super) fn add_other(
         &mut self,
         index: usize,
         body: &WireBody,
@@ -276,24 +281,24 @@ impl Tracks {
         rotation: &Matrix3<f64>,
         at_ns: u64,
     ) {
-        let place = Place::new(position, rotation, at_ns);
-        let is_it = |other: &Other| other.number == body.number && other.name == body.name;
-        let known = if self.others.get(index).is_some_and(is_it) {
+        let pose = TimedPose::new(position, rotation, at_ns);
+        let is_same = |other: &Other| other.number == body.number && other.name == body.name;
+        let index = if self.others.get(index).is_some_and(is_same) {
             Some(index)
         } else {
-            self.others.iter().position(is_it)
+            self.others.iter().position(is_same)
         };
-        if let Some(known) = known {
-            let old = self.others[known].place;
-            // During an exchange with the vehicle it is not where it was: its old place counts until it expires.
-            if self.bounds.can_follow(&old, &place) || at_ns.saturating_sub(old.at_ns) > OTHER_NS {
-                self.others[known].place = place;
+        if let Some(index) = index {
+            let old = self.others[index].pose;
+            // During an exchange with the vehicle the body's new pose is not its own: the old one counts until it expires.
+            if self.bounds.can_follow(&old, &pose) || at_ns.saturating_sub(old.at_ns) > OTHER_NS {
+                self.others[index].pose = pose;
             }
-        } else if self.others.len() < MOST_BODIES {
+        } else if self.others.len() < MAX_BODIES {
             self.others.push(Other {
                 name: body.name,
                 number: body.number,
-                place,
+                pose,
             });
         }
     }
@@ -346,7 +351,7 @@ mod tests {
             );
             let position = self.velocity * seconds(at_ns) + noise * 1e-4;
             let rotation = exp(&(self.rates * seconds(at_ns))) * turn * exp(&(noise * 1e-3));
-            self.tracks.vehicle(&position, &rotation, at_ns)
+            self.tracks.add_vehicle(&position, &rotation, at_ns)
         }
     }
 
@@ -378,7 +383,7 @@ mod tests {
                 body.frame += gap;
                 let at_ns = body.frame * FRAME_NS;
                 let ghost = Vector3::new(5.0, 0.0, 1e-4 * body.frame as f64);
-                let decision = body.tracks.vehicle(&ghost, &Matrix3::identity(), at_ns);
+                let decision = body.tracks.add_vehicle(&ghost, &Matrix3::identity(), at_ns);
                 prop_assert_eq!(decision, PoseDecision::Jumped);
             }
             prop_assert_eq!(body.next(&Matrix3::identity()), PoseDecision::Follows);

@@ -1,26 +1,26 @@
-//! FRAME: its rigid bodies and times are read, its other sections skipped.
+//! FRAME: rigid bodies and times are read, other sections are skipped.
 
-use super::{Described, RigidBody, ServerInfo, Times, Version};
-use crate::wire::{CapturePose, Cursor, Frame, MOST_BODIES, Name, PoseError, Stamp, WireError};
+use super::{Description, RigidBody, ServerInfo, Times, Version};
+use crate::wire::{CapturePose, Cursor, Frame, MAX_BODIES, Name, PoseError, Stamp, WireError};
 
-/// Length of a rigid body, also of a skeleton's bone, bytes.
+/// Length of a rigid body or a skeleton's bone, bytes.
 pub(crate) const RIGID_BODY_LENGTH: usize = 38;
 /// Length of a labelled marker, bytes.
 const LABELED_MARKER_LENGTH: usize = 26;
-/// Length of the end that 4.1 and later may leave out, bytes.
+/// Length of the precision time, which is optional from 4.1 on, bytes.
 const PRECISION_TIME_LENGTH: usize = 8;
 /// Length of the part after the times, bytes.
 const FOOT_LENGTH: usize = 6;
-/// Bit of a rigid body that is seen.
+/// Flag of a rigid body that is tracked.
 pub(crate) const TRACKED: u16 = 1;
-/// Bit of a frame after which the bodies have changed.
+/// Flag of a frame: the bodies have changed.
 const MODELS_CHANGED: u16 = 2;
 
-/// Reads a frame; returns whether the names are old.
+/// Reads a frame. Returns whether the names should be requested again.
 pub(super) fn read(
     payload: &mut Cursor<'_>,
     server: &ServerInfo,
-    described: &[Described],
+    described: &[Description],
     frame: &mut Frame,
 ) -> Result<bool, WireError> {
     let version = server.version;
@@ -44,9 +44,9 @@ pub(super) fn read(
         payload.skip(1, PRECISION_TIME_LENGTH, "the precision time")?;
     }
     let flags = payload.u16_le("the frame's flags")?;
-    // The last four bytes only mark the end of the frame.
+    // The last four bytes mark the end of the frame.
     payload.skip(1, 4, "the end of the frame")?;
-    // A later version may have more at the end. Without lengths, bytes left over mean that all before was misread.
+    // Later versions may append data. Without lengths, remaining bytes mean that the frame was misread.
     if !version.has_lengths() && payload.remaining() > 0 {
         return Err(WireError::Invalid("the end of the frame"));
     }
@@ -54,7 +54,7 @@ pub(super) fn read(
     Ok(has_unnamed || flags & MODELS_CHANGED != 0)
 }
 
-/// Skips a section: the number of its elements and, from 4.1 on, its length; before, `read` skips the elements.
+/// Skips a section by its length, from 4.1 on. Before, `read` skips the elements.
 fn section<'a>(
     payload: &mut Cursor<'a>,
     version: Version,
@@ -78,11 +78,11 @@ fn marker_sets(sets: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
     Ok(())
 }
 
-/// Reads the rigid bodies; returns whether there is one that has not been described.
+/// Reads the rigid bodies. Returns whether one has no description.
 fn rigid_bodies(
     payload: &mut Cursor<'_>,
     version: Version,
-    described: &[Described],
+    described: &[Description],
     frame: &mut Frame,
 ) -> Result<bool, WireError> {
     const WHAT: &str = "the rigid bodies";
@@ -90,17 +90,17 @@ fn rigid_bodies(
     if version.has_lengths() && payload.u32_le(WHAT)? as usize != count.saturating_mul(RIGID_BODY_LENGTH) {
         return Err(WireError::Invalid("the length of the rigid bodies"));
     }
-    if count > MOST_BODIES {
+    if count > MAX_BODIES {
         return Err(WireError::Oversized("the number of rigid bodies"));
     }
     let mut has_unnamed = false;
     for index in 0..count {
         let body = rigid_body(payload)?;
-        // Descriptions mostly stand in the same order.
+        // Descriptions usually have the same order.
         let here = described.get(index).filter(|known| known.id == body.id);
         let known = here.or_else(|| described.iter().find(|known| known.id == body.id));
-        has_unnamed |= known.is_none() && described.len() < MOST_BODIES;
-        let name = known.map_or(Name::EMPTY, Described::unique_name);
+        has_unnamed |= known.is_none() && described.len() < MAX_BODIES;
+        let name = known.map_or(Name::EMPTY, Description::unique_name);
         let twin = frame.bodies().iter().position(|other| other.number == body.id);
         let pose = match twin {
             Some(twin) => {
@@ -146,7 +146,7 @@ fn skeletons(skeletons: &mut Cursor<'_>, count: usize) -> Result<(), WireError> 
     Ok(())
 }
 
-/// Force plates or devices.
+/// Skips force plates or devices.
 fn channels(plates: &mut Cursor<'_>, count: usize) -> Result<(), WireError> {
     for _ in 0..count {
         plates.skip(1, 4, "a force plate or device")?;
@@ -168,7 +168,7 @@ fn times(payload: &mut Cursor<'_>) -> Result<Times, WireError> {
     })
 }
 
-/// Returns the times in ns. A server without exposure times gives its time stamp only.
+/// Converts the times to ns. Without an exposure time, the time stamp is used for both.
 fn stamp(times: &Times, frequency: u64) -> Result<Stamp, WireError> {
     let ns = |ticks: u64| {
         let ns = u128::from(ticks) * 1_000_000_000 / u128::from(frequency);

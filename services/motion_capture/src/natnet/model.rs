@@ -1,7 +1,7 @@
 //! MODELDEF: the names of the rigid bodies.
 
-use super::{Described, Version};
-use crate::wire::{Cursor, LONGEST_NAME, MOST_BODIES, Name, WireError};
+use super::{Description, Version};
+use crate::wire::{Cursor, MAX_BODIES, MAX_NAME_LENGTH, Name, WireError};
 
 /// Kinds of descriptions.
 const MARKER_SET: i32 = 0;
@@ -10,19 +10,19 @@ const SKELETON: i32 = 2;
 
 /// Reads the names of all rigid bodies.
 ///
-/// From 4.1 on a description states its length. Name and id come first in all versions, so that what stands behind them
-/// is not read: 4.2 put a rotation there, and later versions may put more. Returns the error of a description that has no
-/// name and id, if there is one: the others are used.
+/// From 4.1 on a description states its length. Only name and id are read, which come first in all versions: 4.2 inserted a
+/// rotation after them, and later versions may add more. Returns the error of a description without name and id, if there
+/// is one; the others are used.
 ///
-/// Before 4.1 a description of an unknown kind has no length: the rest after it cannot be read, and is ignored. Motive
-/// sends rigid bodies before force plates, devices and cameras.
+/// Before 4.1 descriptions have no length: everything after one of an unknown kind is ignored. Motive sends rigid bodies
+/// before force plates, devices and cameras.
 ///
 /// # Errors
-/// If the structure of the whole is wrong.
+/// If the structure of the message is wrong.
 pub(super) fn read(
     payload: &mut Cursor<'_>,
     version: Version,
-    bodies: &mut Vec<Described>,
+    bodies: &mut Vec<Description>,
 ) -> Result<Option<WireError>, WireError> {
     bodies.clear();
     let mut unreadable = None;
@@ -53,8 +53,8 @@ pub(super) fn read(
     Ok(unreadable)
 }
 
-/// Adds a body. Bodies that share an id or a name with another one are all ambiguous, and no others.
-fn add(mut new: Described, bodies: &mut Vec<Described>) {
+/// Adds a body. Marks all bodies that share a name or an id.
+fn add(mut new: Description, bodies: &mut Vec<Description>) {
     for known in bodies.iter_mut() {
         if (known.id, known.name) == (new.id, new.name) {
             return;
@@ -63,7 +63,7 @@ fn add(mut new: Described, bodies: &mut Vec<Described>) {
         known.is_shared |= is_twin;
         new.is_shared |= is_twin;
     }
-    if bodies.len() < MOST_BODIES {
+    if bodies.len() < MAX_BODIES {
         bodies.push(new);
     }
 }
@@ -76,22 +76,22 @@ fn marker_set(description: &mut Cursor<'_>) -> Result<(), WireError> {
     Ok(())
 }
 
-fn name_and_id(description: &mut Cursor<'_>) -> Result<Described, WireError> {
+fn name_and_id(description: &mut Cursor<'_>) -> Result<Description, WireError> {
     let name = description.text("the name of a rigid body")?;
-    Ok(Described {
+    Ok(Description {
         id: description.i32_le("the id of a rigid body")?,
-        name: Name::cut(name),
+        name: Name::truncated(name),
         is_shared: false,
-        is_cut: name.len() > LONGEST_NAME,
+        is_truncated: name.len() > MAX_NAME_LENGTH,
     })
 }
 
-/// Skips the rest of a rigid body's description of a version without lengths.
+/// Skips the remainder of a rigid body's description in versions without lengths.
 fn skip_rigid_body(description: &mut Cursor<'_>, version: Version) -> Result<(), WireError> {
-    // Its parent's id, and its place relative to it.
+    // Id of the parent, and position relative to it.
     description.skip(4, 4, "a rigid body's description")?;
     let markers = description.u32_le("the number of markers")?;
-    // Each marker's place and label.
+    // Position and label of each marker.
     description.skip(markers as usize, 16, "a rigid body's markers")?;
     if version.major >= 4 {
         for _ in 0..markers {
@@ -106,7 +106,7 @@ fn skeleton(description: &mut Cursor<'_>) -> Result<(), WireError> {
     description.skip(1, 4, "the id of a skeleton")?;
     for _ in 0..description.u32_le("the number of bones")? {
         description.text("the name of a bone")?;
-        // Id, parent, and place relative to it.
+        // Id, parent, and position relative to it.
         description.skip(5, 4, "a bone")?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Datagrams of a `NatNet` server.
+//! Encoder of the datagrams of a `NatNet` server.
 
 use super::{RigidBody, SERVER_NAME_LENGTH, ServerInfo, Times, Version, message};
 
@@ -16,11 +16,11 @@ pub fn server_info(server: &ServerInfo) -> Vec<u8> {
     datagram(message::SERVERINFO, &payload)
 }
 
-/// Rotation offset of the described rigid bodies, from 4.2 on. Not the identity, whose zeros would be read rightly by a
-/// reader that does not know of it.
+/// Rotation offset of the described rigid bodies, from 4.2 on. Not the identity: a decoder that ignores the field would
+/// misread its zeros without an error.
 const ROTATION_OFFSET: [f32; 4] = [0.1, 0.0, 0.0, 0.994_987_4];
 
-/// Encodes a datagram of MODELDEF with rigid bodies and, as Motive does, the marker set of all of them.
+/// Encodes a datagram of MODELDEF with rigid bodies and, like Motive, a marker set of all of them.
 #[must_use]
 pub fn names(version: Version, bodies: &[(i32, impl AsRef<[u8]>)]) -> Vec<u8> {
     let mut payload = Vec::new();

@@ -1,5 +1,5 @@
-//! Motive: requests the server's description and the names of bodies, and listens to frames from the group or from the
-//! server.
+//! Connection to Motive: requests the server's description and the names of bodies, and receives frames by multicast or
+//! unicast.
 
 use std::fmt::{Arguments, Result as Written};
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -10,9 +10,9 @@ use crate::transport::udp::Udp;
 use crate::transport::{Address, Announced, CaptureSource, TransportError, WireCounts};
 use crate::wire::Frame;
 
-/// Time between two unanswered requests, and between two signs of life to a server of unicast, ns.
-const ASK_NS: u64 = 500_000_000;
-/// Silence after which a server's description is requested again, ns.
+/// Interval of requests, and of keep-alives to a unicast server, ns.
+const REQUEST_NS: u64 = 500_000_000;
+/// Time without a message after which the server's description is requested again, ns.
 const SILENCE_NS: u64 = 2_000_000_000;
 
 /// Server with its description.
@@ -25,10 +25,10 @@ pub(super) struct Source {
     decoder: Decoder,
     frame: Frame,
     /// Description for which the data socket was opened.
-    listens_to: Option<ServerInfo>,
-    names_are_old: bool,
-    asked_ns: Option<u64>,
-    heard_ns: u64,
+    opened_for: Option<ServerInfo>,
+    needs_names: bool,
+    requested_ns: Option<u64>,
+    received_ns: u64,
     counts: WireCounts,
 }
 
@@ -42,27 +42,27 @@ impl Source {
             data: None,
             decoder: Decoder::new(),
             frame: Frame::new(),
-            listens_to: None,
-            names_are_old: true,
-            asked_ns: None,
-            heard_ns: 0,
+            opened_for: None,
+            needs_names: true,
+            requested_ns: None,
+            received_ns: 0,
             counts: WireCounts::default(),
         })
     }
 
     /// Returns the time of the next request, ns.
     fn request_due_ns(&self) -> u64 {
-        self.asked_ns.map_or(0, |asked| asked + ASK_NS)
+        self.requested_ns.map_or(0, |requested| requested + REQUEST_NS)
     }
 
-    /// Listens where the server says that it sends to.
-    fn listen(&mut self) {
+    /// Opens the data socket at the address in the server's description, if it has changed.
+    fn open_data_socket(&mut self) {
         let server = self.decoder.server().copied();
-        let (Some(info), true) = (server, self.listens_to != server) else {
+        let (Some(info), true) = (server, self.opened_for != server) else {
             return;
         };
         self.counts.connections += 1;
-        // Two sockets at one port would take each other's packets.
+        // Close the old socket first: two sockets at one port would take each other's packets.
         self.data = None;
         let opened = match info.multicast {
             Some(group) => Udp::join(
@@ -77,20 +77,20 @@ impl Source {
         };
         match opened {
             Ok(data) => self.data = Some(data),
-            // In unicast, frames also come to the address of the request.
+            // A unicast server also sends frames to the address of the request.
             Err(_) => self.counts.failures += 1,
         }
-        self.listens_to = server;
-        self.names_are_old = true;
-        self.asked_ns = None;
+        self.opened_for = server;
+        self.needs_names = true;
+        self.requested_ns = None;
     }
 
-    fn ask(&mut self, now_ns: u64) {
-        let is_silent = now_ns.saturating_sub(self.heard_ns) > SILENCE_NS;
+    fn request(&mut self, now_ns: u64) {
+        let is_silent = now_ns.saturating_sub(self.received_ns) > SILENCE_NS;
         let info = self.decoder.server().filter(|_| !is_silent);
         let kind = match info {
             None => Some(message::CONNECT),
-            Some(_) if self.names_are_old => Some(message::REQUEST_MODELDEF),
+            Some(_) if self.needs_names => Some(message::REQUEST_MODELDEF),
             Some(info) => info.multicast.is_none().then_some(message::KEEP_ALIVE),
         };
         if let Some(kind) = kind {
@@ -98,25 +98,27 @@ impl Source {
             self.commands
                 .send(&[low, high, 0, 0], self.server, &mut self.counts);
         }
-        self.asked_ns = Some(now_ns);
+        self.requested_ns = Some(now_ns);
     }
 }
 
 impl CaptureSource for Source {
     fn poll(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
         let (frame, decoder) = (&mut self.frame, &mut self.decoder);
-        let (names_are_old, heard_ns) = (&mut self.names_are_old, &mut self.heard_ns);
+        let (needs_names, received_ns) = (&mut self.needs_names, &mut self.received_ns);
         let mut take = |datagram: &[u8], counts: &mut WireCounts| match decoder.decode(datagram, frame) {
             Ok(received) => {
-                *heard_ns = now_ns;
+                *received_ns = now_ns;
                 match received {
-                    Received::Frame { names_are_old: old } => {
-                        *names_are_old |= old;
+                    Received::Frame {
+                        needs_names: requested,
+                    } => {
+                        *needs_names |= requested;
                         counts.frames += 1;
                         sink(frame);
                     }
                     Received::Names { unreadable } => {
-                        *names_are_old = false;
+                        *needs_names = false;
                         if let Some(error) = unreadable {
                             counts.malformed.add(error);
                         }
@@ -130,9 +132,9 @@ impl CaptureSource for Source {
         if let Some(data) = &mut self.data {
             data.receive(&mut self.counts, &mut take);
         }
-        self.listen();
+        self.open_data_socket();
         if self.request_due_ns() <= now_ns {
-            self.ask(now_ns);
+            self.request(now_ns);
         }
     }
 
@@ -167,14 +169,14 @@ impl CaptureSource for Source {
             Some([a, b, c, d]) => format!("multicast to {a}.{b}.{c}.{d}:{}", server.data_port),
             None => format!("unicast to port {}", server.data_port),
         };
-        Some(format!("Motive speaks NatNet {}, {to}", server.version))
+        Some(format!("Motive sends NatNet {}, {to}", server.version))
     }
 
     fn findings(&self, add: &mut dyn FnMut(Arguments<'_>) -> Written) -> Written {
         match self.decoder.server() {
-            Some(ServerInfo { version, .. }) if *version > Version::NEWEST_TRIED => add(format_args!(
-                "NatNet {version} is newer than {}, the newest that was tried",
-                Version::NEWEST_TRIED
+            Some(ServerInfo { version, .. }) if *version > Version::NEWEST_TESTED => add(format_args!(
+                "NatNet {version} is newer than {}, the newest tested version",
+                Version::NEWEST_TESTED
             )),
             _ => Ok(()),
         }

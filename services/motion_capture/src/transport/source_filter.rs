@@ -1,7 +1,7 @@
-//! Source filter: the kernel drops packets of other machines before they take room in the socket's buffer.
+//! Source filter: the kernel drops packets of other machines before they enter the socket's buffer.
 #![expect(
     unsafe_code,
-    reason = "options of a socket that no library sets: a filter, and how much was dropped"
+    reason = "socket options that no library wraps: the filter and the count of dropped packets"
 )]
 
 use std::io;
@@ -14,18 +14,18 @@ use libc::{c_int, sock_filter, sock_fprog, socklen_t};
 const NETWORK_HEADER: u32 = 0xfff0_0000;
 /// Offset of the sender's address in an IPv4 header.
 const SENDER: u32 = 12;
-/// Return value of a filter for a whole packet.
+/// Return value of a filter that accepts the whole packet.
 const WHOLE: u32 = u32::MAX;
 
-/// Place of the dropped packets among the numbers of `SO_MEMINFO`, which has nine: linux/sock_diag.h.
+/// Index of the dropped packets in `SO_MEMINFO`, and the number of its values: linux/sock_diag.h.
 const DROPS: usize = 8;
 const NUMBERS: usize = 9;
 
-/// Drops from now on all packets that do not come from `server`.
+/// Makes the kernel drop all packets that do not come from `server`.
 ///
 /// # Errors
-/// If the system does not permit it; then packets of all senders arrive.
-pub(super) fn hear_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> {
+/// If this is not permitted; the socket then receives packets from all senders.
+pub(super) fn accept_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> {
     let instruction = |code: u32, if_false: u8, value: u32| sock_filter {
         code: u16::try_from(code).expect("codes are small"),
         jt: 0,
@@ -46,8 +46,8 @@ pub(super) fn hear_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> 
         len: u16::try_from(program.len()).expect("four"),
         filter: program.as_mut_ptr(),
     };
-    // SAFETY: the option is a `sock_fprog`, which points at as many instructions as it says; the kernel copies them.
-    let answer = unsafe {
+    // SAFETY: the option is a `sock_fprog` that points to `len` instructions, which the kernel copies.
+    let result = unsafe {
         libc::setsockopt(
             socket.as_fd().as_raw_fd(),
             libc::SOL_SOCKET,
@@ -56,19 +56,18 @@ pub(super) fn hear_only(socket: &impl AsFd, server: Ipv4Addr) -> io::Result<()> 
             size_of_as_length::<sock_fprog>(),
         )
     };
-    done(answer)
+    check(result)
 }
 
-/// Returns the number of packets that the kernel has dropped: those of other senders, and those for which there was no
-/// room.
+/// Returns the number of packets that the kernel has dropped: those of other senders, and those that overflowed the buffer.
 ///
 /// # Errors
-/// If the system does not tell.
+/// If the kernel does not report it.
 pub(super) fn dropped(socket: &impl AsFd) -> io::Result<u64> {
     let mut numbers = [0_u32; NUMBERS];
     let mut length = size_of_as_length::<[u32; NUMBERS]>();
-    // SAFETY: there is room for as many bytes as `length` says, and the kernel writes no more; any bits are numbers.
-    let answer = unsafe {
+    // SAFETY: the buffer has `length` bytes, and the kernel writes no more; any bit pattern is a valid number.
+    let result = unsafe {
         libc::getsockopt(
             socket.as_fd().as_raw_fd(),
             libc::SOL_SOCKET,
@@ -77,7 +76,7 @@ pub(super) fn dropped(socket: &impl AsFd) -> io::Result<u64> {
             &raw mut length,
         )
     };
-    done(answer)?;
+    check(result)?;
     Ok(u64::from(numbers[DROPS]))
 }
 
@@ -85,8 +84,8 @@ fn size_of_as_length<T>() -> socklen_t {
     socklen_t::try_from(size_of::<T>()).expect("a small structure")
 }
 
-fn done(answer: c_int) -> io::Result<()> {
-    if answer == 0 {
+fn check(result: c_int) -> io::Result<()> {
+    if result == 0 {
         Ok(())
     } else {
         Err(io::Error::last_os_error())

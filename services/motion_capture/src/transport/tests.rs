@@ -109,7 +109,7 @@ fn a_vehicle_in_the_second_datagram_of_each_frame_is_believed() {
         while source.counts().packets < packets {
             assert!(began.elapsed() < WATCHDOG, "{:?}", source.counts());
             source.poll(now_ns, &mut |frame| {
-                feed.take(frame, now_ns);
+                feed.accept(frame, now_ns);
             });
         }
     }

@@ -1,6 +1,6 @@
-//! UDP socket of one interface, which receives from one machine only.
+//! UDP socket on one interface that receives from one machine only.
 //!
-//! The kernel drops packets of others, so that they take neither room in the buffer nor one of the packets of a poll.
+//! The kernel drops packets of other machines, so that they neither fill the buffer nor count against the limit of a poll.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
@@ -8,13 +8,13 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use rustix::net::{AddressFamily, SocketFlags, SocketType, bind, socket_with, sockopt};
 
-use super::{MOST_PACKETS, TransportError, WireCounts, source_filter};
+use super::{MAX_PACKETS, TransportError, WireCounts, source_filter};
 
-/// Longest datagram, bytes.
-const LONGEST: usize = 65_536;
+/// Maximum length of a datagram, bytes.
+const MAX_LENGTH: usize = 65_536;
 
-/// Polls from one check of the kernel's dropped packets to the next: some of them a second.
-const POLLS_BETWEEN_LOOKS: u32 = 256;
+/// Polls between two reads of the kernel's count of dropped packets: a few a second.
+const POLLS_BETWEEN_READS: u32 = 256;
 
 #[derive(Debug)]
 pub(crate) struct Udp {
@@ -22,12 +22,12 @@ pub(crate) struct Udp {
     server: Ipv4Addr,
     buffer: Box<[u8]>,
     polls: u32,
-    /// Packets that the kernel had dropped by the last check.
+    /// Kernel's count of dropped packets at the last read.
     dropped: u64,
 }
 
 impl Udp {
-    /// Listens at an address of this machine to what a server sends there.
+    /// Opens a socket at a local address for packets of a server.
     pub(crate) fn open(at: SocketAddrV4, server: Ipv4Addr) -> Result<Self, TransportError> {
         let socket = || -> std::io::Result<UdpSocket> {
             let socket = Self::socket(server)?;
@@ -41,7 +41,7 @@ impl Udp {
         )
     }
 
-    /// Listens to packets of a server to a group, on one interface. Other programs may listen too.
+    /// Opens a socket for packets of a server to a multicast group, on one interface. Other programs may join too.
     pub(crate) fn join(
         group: SocketAddrV4,
         interface: Ipv4Addr,
@@ -50,7 +50,7 @@ impl Udp {
         let socket = || -> std::io::Result<UdpSocket> {
             let socket = Self::socket(server)?;
             sockopt::set_socket_reuseaddr(&socket, true)?;
-            // Bound to the group, not to all that comes to this port.
+            // Bound to the group: otherwise the socket would receive all packets to this port.
             bind(&socket, &group)?;
             let socket = UdpSocket::from(socket);
             socket.join_multicast_v4(group.ip(), &interface)?;
@@ -60,11 +60,12 @@ impl Udp {
         Self::new(socket, group, server)
     }
 
-    /// Makes a socket that receives from a server only, not bound yet: so nothing of others is in its buffer.
+    /// Makes a socket that receives from a server only. It is not bound before the filter is set, so that its buffer never
+    /// contains packets of others.
     fn socket(server: Ipv4Addr) -> std::io::Result<OwnedFd> {
         let socket = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
-        // If that is not permitted, packets of others are dropped here.
-        let _ = source_filter::hear_only(&socket, server);
+        // If the filter is not permitted, `receive` drops packets of others.
+        let _ = source_filter::accept_only(&socket, server);
         Ok(socket)
     }
 
@@ -75,13 +76,13 @@ impl Udp {
         Ok(Self {
             socket,
             server,
-            buffer: vec![0; LONGEST].into_boxed_slice(),
+            buffer: vec![0; MAX_LENGTH].into_boxed_slice(),
             polls: 0,
             dropped: 0,
         })
     }
 
-    /// Returns its port.
+    /// Returns the local port.
     #[cfg(test)]
     pub(crate) fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |at| at.port())
@@ -95,15 +96,15 @@ impl Udp {
         counts.failures += u64::from(self.socket.send_to(datagram, to).is_err());
     }
 
-    /// Hands out the datagrams of the server that have arrived.
+    /// Passes received datagrams of the server to `sink`.
     pub(crate) fn receive(&mut self, counts: &mut WireCounts, mut sink: impl FnMut(&[u8], &mut WireCounts)) {
-        if self.polls.is_multiple_of(POLLS_BETWEEN_LOOKS) {
+        if self.polls.is_multiple_of(POLLS_BETWEEN_READS) {
             let dropped = source_filter::dropped(&self.socket).unwrap_or(self.dropped);
             counts.foreign += dropped.saturating_sub(self.dropped);
             self.dropped = dropped;
         }
         self.polls = self.polls.wrapping_add(1);
-        for _ in 0..MOST_PACKETS {
+        for _ in 0..MAX_PACKETS {
             match self.socket.recv_from(&mut self.buffer) {
                 Ok((length, from)) if self.is_server(from) => {
                     counts.packets += 1;
@@ -111,7 +112,7 @@ impl Udp {
                 }
                 Ok(_) => counts.foreign += 1,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                // Such as an ICMP answer to an earlier packet: arrived packets can still be read.
+                // For example an ICMP error of an earlier packet: received packets can still be read.
                 Err(_) => counts.failures += 1,
             }
         }

@@ -1,11 +1,11 @@
-//! Datagrams of Vicon Tracker.
+//! Encoder of the datagrams of Vicon Tracker.
 
 use super::{OBJECT, OBJECT_LENGTH, Object};
 
-/// Lengths to which datagrams are filled up, bytes.
+/// Lengths to which datagrams are padded, bytes.
 const LENGTHS: [usize; 3] = [256, 512, 1024];
 
-/// Appends the datagram of a frame; objects beyond 255 are left out.
+/// Appends the datagram of a frame; omits objects beyond 255.
 pub fn frame(number: u32, objects: &[Object], datagram: &mut Vec<u8>) {
     let objects = &objects[..objects.len().min(usize::from(u8::MAX))];
     let start = datagram.len();
@@ -20,6 +20,9 @@ pub fn frame(number: u32, objects: &[Object], datagram: &mut Vec<u8>) {
         }
     }
     let length = datagram.len() - start;
-    let full = LENGTHS.into_iter().find(|&full| full >= length).unwrap_or(length);
-    datagram.resize(start + full, 0);
+    let padded = LENGTHS
+        .into_iter()
+        .find(|&padded| padded >= length)
+        .unwrap_or(length);
+    datagram.resize(start + padded, 0);
 }

@@ -1,7 +1,7 @@
-//! Vicon's stream, which is sent without a request.
+//! Receiver of Vicon's stream, which is sent without a request.
 //!
-//! A block that is full may be followed by another datagram with the same number and other objects. A frame in several
-//! datagrams is incomplete in each of them: none says that a body is hidden.
+//! A full datagram may be followed by another with the same number and other objects. The datagrams of such a frame are
+//! all incomplete: a body that is absent in one of them is not necessarily occluded.
 
 use std::net::SocketAddrV4;
 use std::os::fd::BorrowedFd;
@@ -9,40 +9,41 @@ use std::os::fd::BorrowedFd;
 use super::decode;
 use crate::transport::udp::Udp;
 use crate::transport::{Address, CaptureSource, TransportError, WireCounts};
-use crate::wire::{Frame, MOST_BODIES, Name};
+use crate::wire::{Frame, MAX_BODIES, Name};
 
 /// Datagrams without a continuation after which frames count as complete again.
-const WHOLE_AFTER: u32 = 1000;
+const COMPLETE_AFTER: u32 = 1000;
 
 /// Receiver of the stream.
 #[derive(Debug)]
 pub(crate) struct Source {
     socket: Udp,
     frame: Frame,
-    blocks: Blocks,
+    split_frames: SplitFrames,
     counts: WireCounts,
 }
 
-/// Detector of frames that are spread over several datagrams.
+/// Detector of frames that are split into several datagrams.
 #[derive(Debug)]
-struct Blocks {
+struct SplitFrames {
     number: Option<u32>,
     /// Objects of the datagrams with this number.
     names: Vec<Name>,
     since_continued: u32,
 }
 
-impl Blocks {
+impl SplitFrames {
     fn new() -> Self {
         Self {
             number: None,
-            names: Vec::with_capacity(MOST_BODIES),
-            since_continued: WHOLE_AFTER,
+            names: Vec::with_capacity(MAX_BODIES),
+            since_continued: COMPLETE_AFTER,
         }
     }
 
-    /// Takes the next datagram's frame, and marks it if it is a part; returns whether it continues the one before.
-    fn take(&mut self, frame: &mut Frame) -> bool {
+    /// Adds the frame of the next datagram, and marks it if it may be incomplete. Returns whether it continues the previous
+    /// one.
+    fn add(&mut self, frame: &mut Frame) -> bool {
         let is_known = |name: &Name| self.names.contains(name);
         let continues = self.number == frame.number
             && !frame.bodies().is_empty()
@@ -54,10 +55,10 @@ impl Blocks {
             self.since_continued = self.since_continued.saturating_add(1);
         }
         self.number = frame.number;
-        let room = MOST_BODIES - self.names.len();
+        let room = MAX_BODIES - self.names.len();
         self.names
             .extend(frame.bodies().iter().take(room).map(|body| body.name));
-        frame.is_complete = self.since_continued >= WHOLE_AFTER;
+        frame.is_complete = self.since_continued >= COMPLETE_AFTER;
         continues
     }
 }
@@ -68,7 +69,7 @@ impl Source {
         Ok(Self {
             socket: Udp::open(at, *address.server.ip())?,
             frame: Frame::new(),
-            blocks: Blocks::new(),
+            split_frames: SplitFrames::new(),
             counts: WireCounts::default(),
         })
     }
@@ -81,12 +82,12 @@ impl Source {
 
 impl CaptureSource for Source {
     fn poll(&mut self, _now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
-        let (frame, blocks) = (&mut self.frame, &mut self.blocks);
+        let (frame, split_frames) = (&mut self.frame, &mut self.split_frames);
         self.socket.receive(&mut self.counts, |datagram, counts| {
             match decode(datagram, frame) {
                 Ok(()) => {
                     counts.frames += 1;
-                    counts.continued += u64::from(blocks.take(frame));
+                    counts.continued += u64::from(split_frames.add(frame));
                     sink(frame);
                 }
                 Err(error) => counts.malformed.add(error),
@@ -127,17 +128,17 @@ mod tests {
     }
 
     /// Returns whether each datagram continues the one before, and whether its frame is complete.
-    fn taken(blocks: &mut Blocks, datagrams: &[(u32, &[&str])]) -> Vec<(bool, bool)> {
+    fn taken(split_frames: &mut SplitFrames, datagrams: &[(u32, &[&str])]) -> Vec<(bool, bool)> {
         let taken = datagrams.iter().map(|(number, names)| {
             let mut frame = datagram(*number, names);
-            (blocks.take(&mut frame), frame.is_complete)
+            (split_frames.add(&mut frame), frame.is_complete)
         });
         taken.collect()
     }
 
     #[test]
     fn a_frame_in_two_datagrams_is_complete_in_neither() {
-        let mut blocks = Blocks::new();
+        let mut split_frames = SplitFrames::new();
         let (first, second): (&[&str], &[&str]) = (&["a", "b"], &["quad"]);
         let frames = [
             (1, first),
@@ -148,7 +149,7 @@ mod tests {
             (3, first),
         ];
         assert_eq!(
-            taken(&mut blocks, &frames),
+            taken(&mut split_frames, &frames),
             [
                 (false, true),
                 (true, false),
@@ -161,14 +162,14 @@ mod tests {
         // Until the block was made larger.
         let whole: &[&str] = &["a", "b", "quad"];
         let frames: Vec<(u32, &[&str])> = (4..2000).map(|number| (number, whole)).collect();
-        assert_eq!(taken(&mut blocks, &frames).last(), Some(&(false, true)));
+        assert_eq!(taken(&mut split_frames, &frames).last(), Some(&(false, true)));
     }
 
     #[test]
     fn a_datagram_that_the_network_repeats_is_no_continuation() {
-        let mut blocks = Blocks::new();
+        let mut split_frames = SplitFrames::new();
         let both: &[&str] = &["quad", "wand"];
         let frames = [(1, both), (1, both), (2, both), (2, &[][..])];
-        assert_eq!(taken(&mut blocks, &frames), [(false, true); 4]);
+        assert_eq!(taken(&mut split_frames, &frames), [(false, true); 4]);
     }
 }

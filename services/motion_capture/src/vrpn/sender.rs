@@ -1,11 +1,11 @@
-//! The stream of a VRPN server.
+//! Encoder of the stream of a VRPN server.
 
-use super::{HEAD, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
+use super::{HEADER, POSE_TYPE, PoseReport, SENDER_DESCRIPTION, TYPE_DESCRIPTION};
 
-/// Number that [`types`] gives the messages that hold poses.
+/// Number of the message type of poses, defined by [`types`].
 const POSES: i32 = 4;
 
-/// Appends the name of a sender.
+/// Appends the definition of a sender's name.
 pub fn sender(number: i32, name: impl AsRef<[u8]>, stream: &mut Vec<u8>) {
     message(
         [0, 0],
@@ -16,7 +16,7 @@ pub fn sender(number: i32, name: impl AsRef<[u8]>, stream: &mut Vec<u8>) {
     );
 }
 
-/// Appends the names of the types.
+/// Appends the definition of the message type of poses.
 pub fn types(stream: &mut Vec<u8>) {
     message(
         [0, 0],
@@ -27,7 +27,7 @@ pub fn types(stream: &mut Vec<u8>) {
     );
 }
 
-/// Appends a pose of a sender at a time, s and µs.
+/// Appends a pose of a sender with its time, s and µs.
 pub fn report(time: [u32; 2], sender: i32, report: &PoseReport, stream: &mut Vec<u8>) {
     let mut payload = Vec::with_capacity(64);
     payload.extend(report.sensor.to_be_bytes());
@@ -40,7 +40,7 @@ pub fn report(time: [u32; 2], sender: i32, report: &PoseReport, stream: &mut Vec
 
 /// Appends any message.
 pub fn message(time: [u32; 2], sender: i32, kind: i32, payload: &[u8], stream: &mut Vec<u8>) {
-    let length = u32::try_from(HEAD + payload.len()).unwrap_or(u32::MAX);
+    let length = u32::try_from(HEADER + payload.len()).unwrap_or(u32::MAX);
     stream.extend(length.to_be_bytes());
     stream.extend(time[0].to_be_bytes());
     stream.extend(time[1].to_be_bytes());

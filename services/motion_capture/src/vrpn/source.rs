@@ -1,4 +1,4 @@
-//! Connection to a VRPN server, which reconnects whenever it ends.
+//! Connection to a VRPN server, with reconnection.
 
 use std::net::SocketAddrV4;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -9,25 +9,25 @@ use rustix::net::{
 };
 
 use super::{COOKIE, Decoder};
-use crate::transport::{Announced, CaptureSource, MOST_PACKETS, WireCounts};
+use crate::transport::{Announced, CaptureSource, MAX_PACKETS, WireCounts};
 use crate::wire::Frame;
 
-/// First pause before a connection is tried again, ns; each failure doubles it.
+/// First pause before a reconnection, ns; each failure doubles it.
 const FIRST_PAUSE_NS: u64 = 100_000_000;
 /// Longest pause, ns.
 const LONGEST_PAUSE_NS: u64 = 3_000_000_000;
-/// Longest duration of a connection until the server's greeting, ns.
-const PATIENCE_NS: u64 = 3_000_000_000;
-/// Bytes taken at once.
-const PIECE: usize = 16 * 1024;
+/// Timeout from the start of a connection to the server's cookie, ns.
+const COOKIE_TIMEOUT_NS: u64 = 3_000_000_000;
+/// Size of the receive buffer, bytes.
+const BUFFER: usize = 16 * 1024;
 
 #[derive(Debug)]
 enum Link {
-    /// None; retried at this time, ns.
+    /// Not connected; next attempt at this time, ns.
     Closed(u64),
-    /// In progress, or the server has not greeted; given up at this time, ns.
+    /// Connecting, or waiting for the server's cookie: whether ours was sent, and the timeout, ns.
     Opening(OwnedFd, bool, u64),
-    /// The server has greeted.
+    /// The server's cookie was received.
     Open(OwnedFd),
 }
 
@@ -49,33 +49,33 @@ impl Source {
             link: Link::Closed(0),
             pause_ns: FIRST_PAUSE_NS,
             decoder: Decoder::new(),
-            buffer: vec![0; PIECE].into_boxed_slice(),
+            buffer: vec![0; BUFFER].into_boxed_slice(),
             counts: WireCounts::default(),
         }
     }
 
     fn open(&mut self, now_ns: u64) {
         self.decoder.restart();
-        match connecting(self.server) {
-            Ok(socket) => self.link = Link::Opening(socket, false, now_ns + PATIENCE_NS),
+        match connect_to(self.server) {
+            Ok(socket) => self.link = Link::Opening(socket, false, now_ns + COOKIE_TIMEOUT_NS),
             Err(_) => self.close(now_ns),
         }
     }
 
-    /// Sends the cookie as soon as the connection is made.
-    fn greet(&mut self, now_ns: u64) {
-        let Link::Opening(socket, has_greeted @ false, _) = &mut self.link else {
+    /// Sends the cookie as soon as the connection is established.
+    fn send_cookie(&mut self, now_ns: u64) {
+        let Link::Opening(socket, is_cookie_sent @ false, _) = &mut self.link else {
             return;
         };
         match send(&*socket, &COOKIE, SendFlags::NOSIGNAL) {
-            Ok(length) if length == COOKIE.len() => *has_greeted = true,
+            Ok(length) if length == COOKIE.len() => *is_cookie_sent = true,
             Err(Errno::AGAIN | Errno::NOTCONN | Errno::INPROGRESS) => {}
             _ => self.close(now_ns),
         }
     }
 
     fn receive(&mut self, now_ns: u64, sink: &mut dyn FnMut(&Frame)) {
-        for _ in 0..MOST_PACKETS {
+        for _ in 0..MAX_PACKETS {
             let (Link::Open(socket) | Link::Opening(socket, true, _)) = &self.link else {
                 return;
             };
@@ -89,8 +89,8 @@ impl Source {
                     });
                     if pushed.is_err() {
                         self.close(now_ns);
-                    } else if self.decoder.is_greeted() {
-                        self.opened();
+                    } else if self.decoder.has_cookie() {
+                        self.complete();
                     }
                 }
                 Err(Errno::AGAIN) => return,
@@ -100,7 +100,7 @@ impl Source {
         }
     }
 
-    fn opened(&mut self) {
+    fn complete(&mut self) {
         if matches!(self.link, Link::Opening(..))
             && let Link::Opening(socket, ..) = std::mem::replace(&mut self.link, Link::Closed(0))
         {
@@ -120,7 +120,6 @@ impl Source {
 impl CaptureSource for Source {
     fn descriptors(&self) -> [Option<BorrowedFd<'_>>; 2] {
         let descriptor = match &self.link {
-            // A descriptor in the middle of a connection is ready for reading only after a failure: the pause decides.
             Link::Closed(_) => None,
             Link::Opening(socket, ..) | Link::Open(socket) => Some(socket.as_fd()),
         };
@@ -130,11 +129,11 @@ impl CaptureSource for Source {
     fn due_ns(&self) -> Option<u64> {
         match &self.link {
             Link::Closed(at_ns) => Some(*at_ns),
-            // Soon, to greet: a new connection makes a socket ready for writing, not for reading.
-            Link::Opening(_, false, give_up_ns) => {
-                Some(give_up_ns.saturating_sub(PATIENCE_NS - FIRST_PAUSE_NS / 10))
+            // Poll soon to send the cookie: an established connection makes the socket writable, not readable.
+            Link::Opening(_, false, timeout_ns) => {
+                Some(timeout_ns.saturating_sub(COOKIE_TIMEOUT_NS - FIRST_PAUSE_NS / 10))
             }
-            Link::Opening(_, true, give_up_ns) => Some(*give_up_ns),
+            Link::Opening(_, true, timeout_ns) => Some(*timeout_ns),
             Link::Open(_) => None,
         }
     }
@@ -163,18 +162,18 @@ impl CaptureSource for Source {
             }
             self.open(now_ns);
         }
-        self.greet(now_ns);
+        self.send_cookie(now_ns);
         self.receive(now_ns, sink);
-        if let Link::Opening(_, _, give_up_ns) = self.link
-            && now_ns >= give_up_ns
+        if let Link::Opening(_, _, timeout_ns) = self.link
+            && now_ns >= timeout_ns
         {
             self.close(now_ns);
         }
     }
 }
 
-/// Makes a socket that connects. A vanished peer is detected within seconds.
-fn connecting(server: SocketAddrV4) -> rustix::io::Result<OwnedFd> {
+/// Starts a connection. Keep-alives detect a vanished peer within seconds.
+fn connect_to(server: SocketAddrV4) -> rustix::io::Result<OwnedFd> {
     let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
     let socket = socket_with(AddressFamily::INET, SocketType::STREAM, flags, None)?;
     sockopt::set_tcp_nodelay(&socket, true)?;

@@ -21,7 +21,7 @@ fn decoded(system: CaptureSystem, bodies: &[(&str, Option<CapturePose>)]) -> Vec
     let mut decoder = systems::decoder(system, true, &names);
     let mut found = Vec::new();
     let packet = systems::frame(system, 7, bodies);
-    let taken = decoder.take(&packet, &mut |frame| found.extend(frame.bodies().to_vec()));
+    let taken = decoder.decode(&packet, &mut |frame| found.extend(frame.bodies().to_vec()));
     assert_eq!(taken, Ok(()), "{system:?}");
     found
 }
@@ -121,7 +121,7 @@ fn poses_of_a_simulated_server_arrive_at_the_system_s_source() {
     for system in CaptureSystem::ALL {
         let at = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
         let server_at = at(free_port());
-        let has_one_port = protocol::of(system).frame_port(server_at.port()) == server_at.port();
+        let has_one_port = protocol::for_system(system).frame_port(server_at.port()) == server_at.port();
         let to = if has_one_port { server_at } else { at(free_port()) };
         let plan = Plan {
             at: server_at,

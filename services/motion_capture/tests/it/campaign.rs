@@ -65,7 +65,7 @@ struct Wire {
 impl Wire {
     fn new(system: CaptureSystem, version: Version) -> Self {
         let at = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0);
-        let (to, decoder) = (at, protocol::of(system).decoder());
+        let (to, decoder) = (at, protocol::for_system(system).decoder());
         let plan = Plan {
             system,
             at,
@@ -78,16 +78,16 @@ impl Wire {
     }
 
     fn introduce(&mut self) {
-        let protocol = protocol::of(self.plan.system);
+        let protocol = protocol::for_system(self.plan.system);
         self.decoder = protocol.decoder();
         for packet in protocol.introduction(&self.plan, &["wand", "quad"]) {
-            self.decoder.take(&packet, &mut |_| ()).unwrap();
+            self.decoder.decode(&packet, &mut |_| ()).unwrap();
         }
     }
 
     /// Returns the packet of the vehicle, in a stream of single bodies, or of all.
     fn packet(&self, frame: u64) -> Vec<u8> {
-        let protocol = protocol::of(self.plan.system);
+        let protocol = protocol::for_system(self.plan.system);
         let (position, angles) = truth(captured(frame));
         let pose = |position| CapturePose {
             position,
@@ -114,8 +114,8 @@ impl Wire {
         let mut poses = Vec::new();
         let taken = self
             .decoder
-            .take(packet, &mut |frame| poses.extend(feed.take(frame, arrived_ns)));
-        if taken.is_err() && protocol::of(self.plan.system).transport() == Transport::Connections {
+            .decode(packet, &mut |frame| poses.extend(feed.accept(frame, arrived_ns)));
+        if taken.is_err() && protocol::for_system(self.plan.system).transport() == Transport::Connections {
             self.introduce();
         }
         poses

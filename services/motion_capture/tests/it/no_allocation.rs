@@ -30,8 +30,8 @@ fn frames_of_each_system_are_read_without_an_allocation() {
         let mut believed = 0;
         let count = allocations::allocations_during(|| {
             for (number, packet) in (0..).zip(&packets) {
-                let taken = decoder.take(packet, &mut |frame| {
-                    believed += u32::from(feed.take(frame, arrival(number)).is_some());
+                let taken = decoder.decode(packet, &mut |frame| {
+                    believed += u32::from(feed.accept(frame, arrival(number)).is_some());
                 });
                 assert!(taken.is_ok());
             }
@@ -77,7 +77,7 @@ fn datagrams_are_received_without_an_allocation() {
         // The sent packets have arrived over the loopback.
         count += allocations::allocations_during(|| {
             source.poll(arrival(number), &mut |frame| {
-                believed += u32::from(feed.take(frame, arrival(number)).is_some());
+                believed += u32::from(feed.accept(frame, arrival(number)).is_some());
             });
         });
     }

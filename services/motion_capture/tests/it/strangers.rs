@@ -97,7 +97,7 @@ proptest! {
             Ok(Received::Names { unreadable: None })
         );
         let received = decoder.decode(&natnet::sender::frame(version, 5, &bodies, &TIMES), &mut frame);
-        prop_assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
+        prop_assert_eq!(received, Ok(Received::Frame { needs_names: false }));
         prop_assert_eq!(frame.bodies().len(), bodies.len());
         prop_assert_eq!(pose_of(&frame), Some(Vector3::from(position)));
     }
@@ -203,7 +203,7 @@ fn bodies_that_share_a_name_are_without_it_and_others_keep_theirs() {
     let datagram = natnet::sender::frame(version, 1, &bodies, &TIMES);
     let received = decoder.decode(&datagram, &mut frame);
     // They need not be asked for again and again.
-    assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
+    assert_eq!(received, Ok(Received::Frame { needs_names: false }));
     let with_pose = |name: &str| (name.to_owned(), true);
     assert_eq!(
         seen(&frame),
@@ -321,7 +321,7 @@ fn frames_of_another_version_than_the_stated_one_are_named() {
             assert_eq!(
                 error,
                 Err(WireError::OtherVersion {
-                    said: [said.0, said.1],
+                    stated: [said.0, said.1],
                     sent: layout
                 })
             );

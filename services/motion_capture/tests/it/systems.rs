@@ -26,11 +26,11 @@ pub fn plan(system: CaptureSystem) -> Plan {
 
 /// Returns a decoder that has taken the introduction of these bodies, or nothing yet.
 pub fn decoder(system: CaptureSystem, is_introduced: bool, bodies: &[&str]) -> Box<dyn Decode> {
-    let protocol = protocol::of(system);
+    let protocol = protocol::for_system(system);
     let mut decoder = protocol.decoder();
     if is_introduced {
         for packet in protocol.introduction(&plan(system), bodies) {
-            decoder.take(&packet, &mut |_| ()).unwrap();
+            decoder.decode(&packet, &mut |_| ()).unwrap();
         }
     }
     decoder
@@ -54,14 +54,14 @@ pub fn frame(system: CaptureSystem, number: u32, bodies: &[(&str, Option<Capture
         computed_ns: at_ns,
         sent_ns: at_ns,
     };
-    protocol::of(system).frame(&plan(system), &sent, bodies)
+    protocol::for_system(system).frame(&plan(system), &sent, bodies)
 }
 
 /// Returns the packets of a system's introduction and a frame of two bodies, with the names of their files.
 pub fn packets() -> impl Iterator<Item = (String, Vec<u8>)> {
     CaptureSystem::ALL.into_iter().flat_map(|system| {
         let bodies = ["quad", "wand"];
-        let mut packets = protocol::of(system).introduction(&plan(system), &bodies);
+        let mut packets = protocol::for_system(system).introduction(&plan(system), &bodies);
         packets.push(frame(
             system,
             5,

@@ -9,7 +9,7 @@ use motion_capture::natnet::{Received, RigidBody, ServerInfo, Times, Version};
 use motion_capture::protocol::{self, Transport};
 use motion_capture::vicon_udp::{NAME_LENGTH, Object};
 use motion_capture::vrpn::{COOKIE, PoseReport};
-use motion_capture::wire::{Frame, MOST_BODIES};
+use motion_capture::wire::{Frame, MAX_BODIES};
 use motion_capture::{natnet, vicon_udp, vrpn};
 use nalgebra::{Quaternion, UnitQuaternion};
 use proptest::prelude::*;
@@ -175,7 +175,7 @@ proptest! {
             .collect();
         let mut frame = Frame::new();
         let received = decoder.decode(&natnet::sender::frame(version, number, &sent, &TIMES), &mut frame);
-        prop_assert_eq!(received, Ok(Received::Frame { names_are_old: false }));
+        prop_assert_eq!(received, Ok(Received::Frame { needs_names: false }));
         prop_assert_eq!(frame.number, Some(number));
         prop_assert_eq!(frame.bodies().len(), sent.len());
         let stamp = frame.stamp.unwrap();
@@ -274,23 +274,23 @@ fn swallow(bytes: &[u8]) {
             }
             check(&frame);
         }
-        assert!(decoder.bodies().len() <= MOST_BODIES);
+        assert!(decoder.bodies().len() <= MAX_BODIES);
     }
     for system in CaptureSystem::ALL {
         for is_introduced in [true, false] {
             let mut decoder = systems::decoder(system, is_introduced, &["quad", "wand"]);
-            let pieces = match protocol::of(system).transport() {
+            let pieces = match protocol::for_system(system).transport() {
                 Transport::Connections => 61,
                 Transport::Datagrams | Transport::Requests => usize::MAX,
             };
             let mut pieces = bytes.chunks(pieces);
-            let _ = pieces.try_for_each(|piece| decoder.take(piece, &mut check));
+            let _ = pieces.try_for_each(|piece| decoder.decode(piece, &mut check));
         }
     }
 }
 
 fn check(frame: &Frame) {
-    assert!(frame.bodies().len() <= MOST_BODIES);
+    assert!(frame.bodies().len() <= MAX_BODIES);
     for pose in frame.bodies().iter().filter_map(|body| body.pose) {
         assert!(pose.position.iter().all(|c| c.abs() <= 1e3));
         let defect = shared_types::rotation::defect(&pose.capture_from_markers);
