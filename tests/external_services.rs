@@ -236,7 +236,7 @@ fn a_log_says_which_program_flew_and_its_steps_are_not_done_again() {
         .programs
         .clone()
         .unwrap();
-    assert_eq!(programs.of(ServiceId::Controller).unwrap()[0], "env");
+    assert_eq!(programs.command_of(ServiceId::Controller).unwrap()[0], "env");
     assert_eq!(programs.folder, None);
 
     let said = String::from_utf8(succeed(&mut place.gerono(&["replay", "out"])).stdout).unwrap();

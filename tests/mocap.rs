@@ -100,11 +100,11 @@ fn what_a_scenario_may_not_state_cannot_be_probed() {
         ),
         (
             ["--source", "vrpn", "--interface", "0.0.0.0"],
-            "all interfaces at once",
+            "on all interfaces",
         ),
         (
             ["--source", "natnet", "--object", "quad#one"],
-            "no number stands behind the #",
+            "there is no number after the #",
         ),
     ] {
         let output = output(&mut place.gerono(&[&["mocap", "probe"], &arguments[..]].concat()));

@@ -241,7 +241,7 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
         ),
         (
             "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"wrong\", field = \"thrust\"}".to_owned(),
-            ["fault.0", "nothing is wrong"],
+            ["fault.0", "the fault has no effect"],
         ),
         (
             "{at = 0.5, edge = \"rc/frame -> plant\", kind = \"garbage\", range = -1.0}".to_owned(),

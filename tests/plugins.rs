@@ -179,7 +179,7 @@ fn numbers_of_the_library_are_recorded_by_their_names() {
     ));
     let told = complaint(&refused);
     assert!(
-        told.contains("`X` cannot be") && told.contains("`x` is there twice"),
+        told.contains("`X` cannot be") && told.contains("`x` is listed twice"),
         "{told}"
     );
 }

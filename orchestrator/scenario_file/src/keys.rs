@@ -265,7 +265,11 @@ fn kind(part: &Value) -> String {
         let words = variants.iter().map(|variant| toml_text(&variant["const"]));
         return words.collect::<Vec<_>>().join(" or ");
     }
-    let in_range = |noun: &str, part| format!("{noun} {}", Range::of(part)).trim_end().to_owned();
+    let in_range = |noun: &str, part| {
+        format!("{noun} {}", Range::from_schema(part))
+            .trim_end()
+            .to_owned()
+    };
     match (type_name(part), part["maxItems"].as_u64()) {
         (Some("array"), Some(count)) => in_range(&format!("{count} numbers"), &part["items"]),
         (Some("array"), None) => format!("an array, each element {}", kind(&part["items"])),

@@ -19,7 +19,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     registry::build_all(&scenario).map_err(Failure::bad_input)?;
     // Poses from the network require real time.
     if let Some(problem) = scenario
-        .unattended()
+        .unattended_arming()
         .filter(|_| scenario.capture_system().is_some())
     {
         return Err(Failure::bad_input(problem.to_string()));
@@ -113,7 +113,14 @@ fn warnings(scenario: &Scenario) -> String {
 fn programs(scenario: &Scenario) -> String {
     let replacement = |service| match scenario.program_of(service) {
         Some(words) => Some(words.join(" ")),
-        None => Some(scenario.plugins.as_ref()?.of(service)?.display().to_string()),
+        None => Some(
+            scenario
+                .plugins
+                .as_ref()?
+                .library_of(service)?
+                .display()
+                .to_string(),
+        ),
     };
     let line = |service| Some(format!("in place of {service}: {}\n", replacement(service)?));
     ServiceId::ALL.into_iter().filter_map(line).collect()

@@ -29,7 +29,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
                       fly it without them: --set fault=[]";
         return Err(Failure::bad_input(reason));
     }
-    if let Some(problem) = scenario.unasked() {
+    if let Some(problem) = scenario.missing_arm_request() {
         return Err(Failure::bad_input(problem.to_string()));
     }
     let times = times(arguments, &scenario)?;

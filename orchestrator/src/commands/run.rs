@@ -46,7 +46,7 @@ fn process_option(deployment: &DeploymentArguments) -> Option<&'static str> {
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let mut scenario = load(&arguments.scenario)?;
     refuse_host(&scenario, arguments.host)?;
-    if let Some(problem) = scenario.unasked()
+    if let Some(problem) = scenario.missing_arm_request()
         && arguments.host != Host::Realtime
     {
         return Err(Failure::bad_input(problem.to_string()));
@@ -112,7 +112,7 @@ fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCr
 /// Refuses a laboratory except in real time with an operator, and external services except as processes.
 fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
     let reason = match host {
-        Host::Realtime => scenario.unattended().map(|problem| problem.to_string()),
+        Host::Realtime => scenario.unattended_arming().map(|problem| problem.to_string()),
         Host::Lockstep => flight::unsimulated_poses(scenario),
         Host::Inprocess => {
             flight::unsimulated_poses(scenario).or_else(|| flight::programs_of_its_own(scenario))

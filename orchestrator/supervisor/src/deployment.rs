@@ -38,10 +38,10 @@ impl Deployment {
         let mut scenario = scenario.clone();
         if let Some(stated) = &mut scenario.deployment {
             if self.placement != Placement::AsStated {
-                stated.forget_cores();
+                stated.clear_cores();
             }
             if self.scheduler == Scheduler::Fifo {
-                stated.forget_priorities();
+                stated.clear_priorities();
             }
         }
         scenario

@@ -40,7 +40,7 @@ impl References {
     pub fn new(scenario: &Scenario) -> Self {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
         Self {
-            age_limits: scenario.path_goes_on_for().map(|continues_for| AgeLimits {
+            age_limits: scenario.path_continues_for().map(|continues_for| AgeLimits {
                 ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
                 continues_for,
             }),

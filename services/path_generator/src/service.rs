@@ -155,7 +155,7 @@ impl PathGeneratorService {
                     nanoseconds(safety.max_age).max(between_steps_ns)
                 }),
             ordinary_gap_ns: nanoseconds(BRAKE_AFTER).max(between_steps_ns),
-            goes_on_for: scenario.path_goes_on_for(),
+            goes_on_for: scenario.path_continues_for(),
         })
     }
 

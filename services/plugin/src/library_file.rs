@@ -106,7 +106,8 @@ pub fn pin(scenario: &mut Scenario) -> Result<(), FileError> {
 fn copy_name(scenario: &Scenario, role: ServiceId, path: &Path) -> OsString {
     let name = path.file_name().unwrap_or_default();
     let plugins = scenario.plugins.iter();
-    let mut others = plugins.flat_map(|plugins| ServiceId::ALL.map(|other| (other, plugins.of(other))));
+    let mut others =
+        plugins.flat_map(|plugins| ServiceId::ALL.map(|other| (other, plugins.library_of(other))));
     let is_shared = others.any(|(other, library)| {
         other != role && library.is_some_and(|library| library.file_name() == Some(name))
     });

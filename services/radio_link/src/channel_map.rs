@@ -102,7 +102,7 @@ impl ChannelMap {
             let mapped = Stick { channel, ends };
             motors_off[channel] = Some(match transmitter.failsafe {
                 Some(stated) => SentTravel(stated[stick]),
-                None if stick == 0 => SentTravel(ThrustChannel::new(link, transmitter).at_rest()),
+                None if stick == 0 => SentTravel(ThrustChannel::new(link, transmitter).motors_off()),
                 None => mapped.sent(StickTravel::MIDDLE),
             });
             mapped

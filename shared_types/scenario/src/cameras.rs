@@ -16,18 +16,18 @@ pub struct Cameras {
     /// Standard deviation of the attitude about each axis, rad.
     #[schemars(transform = not_negative)]
     pub attitude_deviation: f64,
-    /// Largest lead of a frame's exposure over its tick, s: evenly distributed between 0 and this.
+    /// Maximum lead of a frame's exposure over its tick, s; uniformly distributed from 0.
     #[schemars(transform = not_negative)]
     pub jitter: f64,
-    /// `true` if frames carry the time of their exposure; if not, that of their tick.
+    /// `true` if frames carry the time of their exposure, `false` for that of their tick.
     pub jitter_stamped: bool,
-    /// Share of the frames in which the body is not found.
+    /// Share of the frames in which the body is not tracked.
     #[schemars(transform = share)]
     pub frame_loss: f64,
-    /// Times in which the body is hidden, in order.
+    /// Occlusions of the body, in chronological order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub occlusion: Vec<Occlusion>,
-    /// Times in which markers are swapped, in order.
+    /// Marker swaps, in chronological order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub marker_swap: Vec<MarkerSwap>,
 }
@@ -46,11 +46,11 @@ impl Default for Cameras {
     }
 }
 
-/// Time in which the cameras do not see the body.
+/// Interval in which the body is occluded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Occlusion {
-    /// Begin, s.
+    /// Start, s.
     #[schemars(transform = moment)]
     pub at: f64,
     /// Duration, s.
@@ -58,11 +58,11 @@ pub struct Occlusion {
     pub lasts: f64,
 }
 
-/// Time in which markers are swapped: the pose jumps, without a sign of it in the capture.
+/// Interval in which markers are swapped: the pose is wrong, and the capture does not show it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MarkerSwap {
-    /// Begin, s.
+    /// Start, s.
     #[schemars(transform = moment)]
     pub at: f64,
     /// Duration, s.

@@ -1,4 +1,4 @@
-//! Checks of a scenario beyond its types: each violation with its place, the reason and the fix.
+//! Checks of a scenario beyond its types: each violation with its key, the reason and the fix.
 //!
 //! Keys declare the ranges of their numbers, which [`ranges`] checks. The other modules have the rules between values.
 
@@ -31,16 +31,15 @@ mod vehicle;
 use super::{Key, Problem, Scenario, Vector};
 use vehicle::check_center_of_mass;
 
-/// Length of a vector up to which it gives no direction: the square of a smaller one may be 0.
+/// Length up to which a vector has no direction: the square of a smaller one may underflow to 0.
 const NO_DIRECTION: f64 = 1e-9;
 
 impl Scenario {
-    /// Returns all problems of the scenario: numbers out of their ranges, then values that do not fit each other. It is
-    /// empty for a valid scenario.
+    /// Returns all problems of the scenario: numbers out of range, then inconsistent values. Empty for a valid scenario.
     #[must_use]
     pub fn problems(&self) -> Vec<Problem> {
         let root = Key::root();
-        let mut found = Findings::of_ranges(self);
+        let mut found = Findings::from_ranges(self);
         self.vehicle
             .check(self.duration, &root.then("vehicle"), &mut found);
         self.path.check(self.duration, &root.then("path"), &mut found);
@@ -68,7 +67,7 @@ impl Scenario {
         found.problems
     }
 
-    /// Checks the sections that the ideal flight does not have, each by itself and all together.
+    /// Checks the sections that an ideal flight does not have, individually and together.
     fn check_rig(&self, root: &Key, found: &mut Findings) {
         if let Some(cameras) = &self.cameras {
             let at = root.then("cameras");
@@ -90,16 +89,16 @@ impl Scenario {
     }
 }
 
-/// Problems found so far: first those of numbers out of their ranges.
+/// Problems found so far, starting with numbers out of range.
 #[derive(Debug, Default)]
 struct Findings {
     problems: Vec<Problem>,
-    /// How many are of numbers out of their ranges.
+    /// Number of problems that are numbers out of range.
     out_of_range: usize,
 }
 
 impl Findings {
-    /// Adds a problem, unless the value there is out of its range.
+    /// Adds a problem, unless its value is already out of range.
     fn push(&mut self, problem: Problem) {
         if self.is_in_range(&problem.key) {
             self.problems.push(problem);
@@ -121,7 +120,7 @@ impl Findings {
         self.out_of_range == 0 || names.iter().all(|name| self.is_in_range(&table.then(name)))
     }
 
-    /// Requires three numbers that give a direction; `reason` says what is without one.
+    /// Requires a vector with a direction; `reason` names what has none.
     fn direction(&mut self, key: &Key, value: &Vector, reason: &str, fix: &str) {
         let length = value
             .iter()

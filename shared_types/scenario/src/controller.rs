@@ -8,7 +8,7 @@ use crate::range::{between, moment, not_negative, not_zero, positive};
 use shared_types::Gains;
 use shared_types::wiring::ServiceId;
 
-/// Forms of a gain's key: its type, its default, its value in a scenario, and the key that states a value.
+/// Expands a gain's key by its form: type, default, value in a scenario, and key that states a value.
 macro_rules! form {
     (type stated $type:ty) => { $type };
     (type $form:ident $type:ty) => { Option<$type> };
@@ -54,7 +54,7 @@ macro_rules! controller {
             /// δ, the value to which the velocity error is driven along the thrust axis, m/s.
             #[schemars(transform = not_zero, extend("x-symbol" = "δ", "x-hint" = "the angular velocity (18) divides by it; the paper uses 0.1"))]
             pub delta: f64,
-            /// σmax, level of the saturation; above δ/k1.
+            /// σmax, saturation level; above δ/k1.
             #[schemars(transform = positive, extend("x-symbol" = "σmax"))]
             pub sigma_max: f64,
             $(
@@ -63,21 +63,20 @@ macro_rules! controller {
                 #[schemars(transform = $range, extend("x-tunable" = true, "x-symbol" = $symbol))]
                 pub $gain: form!(type $form $type),
             )+
-            /// Estimators of what repeats with the path in the disturbance; none in the paper.
+            /// Estimators of the part of the disturbance that is periodic in the path; none in the paper.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub harmonics: Option<Harmonics>,
-            /// `true` if the law uses the acceleration that the estimates do not explain as a part of b at once, as an observer
-            /// would; an ablation, without a proof.
+            /// `true` if the law adds the acceleration that the estimates do not explain to b, as a disturbance observer does;
+            /// an ablation, without a proof.
             #[serde(skip_serializing_if = "std::ops::Not::not")]
             pub disturbance_observer: bool,
             /// Known bounds of the unknown parameters.
             pub bounds: Bounds,
             /// Initial values of the estimates.
             pub initial: InitialEstimates,
-            /// `true` if the law aims above the path by the offset at which δ makes the vehicle hang below it, so that z1 → 0;
-            /// not in the paper.
+            /// `true` if the law compensates for the offset below the path that δ causes, so that z1 → 0; not in the paper.
             pub remove_offset: bool,
-            /// Thrust and body rates in place of thrust and torque, for a vehicle with its own rate loop.
+            /// Commands of thrust and body rates instead of thrust and torque, for a vehicle with an on-board rate loop.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub rates: Option<RateCommand>,
             /// Gain γ of the immersion-and-invariance mass observer, which runs in parallel and is recorded, not used; none
@@ -118,9 +117,9 @@ macro_rules! controller {
 }
 shared_types::with_gains!(controller);
 
-/// Values of a gain's key, stated or not.
+/// Value of a gain's key.
 trait Stated {
-    /// Returns whether a scenario leaves the key out.
+    /// Returns whether the key is omitted.
     fn is_left_out(&self) -> bool {
         false
     }
@@ -141,7 +140,7 @@ macro_rules! changes {
         $(#[doc = $doc:literal])+
         $gain:ident: $type:ty = $form:ident($value:expr), $range:ident, $symbol:literal;
     )+})+) => {
-        /// Change of gains in flight: stated values take effect at once, the others stay as they are.
+        /// Change of gains in flight: stated values take effect immediately, the others do not change.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields)]
         pub struct ControllerChange {
@@ -159,7 +158,7 @@ macro_rules! changes {
         impl ControllerChange {
             /// Returns the gains after the change.
             #[must_use]
-            pub fn of(&self, gains: &Gains) -> Gains {
+            pub fn apply_to(&self, gains: &Gains) -> Gains {
                 Gains {$($($gain: self.$gain.unwrap_or(gains.$gain),)+)+}
             }
         }
@@ -176,7 +175,7 @@ macro_rules! changes {
         }
 
         impl Scenario {
-            /// Returns the gains that may change in flight, those that follow from others included.
+            /// Returns the gains that may change in flight, including derived ones.
             #[must_use]
             pub fn gains(&self) -> Gains {
                 Gains {$($($gain: form!(value $form $value, self.controller.$gain, self),)+)+}
@@ -184,7 +183,7 @@ macro_rules! changes {
         }
 
         impl Controller {
-            /// Returns the controller with these gains stated. A κ of 0 is as none.
+            /// Returns the controller with these gains stated. A κ of 0 counts as not stated.
             #[must_use]
             pub fn with_gains(&self, gains: &Gains) -> Self {
                 Self {
@@ -197,30 +196,30 @@ macro_rules! changes {
 }
 shared_types::with_gains!(changes);
 
-/// Harmonics of the path's parameter in the disturbance.
+/// Harmonics of the disturbance in the path parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Harmonics {
-    /// N, their number.
-    #[schemars(transform = between(1, Self::MOST))]
+    /// N, number of harmonics.
+    #[schemars(transform = between(1, Self::MAX))]
     pub count: u8,
-    /// λa, adaptation gain of each.
+    /// λa, adaptation gain of each harmonic.
     #[schemars(transform = not_negative, extend("x-symbol" = "λa"))]
     pub gain: f64,
-    /// Largest distance from the path at which they learn, m: what happens once is not to be learned as repeating.
+    /// Maximum distance from the path at which they adapt, m, so that they do not adapt to single events.
     #[schemars(transform = positive)]
     pub within: f64,
 }
 
 impl Harmonics {
-    /// Largest number.
-    pub const MOST: u8 = 8;
+    /// Maximum number of harmonics.
+    pub const MAX: u8 = 8;
 }
 
 impl Default for Harmonics {
     fn default() -> Self {
         Self {
-            count: Self::MOST,
+            count: Self::MAX,
             gain: 1.0,
             within: 0.3,
         }
@@ -236,19 +235,18 @@ impl Controller {
 }
 
 impl Scenario {
-    /// Returns the theorem's ultimate bound on the distance from the path, m. The theorem is about the paper's law
-    /// alone: not about an external service, about estimators that are switched off, about gains that change in flight, or
-    /// about a law that aims elsewhere (`remove_offset`).
+    /// Returns the theorem's ultimate bound on the distance from the path, m. `None` if the theorem does not apply: to an
+    /// external service, with estimators switched off, with gains that change in flight, or with `remove_offset`.
     #[must_use]
     pub fn theorem_bound(&self) -> Option<f64> {
         let law = &self.controller;
-        let learns = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
+        let adapts = law.lambda_mass > 0.0 && law.lambda_disturbance.iter().all(|&gain| gain > 0.0);
         let is_ours = law.law.is_adaptive() && !self.is_foreign(ServiceId::Controller);
-        (is_ours && learns && law.change.is_empty() && !law.remove_offset).then(|| law.ultimate_bound())
+        (is_ours && adapts && law.change.is_empty() && !law.remove_offset).then(|| law.ultimate_bound())
     }
 }
 
-/// Commands of body rates: the torque drives an artificial angular velocity, which is sent.
+/// Commands of body rates: the torque drives an artificial angular velocity, which is the command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RateCommand {
@@ -258,17 +256,17 @@ pub struct RateCommand {
     /// ki of the yaw law (28), 1/s².
     #[schemars(transform = not_negative, extend("x-symbol" = "ki"))]
     pub yaw_ki: f64,
-    /// Largest magnitude of the yaw law's integral term, rad/s: the largest drift that it is expected to compensate. It
-    /// is frozen while the proportional term is larger.
+    /// Maximum magnitude of the yaw law's integral term, rad/s: the largest drift to be compensated. It is frozen while the
+    /// proportional term is larger.
     #[schemars(transform = not_negative)]
     pub yaw_integral_max: f64,
-    /// Step at which the law drives the artificial angular velocity over the hold of a frame, s.
+    /// Integration step of the artificial angular velocity over the hold of a frame, s.
     #[schemars(transform = positive)]
     pub roll_out_step: f64,
-    /// `true` if vehicle and path move along over the hold; if not the law uses their state at its beginning.
+    /// `true` if vehicle and path are predicted over the hold, `false` to use their state at its start.
     pub roll_out: bool,
-    /// `true` if the acceleration that the estimator sees and the estimates of mass and disturbance do not explain also
-    /// acts on the vehicle of the roll-out.
+    /// `true` if the estimated acceleration that the estimates of mass and disturbance do not explain also acts in the
+    /// roll-out.
     pub unexplained: bool,
     /// `true` if commands compensate for the modelled lags of thrust and rates.
     pub lag_inversion: bool,
@@ -289,7 +287,7 @@ impl Default for RateCommand {
 }
 
 impl RateCommand {
-    /// Returns the number of roll-out steps over a hold of so many seconds; a whole number.
+    /// Returns the number of roll-out steps over a hold (s), a whole number.
     #[must_use]
     pub fn steps(&self, hold: f64) -> f64 {
         libm::round(hold / self.roll_out_step).max(1.0)

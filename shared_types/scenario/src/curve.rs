@@ -19,7 +19,7 @@ pub enum Curve {
     Hover(Hover),
     /// A tilted circle.
     Circle(Circle),
-    /// A straight line without end.
+    /// An infinite straight line.
     Line(Line),
     /// A Lissajous figure: an oscillation along each axis, such as a bob up and down.
     Lissajous(Lissajous),
@@ -111,9 +111,9 @@ pub struct Lissajous {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Waypoints {
-    /// The points in {I}, m: at least two, at least three for a closed curve; no two neighbours coincide.
+    /// Points in {I}, m: at least two, or three for a closed curve; neighbours must not coincide.
     pub points: Vec<Vector>,
-    /// `true` if the last point leads back to the first.
+    /// `true` if the curve returns from the last point to the first.
     pub closed: bool,
     /// γ from one point to the next.
     #[schemars(transform = positive)]
@@ -133,7 +133,7 @@ pub struct Waypoints {
 const COINCIDENT: f64 = 1e-6;
 
 impl Waypoints {
-    /// Returns whether two points are the same as far as a path is concerned.
+    /// Returns whether two points of a path coincide.
     #[must_use]
     pub fn coincide(a: &Vector, b: &Vector) -> bool {
         a.iter().zip(b).all(|(a, b)| (a - b).abs() < COINCIDENT)
@@ -154,7 +154,7 @@ impl Default for Waypoints {
 }
 
 impl Curve {
-    /// Returns the frequency with which the curve repeats, rad per unit of γ; `None` if it does not.
+    /// Returns the frequency of a periodic curve, rad per unit of γ; `None` for others.
     #[must_use]
     pub fn frequency(&self) -> Option<f64> {
         match self {

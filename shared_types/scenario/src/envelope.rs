@@ -1,4 +1,4 @@
-//! Flight envelope: limits that the transmitter enforces on vehicle and controller, whatever the controller commands.
+//! Flight envelope: limits on vehicle and controller that the transmitter enforces independently of the controller.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,35 +9,35 @@ use shared_types::samples::RcFrame;
 
 /// Limits that the transmitter checks on its inputs while it sends commands, each with an action.
 ///
-/// Commands never exceed their limits, whatever the action: they are cut to them.
+/// Commands never exceed their limits, independent of the action: they are saturated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Envelope {
-    /// Time for which a limit is exceeded without a break before its action, s.
+    /// Time for which a limit must be exceeded continuously before its action, s.
     #[schemars(transform = not_negative)]
     pub after: f64,
-    /// Longest time from the demand to land until the vehicle rests disarmed, s; then it is killed.
+    /// Maximum time from the request to land until the vehicle is disarmed, s; then it is killed.
     #[schemars(transform = positive)]
     pub land_within: f64,
-    /// Box that the vehicle may not leave.
+    /// Box that the vehicle must not leave.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub r#box: Option<Fence>,
-    /// Largest angle of the thrust against the vertical, rad.
+    /// Maximum angle between thrust and vertical, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tilt: Option<Limit>,
-    /// Largest speed, m/s.
+    /// Maximum speed, m/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<Limit>,
     /// Required accuracy of the estimated state.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<EstimateLimit>,
-    /// Largest thrust that is sent, N; the smallest is 0.
+    /// Maximum commanded thrust, N; the minimum is 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thrust: Option<Limit>,
-    /// Largest torque about each body axis that is sent, N m.
+    /// Maximum commanded torque about each body axis, N m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque: Option<VectorLimit>,
-    /// Largest body rate about each axis that is sent, rad/s.
+    /// Maximum commanded body rate about each axis, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rates: Option<VectorLimit>,
 }
@@ -46,58 +46,58 @@ pub struct Envelope {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
-    /// The frames state it.
+    /// Frames carry a warning.
     Warn,
     /// The vehicle must land.
     Land,
-    /// The motors stop for ever.
+    /// The motors stop permanently.
     Kill,
 }
 
-/// A number that may not be exceeded.
+/// Limit of a number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Limit {
-    /// The largest value.
+    /// Maximum value.
     #[schemars(transform = positive)]
     pub max: f64,
     /// Action above it.
     pub action: Action,
 }
 
-/// Magnitudes of the components of a vector that may not be exceeded.
+/// Limits of the magnitudes of a vector's components.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VectorLimit {
-    /// The largest magnitudes.
+    /// Maximum magnitudes.
     #[schemars(transform = positive)]
     pub max: Vector,
-    /// Action above one of them.
+    /// Action above any of them.
     pub action: Action,
 }
 
-/// A box in {I} that the vehicle may not leave.
+/// Box in {I} that the vehicle must not leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fence {
-    /// Corner with the smallest coordinates in {I}, m; z points down, so that it is an upper one.
+    /// Corner with the smallest coordinates in {I}, m; an upper corner, because z points down.
     pub min: Vector,
     /// Corner with the largest coordinates in {I}, m.
     pub max: Vector,
-    /// Distance outside of the box at which a vehicle that is to land is killed, m.
+    /// Distance outside of the box at which a landing vehicle is killed, m.
     #[serde(default = "default_margin")]
     #[schemars(transform = not_negative)]
     pub margin: f64,
-    /// Action for a vehicle outside.
+    /// Action outside of the box.
     pub action: Action,
 }
 
 impl Fence {
-    /// Returns the distance of a place from the box, m; 0 inside.
+    /// Returns the distance of a position from the box, m; 0 inside.
     #[must_use]
-    pub fn distance_outside(&self, place: &Vector) -> f64 {
+    pub fn distance_outside(&self, position: &Vector) -> f64 {
         let beyond = |axis: usize| {
-            let [below, above] = [self.min[axis] - place[axis], place[axis] - self.max[axis]];
+            let [below, above] = [self.min[axis] - position[axis], position[axis] - self.max[axis]];
             below.max(above).max(0.0)
         };
         let [x, y, z] = [beyond(0), beyond(1), beyond(2)];
@@ -109,10 +109,10 @@ impl Fence {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EstimateLimit {
-    /// Largest standard deviation of the position, m.
+    /// Maximum standard deviation of the position, m.
     #[schemars(transform = positive)]
     pub position_sigma: f64,
-    /// Action above it, and if there is no state, none that is tracked or none that is recent.
+    /// Action above it, and if the state is missing, not tracked or too old.
     pub action: Action,
 }
 
@@ -149,7 +149,7 @@ impl Action {
 }
 
 impl Envelope {
-    /// Returns the stated limits, by name, with their actions.
+    /// Returns the names and actions of the stated limits.
     #[must_use]
     pub fn actions(&self) -> Vec<(&'static str, Action)> {
         let number = |limit: &Option<Limit>| limit.as_ref().map(|limit| limit.action);

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::vehicle::is_none_of_it;
+use super::vehicle::is_zero_number;
 use crate::range::{not_negative, positive};
 
 /// State estimator.
@@ -14,8 +14,7 @@ pub struct Estimator {
     pub kalman: Kalman,
 }
 
-/// Error-state Kalman filter on poses and the frames already sent, with prediction to the time at which the next frame
-/// acts.
+/// Error-state Kalman filter on poses and sent frames, with prediction to the time at which the next frame takes effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Kalman {
@@ -38,33 +37,32 @@ pub struct Kalman {
     #[schemars(transform = not_negative)]
     pub rate_bias_drift: f64,
     /// Standard deviation of each component of `model.marker_offset`, m; above 0 the filter estimates the offset.
-    #[serde(skip_serializing_if = "is_none_of_it")]
+    #[serde(skip_serializing_if = "is_zero_number")]
     #[schemars(transform = not_negative)]
     pub marker_offset_deviation: f64,
-    /// Spectral density of the drift of an estimated offset, each component, (m/s)²/Hz: a load that is laid on moves the
-    /// centre of mass.
-    #[serde(skip_serializing_if = "is_the_usual_drift")]
+    /// Spectral density of the drift of an estimated offset, each component, (m/s)²/Hz: an added load moves the centre of
+    /// mass.
+    #[serde(skip_serializing_if = "is_default_offset_drift")]
     #[schemars(transform = not_negative)]
     pub marker_offset_drift: f64,
-    /// Squared Mahalanobis distance above which a capture is refused as an outlier.
+    /// Squared Mahalanobis distance above which a capture is rejected as an outlier.
     #[schemars(transform = positive)]
     pub gate: f64,
-    /// Time for which captures may be refused in a row before the filter restarts from one, s.
+    /// Time of consecutive rejected captures after which the filter restarts from one, s.
     #[schemars(transform = not_negative)]
     pub restart_after: f64,
     /// Time for which the state counts as tracked without a capture, s.
     #[schemars(transform = not_negative)]
     pub coast: f64,
-    /// `true` if the state is predicted to the time at which the next frame acts; if not it is that of the last
-    /// capture.
+    /// `true` to predict the state to the time at which the next frame takes effect, `false` for that of the last capture.
     pub prediction: bool,
 }
 
-/// Drift of an estimated offset unless stated, (m/s)²/Hz: 2 cm in 1000 s.
-const USUAL_OFFSET_DRIFT: f64 = 4e-7;
+/// Default drift of an estimated offset, (m/s)²/Hz: 2 cm in 1000 s.
+const DEFAULT_OFFSET_DRIFT: f64 = 4e-7;
 
-fn is_the_usual_drift(drift: &f64) -> bool {
-    *drift == USUAL_OFFSET_DRIFT
+fn is_default_offset_drift(drift: &f64) -> bool {
+    *drift == DEFAULT_OFFSET_DRIFT
 }
 
 impl Default for Kalman {
@@ -77,7 +75,7 @@ impl Default for Kalman {
             rate_noise: 2e-4,
             rate_bias_drift: 1e-3,
             marker_offset_deviation: 0.0,
-            marker_offset_drift: USUAL_OFFSET_DRIFT,
+            marker_offset_drift: DEFAULT_OFFSET_DRIFT,
             gate: 60.0,
             restart_after: 0.3,
             coast: 0.25,

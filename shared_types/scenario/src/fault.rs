@@ -12,26 +12,26 @@ use shared_types::wiring::ServiceId;
 
 /// Planned fault of a service or of an input, exact in simulated time.
 ///
-/// Each of the other values names the [`kinds`](Fault::kind) that it belongs to; with other kinds it is refused.
+/// The other values belong to certain [`kinds`](Fault::kind) only, and are refused with others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// Begin, s.
+    /// Start, s.
     #[schemars(transform = moment)]
     pub at: f64,
     /// Name of the service that fails; with `off` and `freeze`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub service: Option<String>,
-    /// The input that fails, as `"topic -> service"`; with all other kinds.
+    /// Faulty input, as `"topic -> service"`; with all other kinds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<String>,
     /// Kind of the fault.
     pub kind: FaultKind,
-    /// Duration, s; for ever unless stated.
+    /// Duration, s; permanent unless stated.
     #[serde(default, rename = "for", skip_serializing_if = "Option::is_none")]
     #[schemars(transform = length)]
     pub lasts: Option<f64>,
-    /// State of the service when it comes back; with `off`.
+    /// State of the service at its restart; with `off`.
     #[serde(default)]
     pub state: FaultState,
     /// Additional delay of samples, s; with `delay`.
@@ -42,16 +42,16 @@ pub struct Fault {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive_up_to(Included(1.0)), extend("x-hint" = "0.1 is one in ten"))]
     pub fraction: Option<f64>,
-    /// Number of the sample that is wrong, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
+    /// Wrong number of the sample, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
     /// Factor on the number, 1 unless stated; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// Value added to it then, in its unit, 0 unless stated; with `wrong`.
+    /// Value added after `scale`, in the unit of the number, 0 unless stated; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bias: Option<f64>,
-    /// Largest magnitude of the random numbers; any bits at all unless stated; with `garbage`.
+    /// Maximum magnitude of the random numbers; arbitrary bits unless stated; with `garbage`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub range: Option<f64>,
@@ -61,30 +61,30 @@ pub struct Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The service's process dies, and another replaces it.
+    /// The service's process dies and is restarted.
     Off,
-    /// The service stands still and keeps its state.
+    /// The service stops stepping and keeps its state.
     Freeze,
-    /// Samples arrive later.
+    /// Samples arrive late.
     Delay,
     /// Some samples are lost.
     Intermittent,
-    /// Samples repeat the last one before.
+    /// Samples repeat the last one before the fault.
     Stuck,
     /// A number of the samples is wrong.
     Wrong,
-    /// Samples hold random numbers.
+    /// Samples contain random numbers.
     Garbage,
 }
 
-/// State of a service when it comes back.
+/// State of a service at its restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultState {
-    /// With the state of its last step before.
+    /// The state of its last step.
     #[default]
     Warm,
-    /// As at the start of the flight.
+    /// The state at the start of the flight.
     Cold,
 }
 
@@ -109,7 +109,7 @@ impl FaultKind {
         Self::Garbage,
     ];
 
-    /// Returns its name in scenarios.
+    /// Returns the name in scenarios.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -123,7 +123,7 @@ impl FaultKind {
         }
     }
 
-    /// Returns whether it concerns a service; all others concern an input of one.
+    /// Returns whether the fault is one of a service; all others are faults of an input.
     #[must_use]
     pub fn is_outage(self) -> bool {
         matches!(self, Self::Off | Self::Freeze)
@@ -131,7 +131,7 @@ impl FaultKind {
 }
 
 impl Fault {
-    /// Makes a fault of this kind from `at` (s) on, for ever, without a target.
+    /// Makes a permanent fault of this kind from `at` (s) on, without a target.
     #[must_use]
     pub fn new(kind: FaultKind, at: f64) -> Self {
         Self {
@@ -150,7 +150,7 @@ impl Fault {
         }
     }
 
-    /// Returns its target, if that exists.
+    /// Returns the target, if it exists.
     #[must_use]
     pub fn target(&self) -> Option<Target> {
         if self.kind.is_outage() {
@@ -160,13 +160,13 @@ impl Fault {
         }
     }
 
-    /// Returns its end, s; infinity if it does not end.
+    /// Returns the end, s; infinity for a permanent fault.
     #[must_use]
     pub fn until(&self) -> f64 {
         self.lasts.map_or(f64::INFINITY, |lasts| self.at + lasts)
     }
 
-    /// Returns the values that only some kinds have: name, whether it is stated, and whether this kind has it.
+    /// Returns the values that belong to certain kinds only: name, whether it is stated, and whether this kind has it.
     pub(super) fn values_of_kinds(&self) -> [(&'static str, bool, bool); 9] {
         let kind = self.kind;
         [
@@ -203,7 +203,7 @@ impl std::fmt::Display for FaultKind {
 }
 
 impl std::fmt::Display for Fault {
-    /// Describes the fault in words, without the times.
+    /// Describes the fault without its times.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let stated = self.service.as_ref().or(self.edge.as_ref());
         let target = stated.map_or("", String::as_str);

@@ -18,38 +18,38 @@ use shared_types::{ServiceId, Topic};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Flight {
-    /// Time of the operator's only request to arm, s: it lapses if not all is ready within 0.5 s; by command only
-    /// unless stated.
+    /// Time of the operator's request to arm, s, which expires after 0.5 s if the vehicle is not ready; by command only unless
+    /// stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = moment)]
     pub arm_at: Option<f64>,
-    /// Time at which the operator demands a landing, s; by command only unless stated.
+    /// Time of the operator's request to land, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = moment)]
     pub land_at: Option<f64>,
-    /// Time at which the operator stops the motors for ever, s; by command only unless stated.
+    /// Time of the operator's kill, s; by command only unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = moment)]
     pub kill_at: Option<f64>,
     /// Time for which the motors idle between arming and take-off, s.
     #[schemars(transform = not_negative)]
     pub spool_up: f64,
-    /// Climb before the vehicle flies to the path, m.
+    /// Height of the climb before the vehicle flies to the path, m.
     #[schemars(transform = positive)]
     pub takeoff_height: f64,
-    /// Largest speed on the way from the ground to the path, m/s.
+    /// Maximum speed from the ground to the path, m/s.
     #[schemars(transform = positive)]
     pub takeoff_speed: f64,
-    /// Time in which the path reaches its full speed from rest, and later comes to rest before the vehicle descends, s.
+    /// Time in which the path accelerates from rest to full speed, and later decelerates to rest before the descent, s.
     #[schemars(transform = positive)]
     pub transition_time: f64,
     /// Speed of the descent, m/s.
     #[schemars(transform = positive)]
     pub landing_speed: f64,
-    /// Largest standard deviation of the estimated position with which the vehicle arms, m.
+    /// Maximum standard deviation of the estimated position for arming, m.
     #[schemars(transform = positive)]
     pub position_sigma_max: f64,
-    /// Largest angle between the vehicle's thrust axis and the vertical with which the vehicle arms, rad.
+    /// Maximum angle between thrust axis and vertical for arming, rad.
     #[schemars(transform = positive_up_to(Included(FRAC_PI_2)), extend("x-hint" = "0.35, which is 20°, is much for a vehicle that stands on its legs"))]
     pub tilt_max: f64,
 }
@@ -72,21 +72,21 @@ impl Default for Flight {
 }
 
 impl Flight {
-    /// Returns the longest time that a landing takes from a height (m), s: the path stops, up to 1 m higher, the vehicle
-    /// descends, and in 5 s the ground is noticed and the motors have rested.
+    /// Returns the maximum duration of a landing from a height (m), s: the path stops, up to 1 m higher; the vehicle
+    /// descends; within 5 s the touch-down is detected and the motors are off.
     #[must_use]
     pub fn landing_time(&self, height: f64) -> f64 {
         self.transition_time + (height.max(0.0) + 1.0) / self.landing_speed + 5.0
     }
 
-    /// Returns the time that a flight takes which lands as soon as it has taken off, s.
+    /// Returns the duration of a flight that lands immediately after take-off, s.
     #[must_use]
     pub fn shortest_time(&self) -> f64 {
         let rise = self.takeoff_height;
         self.spool_up + leg_duration(rise, self.takeoff_speed) + self.landing_time(rise)
     }
 
-    /// Returns the planned requests of the operator, s: key, and the time if it is stated.
+    /// Returns the planned requests of the operator: key, and the time (s) if stated.
     #[must_use]
     pub fn requests(&self) -> [(&'static str, Option<f64>); 3] {
         [
@@ -97,21 +97,21 @@ impl Flight {
     }
 }
 
-/// Largest slope of the step by which a vehicle goes along a leg, from rest to rest.
+/// Maximum slope of the normalised position along a leg, from rest to rest.
 pub const STEEPEST: f64 = 35.0 / 16.0;
-/// The largest curvature of that step is below this: 84√5/25 = 7.513….
+/// Upper bound of its second derivative: 84√5/25 = 7.513….
 pub const MOST_CURVED: f64 = 7.5132;
-/// Largest acceleration on a leg, m/s².
+/// Maximum acceleration on a leg, m/s².
 pub const LEG_ACCELERATION: f64 = 1.0;
 
-/// Returns the duration of a straight leg (m) whose largest speed is stated (m/s), s.
+/// Returns the duration of a straight leg of a length (m) with a maximum speed (m/s), s.
 #[must_use]
-pub fn leg_duration(way: f64, speed: f64) -> f64 {
-    (STEEPEST * way / speed).max((MOST_CURVED * way / LEG_ACCELERATION).sqrt())
+pub fn leg_duration(length: f64, speed: f64) -> f64 {
+    (STEEPEST * length / speed).max((MOST_CURVED * length / LEG_ACCELERATION).sqrt())
 }
 
 impl Scenario {
-    /// Returns the limits within which the vehicle arms; `None` of a flight without phases.
+    /// Returns the limits for arming; `None` in a flight without phases.
     #[must_use]
     pub fn ready_limits(&self) -> Option<ReadyLimits> {
         let flight = self.flight.as_ref()?;

@@ -1,26 +1,26 @@
 //! Default gains β and Λw, for which a sampled controller is stable.
 //!
-//! The theorem is about continuous time, in which any β and Λw above 0 will do. A controller that holds its torque
-//! over h changes J z3 by −h (W w̃ + k3 σ(z3)/β) a step, and w̃ by h β Λw Wᵀz3. Two rules follow.
+//! The theorem is about continuous time, where any β and Λw above 0 are valid. A controller that holds its torque over h
+//! changes J z3 by −h (W w̃ + k3 σ(z3)/β) per step, and w̃ by h β Λw Wᵀz3. Two rules follow.
 //!
 //! # β
 //!
-//! Near z3 = 0 a step takes the share h k3 σmax/(βJ) of z3 away: nothing is left of it at 1, and above 2 it grows. The
-//! default takes 0.3, for J of `controller.initial.inertia`, the controller's only information on the vehicle's
-//! inertia. The loop must also stay faster than the attitude loop around it, whose rate is g/δ: by a quarter at least.
-//! Between the two lies the range of J that one β serves, a factor of 80 for the paper's gains.
+//! Near z3 = 0 a step reduces z3 by the share h k3 σmax/(βJ): to 0 at 1, and above 2 it diverges. The default is 0.3, for J
+//! of `controller.initial.inertia`, the controller's only information on the vehicle's inertia. The loop's rate must also
+//! be at least a quarter of that of the attitude loop around it, g/δ. These limits give the range of J for which one β is
+//! valid, a factor of 80 for the paper's gains.
 //!
 //! # Λw
 //!
-//! Of the Lyapunov function's part ½ β z3ᵀJz3 + ½ Λw⁻¹‖w̃‖² the terms with w̃ cancel in continuous time. A step leaves
-//! ½ h² β² Λw ‖Wᵀz3‖² over, which the damping h k3 z3ᵀσ(z3) must compensate:
+//! In the part ½ β z3ᵀJz3 + ½ Λw⁻¹‖w̃‖² of the Lyapunov function the terms with w̃ cancel in continuous time. In a step
+//! ½ h² β² Λw ‖Wᵀz3‖² remains, which the damping h k3 z3ᵀσ(z3) must compensate:
 //!
 //! ```text
 //!     Λw ≤ 2 k3 z3ᵀσ(z3) / (h β² ‖Wᵀz3‖²)
 //! ```
 //!
-//! The worst is a start in which the thrust axis points elsewhere than u. Then ‖ωd‖ = ω̄ = ū/δ with
-//! ū = g + k2 σmax, and while ‖ω‖ grows from 0 to ω̄ and ‖z3‖ = ω̄ − ‖ω‖ falls,
+//! The worst case is a start with the thrust axis away from u. Then ‖ωd‖ = ω̄ = ū/δ with ū = g + k2 σmax, and while ‖ω‖
+//! grows from 0 to ω̄ and ‖z3‖ = ω̄ − ‖ω‖ falls,
 //!
 //! * σ is saturated, so that z3ᵀσ(z3) ≈ σmax ‖z3‖;
 //! * W is ζ̇/δ, in which ω turns ζ, and z2 drives it at the rate κ = (k1 + k2) σmax: ‖W‖ ≈ ω̄ (‖ω‖ + κ).
@@ -31,22 +31,22 @@
 //!     Λw ≤ 27 k3 σmax / (2 h β² ω̄² (ω̄ + κ)³)
 //! ```
 //!
-//! Flights from all of SO(3) begin to be lost at two to eight times this limit, whatever k1, k2, k3, σmax, δ, β and h
-//! are; the default is half of it. With β from its rule Λw grows with J², as the units of w ask for: vehicles that
-//! differ in J alone then turn alike.
+//! For any k1, k2, k3, σmax, δ, β and h, flights from all of SO(3) start to be lost at two to eight times this limit; the
+//! default is half of it. With β from its rule, Λw grows with J², as the units of w require: vehicles that differ only in
+//! J then rotate alike.
 
 use super::{Controller, GRAVITY, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Gains, ServiceId, Topic};
 
-/// Share of z3 that a step takes away with the default β.
-const DAMPED_A_STEP: f64 = 0.3;
+/// Share by which a step reduces z3 with the default β.
+const DAMPED_PER_STEP: f64 = 0.3;
 
-/// Share of its limit that the default Λw is.
+/// Default Λw as a share of its limit.
 const SHARE_OF_LIMIT: f64 = 0.5;
 
 impl Scenario {
-    /// Returns β: as stated, or as it follows from `controller.initial.inertia`.
+    /// Returns β: as stated, or derived from `controller.initial.inertia`.
     #[must_use]
     pub fn beta(&self) -> f64 {
         let Controller { beta, initial, .. } = &self.controller;
@@ -56,26 +56,26 @@ impl Scenario {
         })
     }
 
-    /// Returns the β that follows from a smallest moment of inertia, kg m².
+    /// Returns the default β for a smallest moment of inertia, kg m².
     #[must_use]
     pub fn beta_for(&self, inertia: f64) -> f64 {
-        rounded(self.torque_step() * self.controller.damping() / (DAMPED_A_STEP * inertia))
+        rounded(self.torque_step() * self.controller.damping() / (DAMPED_PER_STEP * inertia))
     }
 
-    /// Returns Λw: as stated, or as it follows from β and the other gains.
+    /// Returns Λw: as stated, or derived from β and the other gains.
     #[must_use]
     pub fn lambda_inertia(&self) -> f64 {
         let stated = self.controller.lambda_inertia;
         stated.unwrap_or_else(|| self.default_lambda_inertia())
     }
 
-    /// Returns the Λw that follows from the other gains.
+    /// Returns the Λw that is derived from the other gains.
     #[must_use]
     pub fn default_lambda_inertia(&self) -> f64 {
         rounded(SHARE_OF_LIMIT * self.lambda_inertia_limit())
     }
 
-    /// Returns the Λw up to which the sampled estimator of w learns no more in a step than k3 damps.
+    /// Returns the Λw up to which a step of the sampled estimator of w does not exceed the damping of k3.
     #[must_use]
     pub fn lambda_inertia_limit(&self) -> f64 {
         let Controller {
@@ -88,23 +88,23 @@ impl Scenario {
         let beta = self.beta();
         let fastest = (GRAVITY + k2 * sigma_max) / delta.abs(); // ω̄
         let driven = fastest + (k1 + k2) * sigma_max; // ω̄ + κ
-        let learned = fastest * fastest * driven * driven * driven;
-        13.5 * self.controller.damping() / (self.controller_step() * beta * beta * learned)
+        let adapted = fastest * fastest * driven * driven * driven;
+        13.5 * self.controller.damping() / (self.controller_step() * beta * beta * adapted)
     }
 
-    /// Returns the planned changes of gains, each with the tick from which its gains hold, in the order of ticks.
+    /// Returns the planned changes of gains, each with the tick from which it is in force, in ascending order.
     #[must_use]
     pub fn planned_gains(&self) -> Vec<(u64, Gains)> {
         let planned = self.controller.change.iter();
         planned
             .scan(self.gains(), |gains, change| {
-                *gains = change.of(gains);
+                *gains = change.apply_to(gains);
                 Some((self.tick_of(change.at), *gains))
             })
             .collect()
     }
 
-    /// Returns the scenario with these gains stated, those that follow from others too.
+    /// Returns the scenario with these gains stated, including derived ones.
     #[must_use]
     pub fn with_gains(&self, gains: &Gains) -> Self {
         Self {
@@ -121,7 +121,7 @@ impl Scenario {
         })
     }
 
-    /// Returns the time for which a torque acts, s: the hold of a command, or a step of the roll-out over it.
+    /// Returns the time over which a torque is constant, s: the hold of a command, or a step of the roll-out over it.
     #[must_use]
     pub fn torque_step(&self) -> f64 {
         let hold = self.command_hold();
@@ -129,7 +129,7 @@ impl Scenario {
         rates.map_or(hold, |rates| hold / rates.steps(hold))
     }
 
-    /// Returns the time between two steps of the controller, over which its estimators learn, s.
+    /// Returns the time between two steps of the controller, the step of its estimators, s.
     #[must_use]
     pub fn controller_step(&self) -> f64 {
         self.schedule().map_or(self.schedule.tick, |schedule| {
@@ -146,7 +146,7 @@ impl Controller {
     }
 }
 
-/// Rounds a gain to three digits, so that a scenario which states the shown value flies the same flight.
+/// Rounds a gain to three digits, so that a scenario with the displayed value gives the same flight.
 fn rounded(gain: f64) -> f64 {
     format!("{gain:.2e}").parse().unwrap_or(gain)
 }

@@ -9,11 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::{Flight, Scenario};
 use crate::range::{positive, positive_up_to};
 
-/// Excess over the speed of descent with which a vehicle may touch the ground unless stated, m/s: it has fallen some
-/// centimetres.
-const HARDER: f64 = 1.0;
+/// Default excess of the impact speed over the speed of descent, m/s: that of a fall of some centimetres.
+const IMPACT_MARGIN: f64 = 1.0;
 
-/// Limits beyond which a flight counts as lost, by the vehicle's true state, whatever its controller reports.
+/// Limits beyond which a flight counts as lost, by the vehicle's true state.
 ///
 /// They do not change the flight, except by `end_when_lost`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,7 +32,7 @@ pub struct Judge {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub steady_after: Option<f64>,
-    /// `true` if a flight in simulated time ends when the vehicle is lost; if not it is flown to its planned end.
+    /// `true` if a flight in simulated time ends when the vehicle is lost, `false` if it continues to its planned end.
     pub end_when_lost: bool,
 }
 
@@ -50,15 +49,16 @@ impl Default for Judge {
 }
 
 impl Judge {
-    /// Returns the speed above which a vehicle is lost that touches the ground in such a flight, m/s.
+    /// Returns the impact speed above which the vehicle is lost, m/s.
     #[must_use]
     pub fn impact_speed_max(&self, flight: &Flight) -> f64 {
-        self.impact_speed_max.unwrap_or(flight.landing_speed + HARDER)
+        self.impact_speed_max
+            .unwrap_or(flight.landing_speed + IMPACT_MARGIN)
     }
 }
 
 impl Scenario {
-    /// Returns the limits for the scenario: as stated, or by default.
+    /// Returns the limits of the scenario, or the defaults.
     #[must_use]
     pub fn limits_of_loss(&self) -> Judge {
         self.judge.unwrap_or_default()

@@ -19,7 +19,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 5] = [
         Self::StepLogic,
         Self::MotionCapture,
@@ -42,7 +42,7 @@ impl Kind {
 pub(crate) const MOTION_CAPTURE: &str = "motion_capture";
 
 impl Scenario {
-    /// Returns the kind in a role in real time; in simulated time drivers have no hardware to connect to.
+    /// Returns the kind in a role in real time. In simulated time there are no drivers.
     #[must_use]
     pub fn kind_of(&self, role: ServiceId) -> Kind {
         if self.program_of(role).is_some() {
@@ -66,8 +66,8 @@ impl Scenario {
 /// Returns the role of a process, by its name.
 #[must_use]
 pub fn role_of_process(name: &str) -> Option<ServiceId> {
-    let of_a_driver = (name == MOTION_CAPTURE).then_some(ServiceId::Plant);
-    of_a_driver.or_else(|| ServiceId::from_name(name))
+    let driver_role = (name == MOTION_CAPTURE).then_some(ServiceId::Plant);
+    driver_role.or_else(|| ServiceId::from_name(name))
 }
 
 #[cfg(test)]

@@ -23,22 +23,22 @@ pub enum LawKind {
     NfConstant,
     /// PX4's cascade.
     Px4,
-    /// The geometric law with a mass by immersion and invariance, in the style of the paper's ref. \[30\].
+    /// The geometric law with a mass estimate by immersion and invariance, in the style of the paper's ref. \[30\].
     ImmersionMass,
-    /// Torque with an inertia by immersion and invariance, in the style of the paper's ref. \[29\]; for commands of torque.
+    /// Torque with an inertia estimate by immersion and invariance, in the style of the paper's ref. \[29\]; for commands of torque.
     ImmersionInertia,
     /// Nonlinear model predictive control.
     Nmpc,
 }
 
 impl LawKind {
-    /// Returns whether this law uses a key of `[controller]`, given by its names.
+    /// Returns whether this law uses a key of `[controller]`, given by its segments.
     #[must_use]
     pub fn uses(self, key: &[&str]) -> bool {
         match key {
             ["delta" | "sigma_max" | "remove_offset", ..] => self.is_adaptive(),
             [gain, ..] if Gains::NAMES.contains(gain) => self.is_adaptive(),
-            ["baseline", name, ..] => self.uses_of_baseline(name),
+            ["baseline", name, ..] => self.uses_baseline_gain(name),
             [
                 "rates",
                 "roll_out" | "roll_out_step" | "unexplained" | "lag_inversion",
@@ -47,7 +47,7 @@ impl LawKind {
         }
     }
 
-    fn uses_of_baseline(self, gain: &str) -> bool {
+    fn uses_baseline_gain(self, gain: &str) -> bool {
         match gain {
             "position_gain" | "velocity_gain" => !matches!(self, Self::Adaptive | Self::Px4 | Self::Nmpc),
             "attitude_gain" => !matches!(self, Self::Adaptive | Self::Nmpc),
@@ -63,20 +63,20 @@ impl LawKind {
         }
     }
 
-    /// Whether this is the paper's law.
+    /// Returns whether this is the paper's law.
     #[must_use]
     pub fn is_adaptive(&self) -> bool {
         *self == Self::Adaptive
     }
 
-    /// Whether this law commands torque, and no other.
+    /// Returns whether this law can only command torque.
     #[must_use]
     pub fn commands_torque(&self) -> bool {
         *self == Self::ImmersionInertia
     }
 }
 
-/// Gains of the baselines. All have the nominal loop in common; each of them has one free gain.
+/// Gains of the baselines. They share the nominal loop; each has one free gain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Baseline {
@@ -89,17 +89,17 @@ pub struct Baseline {
     /// kR, rate of the attitude loop, 1/s.
     #[schemars(transform = positive)]
     pub attitude_gain: f64,
-    /// Largest position error that the loop acts on, m; integrals rest above it. Any unless stated.
+    /// Saturation of the position error, m; integrals are frozen above it. None unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub error_limit: Option<f64>,
-    /// Largest component of an integral or an estimate of the disturbance, m/s².
+    /// Maximum component of an integral or an estimate of the disturbance, m/s².
     #[schemars(transform = positive)]
     pub disturbance_max: f64,
     /// Integral gain of `geometric_pid`, 1/s².
     #[schemars(transform = not_negative)]
     pub integral_gain: f64,
-    /// Leak a of the predictor of `l1`, 1/s.
+    /// Leakage a of the predictor of `l1`, 1/s.
     #[schemars(transform = positive)]
     pub l1_leak: f64,
     /// Bandwidth ωc of the filter of `l1`, rad/s.
@@ -111,19 +111,19 @@ pub struct Baseline {
     /// Gain p/r of `nf_constant` on the prediction error, 1/s.
     #[schemars(transform = not_negative)]
     pub composite_prediction_gain: f64,
-    /// Factor on the rates of PX4's loops of position and velocity for `px4`.
+    /// Factor on the rates of PX4's position and velocity loops for `px4`.
     #[schemars(transform = positive)]
     pub cascade_scale: f64,
     /// Gain γ of the mass estimate of `immersion_mass`, 1/(N² s).
     #[schemars(transform = not_negative)]
     pub immersion_gain: f64,
-    /// Rate kω of the loop of the angular velocity of `immersion_inertia`, 1/s.
+    /// Rate kω of the angular velocity loop of `immersion_inertia`, 1/s.
     #[schemars(transform = positive)]
     pub rate_gain: f64,
-    /// Gain γ of the inertia's estimate of `immersion_inertia`, s³.
+    /// Gain γ of the inertia estimate of `immersion_inertia`, s³.
     #[schemars(transform = not_negative)]
     pub inertia_gain: f64,
-    /// Weight of the commanded rates of `nmpc`, beside 1000 for the position error.
+    /// Weight of the commanded rates of `nmpc`, relative to 1000 for the position error.
     #[schemars(transform = positive)]
     pub nmpc_rate_weight: f64,
 }

@@ -1,8 +1,8 @@
-//! Parameters of a flight, as a scenario file states them and as every service reads them.
+//! Parameters of a flight, as stated by a scenario file and read by every service.
 //!
-//! A scenario determines the experiment together with its seed. Separate sections state the use of the machine;
-//! [`Scenario::experiment`] leaves them out. SI units and radians. Defaults are those of the paper where it gives them
-//! (section V), else those with which its results were reproduced.
+//! A scenario and its seed determine the experiment. Separate sections state the use of the machine;
+//! [`Scenario::experiment`] removes them. SI units and radians. Defaults are those of the paper (section V) if it gives
+//! them, otherwise those with which its results were reproduced.
 
 #![warn(missing_docs)]
 
@@ -83,7 +83,7 @@ pub use vehicle::{
     Wind,
 };
 
-/// Keys that have moved: table and name before, and the table now.
+/// Moved keys: previous table, name, and present table.
 pub const MOVED_KEYS: [(&str, &str, &str); 2] = [
     ("estimator", "source", "motion_capture"),
     ("estimator", "recording", "motion_capture"),
@@ -100,7 +100,7 @@ pub struct Scenario {
     /// Purpose of the scenario, one line.
     #[serde(default)]
     pub description: String,
-    /// Seed of every random draw of the flight.
+    /// Seed of all random draws of the flight.
     #[serde(default = "first_seed")]
     pub seed: u64,
     /// Length of the flight, s.
@@ -116,7 +116,7 @@ pub struct Scenario {
     /// The control law's gains and bounds.
     #[serde(default)]
     pub controller: Controller,
-    /// The motion-capture system; ideal unless stated.
+    /// The simulated cameras; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cameras: Option<Cameras>,
     /// The state estimator; passes on the captures of ideal cameras unless stated.
@@ -128,11 +128,10 @@ pub struct Scenario {
     /// The radio link; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rc_output: Option<RcLink>,
-    /// Model of vehicle and links that estimator and controller use; the truth may differ.
+    /// Model of vehicle and links in estimator and controller; the true values may differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// The phases of the flight, from take-off to landing; without it the vehicle is in the air from the start to
-    /// the end.
+    /// The phases of the flight, from take-off to landing; without it the vehicle is in the air from start to end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flight: Option<Flight>,
     /// Limits that the transmitter enforces on the vehicle and the controller; none unless stated.
@@ -147,7 +146,7 @@ pub struct Scenario {
     /// Policies of services for samples that are too old or impossible, by input: `"topic -> service"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub safety: BTreeMap<String, InputSafety>,
-    /// Plug-ins: shared libraries whose step logic flies in place of a service's own.
+    /// Plug-ins: shared libraries that fly in place of a service's step logic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plugins: Option<Plugins>,
     /// External services: programs that fly in place of services.

@@ -1,7 +1,7 @@
 //! Use of the machine by a flight: deployment of the services, and settings of real time.
 //!
-//! It does not affect the log of a flight in simulated time. It is no part of [`Scenario::experiment`], which the log
-//! keeps and from which step logic is made.
+//! It does not affect the log of a flight in simulated time. It is not a part of [`Scenario::experiment`], which the log
+//! stores and from which step logic is constructed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,31 +19,30 @@ const SLACK_HINT: &str = "1e-6 gives wake-ups as sharp as the system can; leave 
 
 macro_rules! deployment {
     ($($name:ident: $service:ident),+) => {
-        /// Use of the machine: for all services, except as a service's table states otherwise.
+        /// Use of the machine: for all services, unless a service's table states otherwise.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Deployment {
-            /// `true` to refuse the flight if the machine does not permit the stated values; if not, the run warns and
-            /// flies.
+            /// `true` to refuse the flight if the machine does not permit the stated values, `false` to warn and fly.
             pub strict: bool,
-            /// Core that the services run on; chosen as the run begins unless stated.
+            /// Core that the services run on; chosen at the start of the run unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             #[schemars(transform = between(0, 1023), extend("x-hint" = CORE_HINT))]
             pub core: Option<u32>,
-            /// Priority of `SCHED_FIFO`, above all ordinary work; the ordinary scheduler unless stated.
+            /// Priority of `SCHED_FIFO`, above all ordinary processes; the ordinary scheduler unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             #[schemars(transform = between(1, 99), extend("x-hint" = PRIORITY_HINT))]
             pub priority: Option<u32>,
-            /// `true` to lock and touch memory before the flight, so that no step waits for a page; not unless stated.
+            /// `true` to lock and pre-fault memory before the flight, so that no step waits for a page; not unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub lock_memory: Option<bool>,
-            /// Delay by which the system may wake a sleeping service late to save energy, s; the system's 5e-5 unless
-            /// stated.
+            /// Timer slack: delay by which the kernel may wake a sleeping service late to save energy, s; the kernel's 5e-5
+            /// unless stated.
             #[serde(skip_serializing_if = "Option::is_none")]
             #[schemars(transform = between(1e-9, 1.0), extend("x-hint" = SLACK_HINT))]
             pub timer_slack: Option<f64>,
             $(
-                #[doc = concat!("What differs for `", stringify!($name), "`.")]
+                #[doc = concat!("Differences for `", stringify!($name), "`.")]
                 #[serde(skip_serializing_if = "Option::is_none")]
                 pub $name: Option<ServiceDeployment>,
             )+
@@ -53,9 +52,9 @@ macro_rules! deployment {
         }
 
         impl Deployment {
-            /// Returns the separate table of a process, by its name.
+            /// Returns the table of a process, by its name.
             #[must_use]
-            pub fn own(&self, process_name: &str) -> Option<&ServiceDeployment> {
+            pub fn table_of(&self, process_name: &str) -> Option<&ServiceDeployment> {
                 match process_name {
                     $(stringify!($name) => self.$name.as_ref(),)+
                     MOTION_CAPTURE => self.motion_capture.as_ref(),
@@ -63,14 +62,14 @@ macro_rules! deployment {
                 }
             }
 
-            /// Returns the names of all processes that have a separate table, with their roles.
+            /// Returns the names of all processes with a table, with their roles.
             pub(crate) fn tables(&self) -> impl Iterator<Item = (&'static str, ServiceId)> {
                 let names = ServiceId::ALL.map(|role| (role.name(), role)).into_iter();
                 let names = names.chain([(MOTION_CAPTURE, ServiceId::Plant)]);
-                names.filter(|(name, _)| self.own(name).is_some())
+                names.filter(|(name, _)| self.table_of(name).is_some())
             }
 
-            fn owns_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
+            fn tables_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
                 [$(&mut self.$name),+, &mut self.motion_capture].into_iter().flatten()
             }
         }
@@ -82,7 +81,7 @@ shared_types::with_services!(deployment);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServiceDeployment {
-    /// Core that it runs on; as for all services unless stated.
+    /// Core that the service runs on; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(0, 1023), extend("x-hint" = CORE_HINT))]
     pub core: Option<u32>,
@@ -90,10 +89,10 @@ pub struct ServiceDeployment {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(1, 99), extend("x-hint" = PRIORITY_HINT))]
     pub priority: Option<u32>,
-    /// `true` to lock and touch its memory before the flight; as for all services unless stated.
+    /// `true` to lock and pre-fault its memory before the flight; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lock_memory: Option<bool>,
-    /// Delay by which the system may wake it late to save energy, s; as for all services unless stated.
+    /// Timer slack: delay by which the kernel may wake it late to save energy, s; as for all services unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(1e-9, 1.0), extend("x-hint" = SLACK_HINT))]
     pub timer_slack: Option<f64>,
@@ -101,15 +100,15 @@ pub struct ServiceDeployment {
 
 impl Deployment {
     /// Removes all stated cores, so that the caller decides.
-    pub fn forget_cores(&mut self) {
+    pub fn clear_cores(&mut self) {
         self.core = None;
-        self.owns_mut().for_each(|own| own.core = None);
+        self.tables_mut().for_each(|table| table.core = None);
     }
 
     /// Removes all stated priorities, so that the caller decides.
-    pub fn forget_priorities(&mut self) {
+    pub fn clear_priorities(&mut self) {
         self.priority = None;
-        self.owns_mut().for_each(|own| own.priority = None);
+        self.tables_mut().for_each(|table| table.priority = None);
     }
 
     /// Returns the values for all services.
@@ -123,10 +122,10 @@ impl Deployment {
         }
     }
 
-    /// Returns the values for a process: those of its table, else those for all.
+    /// Returns the values for a process: those of its table, otherwise those for all.
     #[must_use]
-    pub fn of(&self, process_name: &str) -> ServiceDeployment {
-        let own = self.own(process_name).copied().unwrap_or_default();
+    pub fn for_process(&self, process_name: &str) -> ServiceDeployment {
+        let own = self.table_of(process_name).copied().unwrap_or_default();
         let common = self.common();
         ServiceDeployment {
             core: own.core.or(common.core),
@@ -141,12 +140,12 @@ impl Deployment {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealTime {
-    /// Time after a due step that a service has not made until the service counts as hanging and is replaced, s; 0.1, or
-    /// twice the longest time that a step waits for its inputs if that is longer, unless stated.
+    /// Delay of a due step after which the service counts as hung and is restarted, s; 0.1, or twice the longest wait of a
+    /// step for its inputs if that is longer, unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub hang_limit: Option<f64>,
-    /// Time beyond the due time that a step waits for due inputs, s; half its service's period if that is longer.
+    /// Time after its due time for which a step waits for due inputs, s; half its service's period if that is longer.
     #[schemars(transform = not_negative)]
     pub grace: f64,
     /// Reaction of the services to the loss of the orchestrator.
@@ -164,14 +163,14 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Returns the time after a due step at which a service of a flight hangs, s: as stated, or far from what its steps wait.
+    /// Returns the delay of a due step after which a service counts as hung, s: as stated, or well above the longest wait.
     #[must_use]
     pub fn hang_limit(&self, schedule: &Schedule, service: ServiceId) -> f64 {
         let default = || (2.0 * self.longest_wait(schedule, service)).max(0.1);
         self.hang_limit.unwrap_or_else(default)
     }
 
-    /// Returns how long a step of a service waits for its inputs at most, s: the grace, or half a period.
+    /// Returns the longest wait of a service's step for its inputs, s: the grace, or half a period.
     pub(crate) fn longest_wait(&self, schedule: &Schedule, service: ServiceId) -> f64 {
         let period = schedule.service_rate(service).period;
         self.grace.max(seconds(schedule.time_ns(period)) / 2.0)
@@ -185,20 +184,20 @@ pub enum OrchestratorLoss {
     /// They land the vehicle and end.
     #[default]
     Land,
-    /// They fly on, without recording and without a supervisor to replace them.
+    /// They fly on, without recording and without restarts.
     Continue,
 }
 
 impl Scenario {
-    /// Returns the scenario without the use of the machine: the part that determines the results, and that step logic
-    /// may know.
+    /// Returns the scenario without the use of the machine: the part that determines the results and that step logic may
+    /// read.
     #[must_use]
     pub fn experiment(&self) -> Self {
         Self {
             deployment: None,
             real_time: None,
             operator: None,
-            // With the gains that were flown, for an external service with other rules too.
+            // With all gains stated: an external service may derive them by other rules.
             controller: self.controller.with_gains(&self.gains()),
             plugins: self.plugins.as_ref().map(Plugins::without_folder),
             programs: self.programs.as_ref().map(Programs::without_folder),
@@ -217,7 +216,7 @@ impl Scenario {
         self.deployment
             .as_ref()
             .map_or_else(ServiceDeployment::default, |deployment| {
-                deployment.of(self.process_name(service))
+                deployment.for_process(self.process_name(service))
             })
     }
 }
@@ -241,7 +240,7 @@ mod tests {
             }),
             ..Deployment::default()
         };
-        let of = |service: ServiceId| deployment.of(service.name());
+        let of = |service: ServiceId| deployment.for_process(service.name());
         assert_eq!(of(ServiceId::Plant).priority, Some(20));
         assert_eq!(of(ServiceId::RcOutput).priority, Some(40));
         assert_eq!(of(ServiceId::RcOutput).core, Some(1));
@@ -268,17 +267,17 @@ mod tests {
             motion_capture: own,
             ..Deployment::default()
         };
-        deployment.forget_cores();
+        deployment.clear_cores();
         for service in ServiceId::ALL {
-            let of = deployment.of(service.name());
+            let of = deployment.for_process(service.name());
             assert_eq!(
                 (of.core, of.priority, of.lock_memory),
                 (None, Some(30), Some(true))
             );
         }
-        deployment.forget_priorities();
+        deployment.clear_priorities();
         for service in ServiceId::ALL {
-            assert_eq!(deployment.of(service.name()).priority, None);
+            assert_eq!(deployment.for_process(service.name()).priority, None);
         }
     }
 

@@ -1,4 +1,4 @@
-//! Model of vehicle and links in estimator and controller.
+//! Model of vehicle and links, used by estimator and controller.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::vehicle::is_zero;
 use crate::range::{between, not_negative, positive};
 use crate::timing::LONGEST_FLIGHT;
 
-/// Longest latency that a model may state, s: what a vehicle does in a longer time cannot be predicted.
+/// Maximum latency of a model, s: the vehicle cannot be predicted over a longer time.
 const LONGEST_PREDICTION: f64 = 0.2;
 
 /// Model of the vehicle and of the links that estimator and controller use.
@@ -27,14 +27,14 @@ pub struct Model {
     /// Time constant of the body rates, s.
     #[schemars(transform = not_negative)]
     pub rate_lag: f64,
-    /// Time from the sending of a frame to its acting, s.
+    /// Time from the transmission of a frame until it takes effect, s.
     #[schemars(transform = between(0.0, LONGEST_PREDICTION), extend("x-ticks" = LONGEST_FLIGHT))]
     pub radio_latency: f64,
     /// Time from a capture's exposure to its arrival, s; from the captures' stamps unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(0.0, LONGEST_PREDICTION), extend("x-ticks" = LONGEST_FLIGHT))]
     pub capture_latency: Option<f64>,
-    /// Point that the cameras track, seen from the centre of mass, in {B}, m.
+    /// Point that the cameras track, relative to the centre of mass, in {B}, m.
     #[serde(skip_serializing_if = "is_zero")]
     pub marker_offset: Vector,
 }

@@ -1,4 +1,4 @@
-//! Source of poses: a laboratory's motion-capture system on the network, with its known properties.
+//! Source of poses: the motion-capture system of a laboratory.
 
 use std::net::Ipv4Addr;
 use std::ops::Bound::Included;
@@ -41,24 +41,24 @@ pub enum CaptureSystem {
     Natnet,
 }
 
-/// Properties of a motion-capture system that its statement in a scenario depends on.
+/// Properties of a motion-capture system that a scenario depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureProperties {
-    /// The source of poses that states it.
+    /// Source of poses.
     pub source: PoseSource,
-    /// Its word in `motion_capture.source`.
+    /// Name in `motion_capture.source`.
     pub name: &'static str,
-    /// Other words for it.
+    /// Other names.
     pub aliases: &'static [&'static str],
-    /// Its full name, in listings of the choices.
+    /// Full name, in listings of the choices.
     pub title: &'static str,
     /// Default port.
     pub port: u16,
-    /// Default of the time from the exposure to the arrival beyond that of the stamps, s.
+    /// Default time from exposure to arrival that the stamps do not cover, s.
     pub latency: f64,
-    /// Longest name of a body, bytes.
+    /// Maximum length of a body's name, bytes.
     pub longest_name: usize,
-    /// Meaning of a number behind a body's name.
+    /// Meaning of a number after a body's name.
     pub numbers: BodyNumbers,
 }
 
@@ -69,70 +69,68 @@ pub enum BodyNumbers {
     None,
     /// A sensor of the body, the first unless stated.
     Sensor,
-    /// The body itself, whose name may then be left out.
+    /// The body itself, whose name may then be omitted.
     Body,
 }
 
 impl BodyNumbers {
-    /// Returns the number of a body that is stated without one.
+    /// Returns the default number of a body.
     #[must_use]
     pub fn unstated(self) -> Option<i32> {
         (self == Self::Sensor).then_some(0)
     }
 }
 
-/// Source of poses, with the known properties of a laboratory's motion-capture system: its address, the vehicle's body,
-/// and the limits of a pose.
+/// Source of poses, with the address of a laboratory's motion-capture system, the vehicle's body, and the limits of a
+/// pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionCapture {
     /// Source of poses.
     #[serde(default, skip_serializing_if = "PoseSource::is_simulated")]
     pub source: PoseSource,
-    /// The log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
+    /// Log of the flight whose captures are replayed, or its run's folder; with the source `replay`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<String>,
-    /// IPv4 address of the sending machine; packets from any other are counted and dropped. With a system as the
-    /// source.
+    /// IPv4 address of the server; packets from other machines are counted and dropped. With a system as the source.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub server: String,
-    /// Its port, or with Vicon's UDP stream the local port; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
+    /// Port of the server, or with Vicon's UDP stream the local port; 3883 (VRPN), 1510 (NatNet) or 51001 (Vicon) unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(1, u16::MAX))]
     pub port: Option<u32>,
     /// IPv4 address of the local interface on which packets are received; packets on others are ignored.
     #[serde(default = "default_interface")]
     pub interface: String,
-    /// The vehicle: a body's name; its number as `#7` (NatNet); or both as `name#1` (a sensor of VRPN, 0 unless stated). With a
-    /// system as the source.
+    /// The vehicle's body: its name, its number as `#7` (NatNet), or both as `name#1` (a sensor of VRPN, 0 unless stated). With
+    /// a system as the source.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub object: String,
-    /// From the capture system's frame to {I}; from its usual axes unless stated.
+    /// Transform from the capture system's frame to {I}; that of its usual axes unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_from_capture: Option<FrameTransform>,
-    /// From the frame of the vehicle's markers to {B}; for a body that was defined level, nose along the system's x,
+    /// Transform from the frame of the vehicle's markers to {B}; that of a body defined level, nose along the system's x,
     /// unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_from_markers: Option<FrameTransform>,
-    /// Shortest time from the exposure to the arrival beyond that of the stamps, s; 0.005 (Vicon), 0.004 (VRPN) or
-    /// 0.0002 (NatNet) unless stated.
+    /// Minimum time from exposure to arrival that the stamps do not cover, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet)
+    /// unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "poses that are older cannot be flown with; 0.005 is usual"))]
     pub latency: Option<f64>,
-    /// Smallest and largest rate of frames without a warning, Hz; captures are missing after two periods of the
-    /// smallest.
+    /// Minimum and maximum frame rate without a warning, Hz; captures count as missing after two periods of the minimum.
     #[serde(default = "default_rate")]
     #[schemars(transform = positive_up_to(Included(2000.0)))]
     pub rate: [f64; 2],
-    /// Largest speed at which a pose is accepted, m/s.
+    /// Maximum speed at which a pose is accepted, m/s.
     #[serde(default = "default_max_speed")]
     #[schemars(transform = positive)]
     pub max_speed: f64,
-    /// Largest rate of turn at which a pose is accepted, rad/s.
+    /// Maximum turn rate at which a pose is accepted, rad/s.
     #[serde(default = "default_max_turn_rate")]
     #[schemars(transform = positive)]
     pub max_turn_rate: f64,
-    /// Time for which poses must follow each other before they are accepted, at the start and after a jump, s.
+    /// Time for which poses must be consistent before they are accepted, at the start and after a jump, s.
     #[serde(default = "default_settle")]
     #[schemars(transform = not_negative)]
     pub settle: f64,
@@ -142,14 +140,14 @@ pub struct MotionCapture {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FrameTransform {
-    /// The origin of the frame that is transformed from, m.
+    /// Origin of the source frame, m.
     pub position: Vector,
     /// Roll, pitch and yaw, rad.
     #[schemars(transform = angle)]
     pub roll_pitch_yaw: Vector,
 }
 
-/// Longest name of a body of any system, bytes.
+/// Maximum length of a body's name in any system, bytes.
 pub(crate) const LONGEST_NAME: usize = 255;
 
 fn default_interface() -> String {
@@ -188,10 +186,10 @@ impl PoseSource {
 }
 
 impl CaptureSystem {
-    /// All of them.
+    /// All systems.
     pub const ALL: [Self; 3] = [Self::ViconUdp, Self::Vrpn, Self::Natnet];
 
-    /// Returns its properties.
+    /// Returns the properties of the system.
     #[must_use]
     pub fn properties(self) -> &'static CaptureProperties {
         match self {
@@ -221,7 +219,7 @@ impl CaptureSystem {
                 aliases: &[],
                 title: "Motive's NatNet",
                 port: 1510,
-                // Motive stamps exposure and sending: only the network is left.
+                // Motive stamps exposure and transmission: only the network delay remains.
                 latency: 0.0002,
                 longest_name: LONGEST_NAME,
                 numbers: BodyNumbers::Body,
@@ -229,7 +227,7 @@ impl CaptureSystem {
         }
     }
 
-    /// Returns the word of `motion_capture.source`.
+    /// Returns the name in `motion_capture.source`.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.properties().name
@@ -242,32 +240,31 @@ impl Scenario {
     pub fn pose_source(&self) -> PoseSource {
         self.motion_capture
             .as_ref()
-            .map_or(PoseSource::Simulated, |stated| stated.source)
+            .map_or(PoseSource::Simulated, |section| section.source)
     }
 
-    /// Returns the motion-capture system of the laboratory with its known properties; `None` if the poses have another
-    /// source.
+    /// Returns the motion-capture system of the laboratory with its settings; `None` if the poses have another source.
     #[must_use]
     pub fn capture_system(&self) -> Option<(CaptureSystem, &MotionCapture)> {
-        let stated = self.motion_capture.as_ref()?;
-        Some((stated.source.system()?, stated))
+        let section = self.motion_capture.as_ref()?;
+        Some((section.source.system()?, section))
     }
 
     /// Returns the recorded flight whose captures are replayed; `None` if the poses have another source.
     #[must_use]
     pub fn recorded_captures(&self) -> Option<&str> {
-        let stated = self.motion_capture.as_ref()?;
-        let recording = stated.recording.as_deref();
-        recording.filter(|_| stated.source == PoseSource::Replay)
+        let section = self.motion_capture.as_ref()?;
+        let recording = section.recording.as_deref();
+        recording.filter(|_| section.source == PoseSource::Replay)
     }
 
-    /// Returns the known properties of real cameras.
+    /// Returns the settings of real cameras.
     fn real_cameras(&self) -> Option<&MotionCapture> {
-        let stated = self.motion_capture.as_ref();
-        stated.filter(|stated| !stated.source.is_simulated())
+        let section = self.motion_capture.as_ref();
+        section.filter(|section| !section.source.is_simulated())
     }
 
-    /// Returns the longest time between two captures without a missing one between them, ns.
+    /// Returns the maximum time between two consecutive captures, ns.
     #[must_use]
     pub fn between_captures_ns(&self, schedule: &Schedule) -> u64 {
         let published = schedule.time_ns(schedule.topic_rate(Topic::MocapPose).period);
@@ -276,7 +273,7 @@ impl Scenario {
         })
     }
 
-    /// Returns the shortest time from the exposure of a capture to its arrival in a laboratory, ns.
+    /// Returns the minimum time from exposure to arrival of a capture in a laboratory, ns.
     #[must_use]
     pub fn capture_latency_ns(&self) -> u64 {
         self.real_cameras().map_or(0, |cameras| {
@@ -310,8 +307,8 @@ impl MotionCapture {
         }
     }
 
-    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number.
-    /// Where bodies have no numbers, their names may contain a `#`.
+    /// Returns name and number of the vehicle's body, each if stated; `None` if the text after `#` is not a number. In
+    /// systems without body numbers, names may contain a `#`.
     #[must_use]
     pub fn name_and_number(&self) -> Option<(&str, Option<i32>)> {
         let system = self.source.system();

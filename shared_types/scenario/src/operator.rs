@@ -1,7 +1,7 @@
 //! Devices of the operator in a flight in real time, beside the command line.
 //!
-//! They do not affect the log of a flight in simulated time: there nobody opens them, and
-//! [`Scenario::experiment`](super::Scenario::experiment) leaves them out.
+//! They do not affect the log of a flight in simulated time, which does not open them.
+//! [`Scenario::experiment`](super::Scenario::experiment) removes them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,7 @@ use crate::range::{between, within};
 /// Largest code of a key: KEY_MAX of the kernel's input-event-codes.h.
 const LAST_KEY: u32 = 0x2ff;
 
-/// Kill switch of the operator: a key of an input device or a button at a serial line, which does what `gerono kill`
-/// does.
+/// Kill switch of the operator: a key of an input device or a button at a serial line, with the effect of `gerono kill`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OperatorDevices {
@@ -37,12 +36,12 @@ pub struct OperatorDevices {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum KillSwitchLoss {
-    /// The flight goes on without it.
+    /// The flight continues without it.
     Ignore,
-    /// The vehicle lands and the run ends, as `gerono stop` does it.
+    /// The vehicle lands and the run ends, as by `gerono stop`.
     #[default]
     Land,
-    /// The motors stop until the end of the run, as `gerono kill` does it.
+    /// The motors stop until the end of the run, as by `gerono kill`.
     Kill,
 }
 
@@ -51,7 +50,7 @@ fn default_baud() -> u32 {
 }
 
 impl OperatorDevices {
-    /// Makes a kill switch of which any key kills, with the defaults.
+    /// Makes a kill switch with defaults: any key kills.
     #[must_use]
     pub fn new(kill_device: impl Into<String>) -> Self {
         Self {

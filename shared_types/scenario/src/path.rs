@@ -10,7 +10,7 @@ use crate::range::{angle, moment, not_negative, positive};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Path {
-    /// Following, in which the path waits for the vehicle, or the paper's comparison.
+    /// Path following, in which the path waits for the vehicle, or the paper's trajectory tracking.
     #[serde(default)]
     pub mode: PathMode,
     /// vd, desired rate of the path parameter, 1/s.
@@ -25,7 +25,7 @@ pub struct Path {
     #[serde(default = "default::alpha1")]
     #[schemars(transform = positive, extend("x-symbol" = "α1"))]
     pub alpha1: f64,
-    /// α2, position error above which the path stands still, m.
+    /// α2, position error above which the path stops, m.
     #[serde(default = "default::alpha2")]
     #[schemars(transform = positive, extend("x-symbol" = "α2"))]
     pub alpha2: f64,
@@ -39,7 +39,7 @@ pub struct Path {
     #[serde(default)]
     #[schemars(transform = angle)]
     pub yaw: f64,
-    /// Steps of the desired yaw, in the order of time.
+    /// Steps of the desired yaw, in chronological order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub yaw_step: Vec<YawStep>,
     /// The curve pd(γ).
@@ -47,7 +47,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// Makes a curve flown by the timing law with the paper's gains.
+    /// Makes a path along a curve with the paper's gains of the timing law.
     #[must_use]
     pub fn new(curve: Curve) -> Self {
         Self {

@@ -1,6 +1,6 @@
-//! Plug-ins: shared libraries whose step logic flies in place of a service's own.
+//! Plug-ins: shared libraries that fly in place of a service's step logic.
 //!
-//! The library is a part of the experiment, by its SHA-256; its place on the machine is not.
+//! The SHA-256 of the library is a part of the experiment; its path is not.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -28,7 +28,7 @@ macro_rules! plugins {
                 #[serde(skip_serializing_if = "Option::is_none")]
                 pub $name: Option<PathBuf>,
             )+
-            /// Numbers for the libraries, by names of their own.
+            /// Numbers for the libraries, by names that they define.
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             #[schemars(transform = any_finite)]
             pub parameters: BTreeMap<String, f64>,
@@ -38,9 +38,9 @@ macro_rules! plugins {
         }
 
         impl Plugins {
-            /// Returns the library in place of a service, as it is stated.
+            /// Returns the stated library in place of a service.
             #[must_use]
-            pub fn of(&self, service: ServiceId) -> Option<&Path> {
+            pub fn library_of(&self, service: ServiceId) -> Option<&Path> {
                 match service {
                     $(ServiceId::$service => self.$name.as_deref(),)+
                 }
@@ -63,14 +63,15 @@ impl Plugins {
         self.folder = Some(anchored(self.folder.as_deref(), file_folder));
     }
 
-    /// Returns the path of the library in place of a service; one with a slash, for the system looks elsewhere for others.
+    /// Returns the path of the library in place of a service. It always contains a slash: the dynamic linker searches other
+    /// folders for a name without one.
     #[must_use]
     pub fn path_of(&self, service: ServiceId) -> Option<PathBuf> {
         let folder = self.folder.as_deref().unwrap_or(Path::new("."));
-        Some(folder.join(self.of(service)?))
+        Some(folder.join(self.library_of(service)?))
     }
 
-    /// Returns the plug-ins without their place on the machine.
+    /// Returns the plug-ins without their folders.
     #[must_use]
     pub fn without_folder(&self) -> Self {
         let mut plugins = Self {
@@ -78,7 +79,7 @@ impl Plugins {
             ..self.clone()
         };
         for service in ServiceId::ALL {
-            if let Some(name) = self.of(service).and_then(Path::file_name) {
+            if let Some(name) = self.library_of(service).and_then(Path::file_name) {
                 plugins.rename(service, name);
             }
         }
@@ -87,20 +88,20 @@ impl Plugins {
 }
 
 impl Scenario {
-    /// Returns whether code that is not Gerono's own flies in place of a service.
+    /// Returns whether a plug-in or a program flies in place of a service.
     #[must_use]
     pub fn is_foreign(&self, service: ServiceId) -> bool {
         self.has_plugin(service) || self.program_of(service).is_some()
     }
 
-    /// Returns the services in whose place other code flies.
+    /// Returns the services that a plug-in or a program replaces.
     pub fn foreign_services(&self) -> impl Iterator<Item = ServiceId> {
         ServiceId::ALL
             .into_iter()
             .filter(|&service| self.is_foreign(service))
     }
 
-    /// Returns whether plug-ins fly in this flight.
+    /// Returns whether the flight has plug-ins.
     #[must_use]
     pub fn has_plugins(&self) -> bool {
         ServiceId::ALL.into_iter().any(|service| self.has_plugin(service))
@@ -111,6 +112,6 @@ impl Scenario {
     pub fn has_plugin(&self, service: ServiceId) -> bool {
         self.plugins
             .as_ref()
-            .is_some_and(|plugins| plugins.of(service).is_some())
+            .is_some_and(|plugins| plugins.library_of(service).is_some())
     }
 }

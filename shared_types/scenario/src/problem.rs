@@ -1,8 +1,8 @@
-//! Problems of a scenario: the place, the reason, the fix.
+//! Problems of a scenario: key, reason and fix.
 
 use super::suggest;
 
-/// Place of a value in a scenario: the names of tables and keys and the positions in arrays that lead to it.
+/// Key of a value in a scenario: the names of tables and keys and the positions in arrays on the path to it.
 ///
 /// Displayed as TOML writes it, such as `vehicle.change.0.at` or `schedule.latency."rc/frame -> plant"`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -17,7 +17,7 @@ impl Key {
         Self::default()
     }
 
-    /// Returns the key of a name, or of a position, inside this one.
+    /// Returns the key of a name or position inside this one.
     #[must_use]
     #[expect(
         clippy::needless_pass_by_value,
@@ -29,20 +29,20 @@ impl Key {
         Self { segments }
     }
 
-    /// Returns the names and positions, from the outside in.
+    /// Returns the names and positions, outermost first.
     #[must_use]
     pub fn segments(&self) -> &[String] {
         &self.segments
     }
 
-    /// Returns whether this is another key, or a position in its value.
+    /// Returns whether this key equals another one, or is a position in its value.
     pub(crate) fn is_element_of(&self, other: &Self) -> bool {
         let inside = self.segments.strip_prefix(other.segments.as_slice());
         let is_position = |segment: &String| segment.parse::<usize>().is_ok();
         inside.is_some_and(|inside| inside.iter().all(is_position))
     }
 
-    /// Returns whether one of two keys is the other, or inside of it.
+    /// Returns whether one of two keys equals or contains the other.
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
         self.segments.starts_with(&other.segments) || other.segments.starts_with(&self.segments)
@@ -82,7 +82,7 @@ fn is_bare(segment: &str) -> bool {
 /// Problem of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// The place.
+    /// The key.
     pub key: Key,
     /// The reason.
     pub reason: String,
@@ -91,7 +91,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Makes a problem at a place.
+    /// Makes a problem of a key.
     #[must_use]
     pub fn new(key: Key, reason: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl std::fmt::Display for Problem {
 
 impl std::error::Error for Problem {}
 
-/// Scenario without a valid schedule.
+/// Error of a scenario without a valid schedule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unflyable(pub Vec<Problem>);
 

@@ -1,6 +1,6 @@
 //! External services: programs that fly in place of services.
 //!
-//! The choice of the program is a part of the experiment; its place on the machine is not.
+//! The choice of the program is a part of the experiment; its folder is not.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use shared_types::{ExternalServices, ServiceId};
 
 macro_rules! programs {
     ($($name:ident: $service:ident),+) => {
-        /// External services: for each service the words of a command line, of which the first names the program.
+        /// External services: for each service a command line, the program and its arguments.
         #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Programs {
@@ -21,7 +21,7 @@ macro_rules! programs {
             #[serde(skip_serializing_if = "Option::is_none")]
             pub folder: Option<PathBuf>,
             $(
-                #[doc = concat!("What flies in place of `", stringify!($name), "`, program and arguments.")]
+                #[doc = concat!("Command line that flies in place of `", stringify!($name), "`: program and arguments.")]
                 #[serde(skip_serializing_if = "Option::is_none")]
                 pub $name: Option<Vec<String>>,
             )+
@@ -30,7 +30,7 @@ macro_rules! programs {
         impl Programs {
             /// Returns the program that flies in place of a service, with its arguments.
             #[must_use]
-            pub fn of(&self, service: ServiceId) -> Option<&[String]> {
+            pub fn command_of(&self, service: ServiceId) -> Option<&[String]> {
                 match service {
                     $(ServiceId::$service => self.$name.as_deref(),)+
                 }
@@ -41,7 +41,7 @@ macro_rules! programs {
 shared_types::with_services!(programs);
 
 impl Programs {
-    /// Makes those of a flight whose controller is the caller's own, of this name.
+    /// Makes the programs of a flight with the caller's own controller, of this name.
     #[must_use]
     pub fn own_controller(name: String) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl Programs {
     }
 }
 
-/// Returns a folder that a scenario states, seen from that of its file.
+/// Resolves a folder of a scenario relative to that of its file.
 pub(crate) fn anchored(stated: Option<&Path>, file_folder: &Path) -> PathBuf {
     stated.map_or_else(|| file_folder.to_owned(), |stated| file_folder.join(stated))
 }
@@ -74,7 +74,7 @@ impl Scenario {
     /// Returns the program that flies in place of a service, with its arguments.
     #[must_use]
     pub fn program_of(&self, service: ServiceId) -> Option<&[String]> {
-        self.programs.as_ref()?.of(service)
+        self.programs.as_ref()?.command_of(service)
     }
 
     /// Returns the set of external services.

@@ -1,7 +1,7 @@
 //! Transmitter of a laboratory: the radio link of its frames, and the receiver's channels.
 //!
-//! It does not affect the log of a flight in simulated time: there the link is simulated in any case, and
-//! [`Scenario::experiment`](super::Scenario::experiment) leaves it out.
+//! It does not affect the log of a flight in simulated time, in which the link is always simulated.
+//! [`Scenario::experiment`](super::Scenario::experiment) removes it.
 
 use std::ops::RangeInclusive;
 
@@ -11,52 +11,52 @@ use serde::{Deserialize, Serialize};
 use super::Scenario;
 use crate::range::{at_least, between, within};
 
-/// Speeds that a serial device can be asked for, baud.
+/// Valid baud rates of a serial device.
 pub(crate) const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
 
-/// Channels that no stick takes, counted from 1.
+/// Channels without a stick, counted from 1.
 const FREE_CHANNELS: RangeInclusive<u32> = 5..=16;
 
 /// Radio link of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RadioProtocol {
-    /// Nothing but the simulated link.
+    /// The simulated link only.
     #[default]
     Simulated,
     /// A CRSF receiver port or transmitter module.
     Crsf,
     /// An SBUS receiver port, behind an inverter.
     Sbus,
-    /// A MULTI transmitter module that speaks Spektrum DSM2 or DSMX.
+    /// A MULTI transmitter module for Spektrum DSM2 or DSMX.
     Multi,
-    /// A flight controller that takes MSP_SET_RAW_RC.
+    /// A flight controller that accepts MSP_SET_RAW_RC.
     Msp,
-    /// An autopilot that takes MAVLink 2.
+    /// An autopilot that accepts MAVLink 2.
     Mavlink,
 }
 
-/// Properties of a radio link that its statement in a scenario depends on.
+/// Properties of a radio link that a scenario depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadioProperties {
-    /// Its word in `rc_output.link`.
+    /// Name in `rc_output.link`.
     pub name: &'static str,
-    /// The key of a socket that also carries its frames, if one does.
+    /// Key of the socket that can carry the frames instead of a serial device, if any.
     pub socket: Option<&'static str>,
-    /// Speed of the serial device, baud: the link's only one, or the default of most receivers.
+    /// Baud rate of the serial device: the link's only one, or the default of most receivers.
     pub baud: u32,
-    /// Format of a byte on the serial line.
+    /// Framing of a byte on the serial line.
     pub byte: ByteFormat,
-    /// Usual frames a second, 1/s.
+    /// Usual frame rate, 1/s.
     pub frame_rate: f64,
-    /// Longest frame, bytes.
+    /// Length of the longest frame, bytes.
     pub longest_frame: u32,
-    /// Largest travel that a channel can be sent as, in both senses: beyond it a flight controller takes the channel for
-    /// broken (pulses below 900 or above 2100 µs), or the frame has no code.
+    /// Maximum travel of a channel in both directions: beyond it a flight controller treats the channel as failed (pulses
+    /// below 900 or above 2100 µs), or the frame has no code.
     pub largest_travel: f64,
 }
 
-/// Format of a byte on a serial line: eight bits always.
+/// Framing of a byte of eight bits on a serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ByteFormat {
     /// No parity, one stop bit: 8N1.
@@ -67,14 +67,14 @@ pub enum ByteFormat {
 
 /// Transmitter of a laboratory: the destination of frames, and the channels of the vehicle.
 ///
-/// A travel of −1 to 1 on a channel is the link's −100 to 100 %: 1000 to 2000 µs of a pulse.
+/// A travel of −1 to 1 on a channel is the link's −100 to 100 %: pulses of 1000 to 2000 µs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Transmitter {
     /// Serial device, such as one of /dev/serial/by-id; one of `device`, `tcp` and `udp` must be stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Speed of the serial device, baud; the link's standard speed unless stated.
+    /// Rate of the serial device, baud; the link's standard rate unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = within(BAUDS), extend("x-hint" = "leave it out for the link's own; 420000 is CRSF's, 115200 usual for MSP"))]
     pub baud: Option<u32>,
@@ -84,13 +84,13 @@ pub struct Transmitter {
     /// Destination address and port of UDP packets, such as 127.0.0.1:14540; for `mavlink`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub udp: Option<String>,
-    /// Frames a second, whether the command is new or not, 1/s; the link's usual rate unless stated.
+    /// Frame rate, independent of new commands, 1/s; the link's usual rate unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(1.0, 1000.0), extend("x-hint" = "leave it out for the link's own"))]
     pub frame_rate: Option<f64>,
-    /// Meaning of the first four channels: A roll, E pitch, T thrust, R yaw.
+    /// Order of the first four channels: A roll, E pitch, T thrust, R yaw.
     pub order: String,
-    /// Reversed sticks, as letters of `order`; such as "ER".
+    /// Reversed sticks, as letters of `order`, such as "ER".
     pub reversed: String,
     /// Travels sent at the ends of the thrust stick.
     pub thrust_ends: [f64; 2],
@@ -100,18 +100,18 @@ pub struct Transmitter {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = within(FREE_CHANNELS))]
     pub arming_channel: Option<u32>,
-    /// Travels of the arming switch: disarmed, which failsafe frames have, and armed.
+    /// Travels of the arming switch: disarmed, also in failsafe frames, and armed.
     pub arming: [f64; 2],
-    /// Travel of every other unstated channel: -1.0 unless stated, but `rc_override` of MAVLink leaves them alone.
+    /// Travel of all other channels: -1.0 unless stated, but `rc_override` of MAVLink leaves them unchanged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub others: Option<f64>,
-    /// Channels with a constant switch, such as that of the flight mode.
+    /// Channels with a constant travel, such as that of the flight mode.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switch: Vec<ChannelSwitch>,
     /// Travels of the sticks thrust, roll, pitch and yaw in failsafe frames, as sent: neither reversed nor scaled; least thrust and no rates unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failsafe: Option<[f64; 4]>,
-    /// Time without commands or states before the failsafe of the link is used as well, s.
+    /// Time without commands or states after which the failsafe of the link is used as well, s.
     #[schemars(transform = at_least(0.1), extend("x-hint" = "a command is only late in a shorter time; 0.5 is usual"))]
     pub silence_after: f64,
     /// Settings of `multi`.
@@ -122,7 +122,7 @@ pub struct Transmitter {
     pub mavlink: Option<Mavlink>,
 }
 
-/// Channel with a constant switch.
+/// Channel with a constant travel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelSwitch {
@@ -137,15 +137,15 @@ pub struct ChannelSwitch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MultiModule {
-    /// The Spektrum protocol that the vehicle is bound with.
+    /// Spektrum protocol with which the vehicle is bound.
     pub dsm: DsmProtocol,
-    /// Number of the model that the vehicle is bound as.
+    /// Model number with which the vehicle is bound.
     #[schemars(transform = between(0, 15), extend("x-hint" = "the number that the vehicle was bound as"))]
     pub model: u32,
-    /// Channels that are sent over the air.
+    /// Number of channels sent over the air.
     #[schemars(transform = between(4, 12), extend("x-hint" = "7 go out with every frame"))]
     pub channels: u32,
-    /// `true` to send with low power, for tests on the ground.
+    /// `true` to transmit with low power, for tests on the ground.
     pub low_power: bool,
 }
 
@@ -170,25 +170,25 @@ pub enum DsmProtocol {
 pub struct Mavlink {
     /// The message that carries the command.
     pub message: MavlinkMessage,
-    /// System of the sender; ArduPilot takes overrides from its ground station only, usually 255.
+    /// System ID of the sender; ArduPilot accepts overrides from its ground station only, usually 255.
     #[schemars(transform = between(1, 255))]
     pub system: u32,
-    /// Component of the sender.
+    /// Component ID of the sender.
     #[schemars(transform = between(1, 255))]
     pub component: u32,
-    /// The autopilot's system.
+    /// System ID of the autopilot.
     #[schemars(transform = between(1, 255))]
     pub target_system: u32,
-    /// The autopilot's component.
+    /// Component ID of the autopilot.
     #[schemars(transform = between(1, 255))]
     pub target_component: u32,
 }
 
-/// A message that carries a command.
+/// MAVLink message of a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MavlinkMessage {
-    /// SET_ATTITUDE_TARGET: body rates in rad/s and thrust as a share.
+    /// SET_ATTITUDE_TARGET: body rates in rad/s and normalised thrust.
     #[default]
     AttitudeTarget,
     /// RC_CHANNELS_OVERRIDE: channels as from a receiver.
@@ -243,10 +243,10 @@ impl Default for Mavlink {
 }
 
 impl RadioProtocol {
-    /// All but the simulated one.
+    /// All links except the simulated one.
     pub const ALL: [Self; 5] = [Self::Crsf, Self::Sbus, Self::Multi, Self::Msp, Self::Mavlink];
 
-    /// Returns its properties.
+    /// Returns the properties of the link.
     #[must_use]
     pub fn properties(self) -> &'static RadioProperties {
         match self {
@@ -305,7 +305,7 @@ impl RadioProtocol {
                 baud: 921_600,
                 byte: ByteFormat::Plain,
                 frame_rate: 50.0,
-                // The heartbeat comes once a second beside it.
+                // With the heartbeat once a second.
                 longest_frame: 51 + 21,
                 // 1.2 · 500 µs.
                 largest_travel: 1.2,
@@ -313,13 +313,13 @@ impl RadioProtocol {
         }
     }
 
-    /// Returns its name in a scenario.
+    /// Returns the name in scenarios.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.properties().name
     }
 
-    /// Returns whether it is the simulated link.
+    /// Returns whether this is the simulated link.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
         *self == Self::Simulated
@@ -356,13 +356,13 @@ impl Scenario {
 }
 
 impl Transmitter {
-    /// Returns the frames a second on a link, 1/s.
+    /// Returns the frame rate on a link, 1/s.
     #[must_use]
     pub fn frame_rate_on(&self, link: RadioProtocol) -> f64 {
         self.frame_rate.unwrap_or_else(|| link.properties().frame_rate)
     }
 
-    /// Returns the speed of the serial device on a link, baud.
+    /// Returns the baud rate of the serial device on a link.
     #[must_use]
     pub fn baud_on(&self, link: RadioProtocol) -> u32 {
         self.baud.unwrap_or_else(|| link.properties().baud)

@@ -1,8 +1,8 @@
-//! Ranges of numbers. A key declares its range where it declares its type, as a transform of its schema; checks,
-//! documentation and editors read it there.
+//! Ranges of numbers. A key declares its range with its type, as a transform of its schema, which checks, documentation
+//! and editors read.
 //!
-//! `x-symbol` beside it is the symbol of the number in the paper, and `x-hint` a further sentence of advice. A time with
-//! `x-ticks` is a whole number of base ticks, at most as many.
+//! `x-symbol` is the symbol of the number in the paper, and `x-hint` further advice. A time with `x-ticks` is a whole
+//! number of base ticks, and `x-ticks` is its maximum.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt::{Display, Formatter};
@@ -15,15 +15,15 @@ use crate::check::six_digits;
 use crate::schema::type_name;
 use crate::timing::LONGEST_FLIGHT;
 
-/// Largest plausible magnitude of a number in a scenario; products of several stay finite.
+/// Maximum plausible magnitude of a number in a scenario; products of several remain finite.
 const LARGEST: f64 = 1e9;
 
-/// Range of a number. Displayed in words that follow a noun, such as "above 0".
+/// Range of a number. Displayed as a phrase that follows a noun, such as "above 0".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     pub(crate) least: Bound<f64>,
     pub(crate) most: Bound<f64>,
-    /// `true` if 0 is no gap in it.
+    /// `false` if 0 is excluded.
     pub(crate) has_zero: bool,
     pub(crate) is_whole: bool,
 }
@@ -43,7 +43,7 @@ pub(crate) fn within<T: Copy + Into<Value>>(range: impl RangeBounds<T>) -> impl 
     move |schema| declare(schema, &[&least, &most])
 }
 
-/// Declares numbers from one to another.
+/// Declares numbers between inclusive bounds.
 pub(crate) fn between<T: Copy + Into<Value>>(least: T, most: T) -> impl Fn(&mut Schema) {
     within(least..=most)
 }
@@ -58,7 +58,7 @@ pub(crate) fn positive(schema: &mut Schema) {
     positive_up_to(Bound::Unbounded)(schema);
 }
 
-/// Declares numbers above 0, with another bound.
+/// Declares numbers above 0 with an upper bound.
 pub(crate) fn positive_up_to(most: Bound<f64>) -> impl Fn(&mut Schema) {
     within((Bound::Excluded(0.0), most))
 }
@@ -80,12 +80,12 @@ pub(crate) fn length(schema: &mut Schema) {
     schema.insert("x-ticks".to_owned(), LONGEST_FLIGHT.into());
 }
 
-/// Declares numbers of 0 or more that are below another.
+/// Declares numbers of 0 or more with an exclusive upper bound.
 pub(crate) fn from_0_to_below(most: f64) -> impl Fn(&mut Schema) {
     within(0.0..most)
 }
 
-/// Declares shares that are never the whole.
+/// Declares shares from 0 to below 1.
 pub(crate) fn share(schema: &mut Schema) {
     within(0.0..1.0)(schema);
     schema.insert("x-hint".to_owned(), "0.1 is one in ten".into());
@@ -101,7 +101,7 @@ pub(crate) fn not_zero(schema: &mut Schema) {
     declare(schema, &[&Some(("not", serde_json::json!({ "const": 0.0 })))]);
 }
 
-/// Declares any finite number, also one that is beyond what a flight computes with.
+/// Declares any finite number, without the limit of plausible magnitudes.
 pub(crate) fn any_finite(schema: &mut Schema) {
     within(f64::MIN..=f64::MAX)(schema);
 }
@@ -121,7 +121,7 @@ fn declare(schema: &mut Schema, bounds: &[&Option<(&str, Value)>]) {
 impl Range {
     /// Reads the range of a number from its schema.
     #[must_use]
-    pub fn of(part: &Value) -> Self {
+    pub fn from_schema(part: &Value) -> Self {
         let bound = |included: &str, excluded: &str| match (part[included].as_f64(), part[excluded].as_f64())
         {
             (_, Some(bound)) => Bound::Excluded(bound),
@@ -136,14 +136,14 @@ impl Range {
         }
     }
 
-    /// Returns whether a number is in the range, and one that can be computed with.
+    /// Returns whether a number is in the range and plausible.
     #[must_use]
     pub fn allows(&self, value: f64) -> bool {
         let is_plausible = self.is_whole || !self.is_open() || value.abs() <= LARGEST;
         is_plausible && (self.least, self.most).contains(&value) && (self.has_zero || value != 0.0)
     }
 
-    /// Returns the reason why a number, which `symbol` names, is not allowed, and the fix.
+    /// Returns the reason why a number is not allowed, and the fix.
     pub(crate) fn refusal(&self, symbol: &str, value: f64) -> (String, String) {
         let number = if self.is_whole {
             value.to_string()
@@ -168,16 +168,13 @@ impl Range {
             (_, Bound::Included(most)) if value > most => format!("above {}", bound(most)),
             _ if value == 0.0 => return (format!("{symbol} is 0"), self.fix()),
             _ => {
-                return (
-                    format!("{number} is beyond anything that can be flown"),
-                    plausible(),
-                );
+                return (format!("{number} is not plausible"), plausible());
             }
         };
         (format!("{symbol} = {number} is {violated}"), self.fix())
     }
 
-    /// Returns whether the range has a side without a bound.
+    /// Returns whether the range is unbounded on a side.
     fn is_open(&self) -> bool {
         self.least == Bound::Unbounded || self.most == Bound::Unbounded
     }
@@ -202,7 +199,7 @@ impl Display for Range {
             (Bound::Included(f64::MIN), Bound::Included(f64::MAX)) => String::new(),
             (Bound::Unbounded, Bound::Unbounded) if self.has_zero => String::new(),
             (Bound::Unbounded, Bound::Unbounded) => "other than 0".to_owned(),
-            // Types without a sign say so already.
+            // Implied by the unsigned type.
             (Bound::Included(0.0), Bound::Unbounded) if self.is_whole => String::new(),
             (Bound::Included(least), Bound::Unbounded) => format!("of {} or more", bound(least)),
             (Bound::Excluded(least), Bound::Unbounded) => format!("above {}", bound(least)),
@@ -229,7 +226,7 @@ fn plausible() -> String {
     format!("give a finite number of at most {LARGEST:e} in magnitude")
 }
 
-/// Formats a bound as people write it.
+/// Formats a bound, with π for its multiples.
 fn bound(value: f64) -> String {
     let named = [(FRAC_PI_2, "π/2"), (PI, "π"), (TAU, "2π")];
     let sign = if value < 0.0 { "-" } else { "" };

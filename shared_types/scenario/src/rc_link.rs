@@ -13,18 +13,18 @@ pub struct RcLink {
     /// Thrust at a thrust channel of 0, N.
     pub thrust_offset: f64,
     /// Thrust per unit of the thrust channel, N.
-    #[schemars(transform = not_zero, extend("x-hint" = "a negative one turns the channel around"))]
+    #[schemars(transform = not_zero, extend("x-hint" = "a negative slope reverses the channel"))]
     pub thrust_slope: f64,
-    /// Body rate about each axis per unit of its channel, rad/s; the paper's are negative.
-    #[schemars(transform = not_zero, extend("x-hint" = "a negative one turns the channel around"))]
+    /// Body rate about each axis per unit of its channel, rad/s; negative in the paper.
+    #[schemars(transform = not_zero, extend("x-hint" = "a negative slope reverses the channel"))]
     pub rate_slope: Vector,
-    /// Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover.
+    /// Range of the thrust channel; the paper states [0, 1], with which its vehicle could not hover.
     #[schemars(transform = between(-1.0, 1.0))]
     pub thrust_range: [f64; 2],
     /// Range of each rate channel.
     #[schemars(transform = between(-1.0, 1.0))]
     pub rate_range: [f64; 2],
-    /// Resolution of the link: steps from −1 to 1, as a power of two, bits.
+    /// Resolution of the link from −1 to 1, bits.
     #[schemars(transform = between(1, 16), extend("x-hint" = "11 is usual"))]
     pub resolution: u32,
     /// Radio link of frames in real time; simulated unless stated, and always in simulated time.
@@ -51,7 +51,7 @@ impl Default for RcLink {
 }
 
 impl RcLink {
-    /// Returns the smallest and the largest thrust of a frame, N; never below 0.
+    /// Returns the minimum and maximum thrust of a frame, N; never below 0.
     #[must_use]
     pub fn thrust_limits(&self) -> [f64; 2] {
         let [a, b] = self
@@ -60,7 +60,7 @@ impl RcLink {
         [a.min(b), a.max(b)]
     }
 
-    /// Returns the largest body rate of a frame about each axis in both senses, rad/s.
+    /// Returns the maximum body rate of a frame about each axis in both directions, rad/s.
     #[must_use]
     pub fn rate_limits(&self) -> Vector {
         let reach = self.rate_range[0].abs().min(self.rate_range[1].abs());

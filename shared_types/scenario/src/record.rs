@@ -1,4 +1,4 @@
-//! What is recorded of a flight, and in which files.
+//! Recording of a flight: topics and files.
 
 use std::collections::BTreeMap;
 
@@ -9,38 +9,38 @@ use shared_types::Topic;
 use crate::Scenario;
 use crate::range::at_least;
 
-/// The recording of the flight. It changes the files of the log, not the flight.
+/// Recording of the flight. It affects the files of the log, not the flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// When the log goes on in another file; never unless stated.
+    /// Split of the log into several files; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
-    /// Names of topics, each with a number n: only samples whose number is a multiple of n are recorded.
+    /// Names of topics, each with a number n: only samples whose sequence number is a multiple of n are recorded.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(transform = at_least(1), extend("x-hint" = "name the topic in `record.leave_out` to record nothing"))]
     pub every: BTreeMap<String, u64>,
-    /// Names of topics of which nothing is recorded.
+    /// Names of topics that are not recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub leave_out: Vec<String>,
 }
 
-/// Limits of one file of a log: the first that is reached counts.
+/// Limits of one file of a log: the first one reached starts the next file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
-    /// Size from which on the log goes on in another file, bytes.
+    /// Size after which the next file starts, bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = at_least(Self::LEAST_BYTES), extend("x-hint" = "manifest and schemas, which each file repeats, would take most of a smaller file"))]
     pub after_bytes: Option<u64>,
-    /// Time of the flight from which on the log goes on in another file, s.
+    /// Flight time after which the next file starts, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = at_least(Self::LEAST_SECONDS), extend("x-hint" = "manifest and schemas, which each file repeats, would take most of a shorter file"))]
     pub after_seconds: Option<f64>,
 }
 
 impl Scenario {
-    /// Returns of which topics not everything is recorded, in words, if there are any.
+    /// Returns a description of the topics that are not fully recorded, if any.
     #[must_use]
     pub fn omissions(&self) -> Option<String> {
         let topics = Topic::ALL.into_iter().zip(Recorded::of_topics(self));
@@ -55,26 +55,26 @@ impl Scenario {
 }
 
 impl Split {
-    /// Smallest limit of a file's size, bytes: manifest and schemas, which each file repeats, take about half of it.
+    /// Minimum limit of a file's size, bytes: manifest and schemas, which each file repeats, take about half of it.
     pub const LEAST_BYTES: u64 = 1 << 16;
 
-    /// Shortest time of a file, s.
+    /// Minimum time of a file, s.
     pub const LEAST_SECONDS: f64 = 1.0;
 }
 
-/// How much of a topic is recorded.
+/// Recorded part of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recorded {
     /// Every sample.
     All,
-    /// Those whose number is a multiple of this, which is more than one.
+    /// Samples whose sequence number is a multiple of this number, which is above 1.
     Every(u64),
     /// None.
     Nothing,
 }
 
 impl Recorded {
-    /// Of each topic, how much of it a log of a flight of `scenario` has.
+    /// Returns the recorded part of each topic in a log of this scenario.
     #[must_use]
     pub fn of_topics(scenario: &Scenario) -> [Self; Topic::ALL.len()] {
         let Some(record) = &scenario.record else {
@@ -92,7 +92,7 @@ impl Recorded {
         })
     }
 
-    /// Returns whether the sample of a sequence number is recorded.
+    /// Returns whether the sample with a sequence number is recorded.
     #[inline]
     #[must_use]
     pub fn has(self, seq: u64) -> bool {
@@ -103,7 +103,7 @@ impl Recorded {
         }
     }
 
-    /// Returns how many of the samples before a sequence number are recorded.
+    /// Returns the number of recorded samples before a sequence number.
     #[inline]
     #[must_use]
     pub fn count_before(self, seq: u64) -> u64 {

@@ -1,4 +1,4 @@
-//! Policy of a service for an input whose samples are too old or impossible.
+//! Policy of a service for an input whose samples are too old or invalid.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,24 +14,24 @@ use shared_types::wiring::{ServiceId, Topic};
 /// Default duration of the transfer to the law's commands, s.
 const RECOVER: f64 = 0.1;
 
-/// Default excess of a fresh input's age over its usual age, s.
+/// Default excess of a fresh input's age over its age without faults, s.
 const GRACE: f64 = 0.1;
 
-/// Policy of a service for an input whose samples are too old or impossible.
+/// Policy of a service for an input whose samples are too old or invalid.
 ///
-/// A sample's age is the time since it was published; only a valid one resets the age of the input.
+/// A sample's age is the time since it was published; only a valid sample resets the age of the input.
 /// [`InputSafety::uses`] lists the values that an input has; others are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputSafety {
-    /// Age up to which a sample is used as if it were new, s.
+    /// Age up to which a sample is used, s.
     #[schemars(transform = length)]
     pub max_age: f64,
     /// Age above which the controller levels the vehicle, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = length)]
     pub level: Option<f64>,
-    /// Age above which the controller lets the level vehicle descend, s; never unless stated.
+    /// Age above which the level vehicle descends, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = length)]
     pub descend: Option<f64>,
@@ -39,18 +39,18 @@ pub struct InputSafety {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = length)]
     pub failsafe: Option<f64>,
-    /// Largest distance of a state from the continuation of the last good one, m; any unless stated.
+    /// Maximum distance of a state from the prediction of the last valid one, m; unlimited unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub jump: Option<f64>,
-    /// Duration of the transfer to the law's commands when the state is back, s; 0.1 unless stated, 0 is at once.
+    /// Duration of the bumpless transfer to the law's commands when the state is back, s; 0.1 unless stated, 0 for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = not_negative, extend("x-ticks" = LONGEST_DELAY))]
     pub recover: Option<f64>,
 }
 
 impl InputSafety {
-    /// Makes a policy that uses samples up to this age (s) and has no further stages.
+    /// Makes a policy that uses samples up to this age (s), without further stages.
     #[must_use]
     pub fn new(max_age: f64) -> Self {
         Self {
@@ -78,7 +78,7 @@ impl InputSafety {
         nanoseconds(self.recover.unwrap_or(RECOVER))
     }
 
-    /// Returns the ages at which the reaction changes, s, by name and in the order in which they must grow.
+    /// Returns the names and ages (s) of the stages, in the order in which they must increase.
     #[must_use]
     pub fn ages(&self) -> [(&'static str, Option<f64>); 4] {
         [
@@ -89,7 +89,7 @@ impl InputSafety {
         ]
     }
 
-    /// Returns the values that only some inputs have: name, and whether it is stated.
+    /// Returns the values that only some inputs have: name, and whether stated.
     pub(super) fn special_values(&self) -> [(&'static str, bool); 5] {
         [
             ("level", self.level.is_some()),
@@ -118,23 +118,22 @@ impl InputSafety {
 }
 
 impl Scenario {
-    /// Returns the policy of a service for samples of a topic that are too old; `None` if it uses them however old.
+    /// Returns the policy of a service for samples of a topic that are too old; `None` if their age is not limited.
     #[must_use]
     pub fn safety_of(&self, topic: Topic, service: ServiceId) -> Option<&InputSafety> {
         self.safety.get(&format!("{topic} -> {service}"))
     }
 
-    /// Returns the age up to which an input counts as fresh, ns: the scenario's value, or a tenth of a second above the
-    /// input's age without faults.
+    /// Returns the age up to which an input counts as fresh, ns: as stated, or 0.1 s above its age without faults.
     #[must_use]
     pub fn fresh_age_ns(&self, topic: Topic, service: ServiceId) -> u64 {
         let stated = self.safety_of(topic, service).map(|safety| safety.max_age);
-        let ordinary = EdgeName::of(topic, service).map_or(0, |edge| self.ordinary_age_ns(edge));
+        let ordinary = EdgeName::between(topic, service).map_or(0, |edge| self.ordinary_age_ns(edge));
         stated.map_or(ordinary + nanoseconds(GRACE), nanoseconds)
     }
 
-    /// Returns the oldest age of an input at a step of its service without faults, ns: since the publication of the
-    /// newest sample with new information. 0 if the times give no schedule.
+    /// Returns the maximum age of an input at a step of its service without faults, ns: since the publication of the newest
+    /// sample with new information. 0 without a valid schedule.
     ///
     /// A state without prediction carries the same information until the next capture.
     #[must_use]
@@ -154,12 +153,12 @@ impl Scenario {
         schedule.time_ns(age) + if repeats { between_captures_ns } else { 0 }
     }
 
-    /// Returns the time for which a path goes on that the controller has no new reference of, s, before it comes to rest; `None`
-    /// without a policy. The whole way is that of `max_age` at the rate of the last reference, as far as the stop is not longer.
+    /// Returns the time for which the path continues without a new reference before it decelerates to rest, s; `None` without
+    /// a policy. The total distance is that of `max_age` at the rate of the last reference, unless the stop alone is longer.
     #[must_use]
-    pub fn path_goes_on_for(&self) -> Option<f64> {
+    pub fn path_continues_for(&self) -> Option<f64> {
         let safety = self.safety_of(Topic::PathReference, ServiceId::Controller)?;
-        let ordinary = EdgeName::of(Topic::PathReference, ServiceId::Controller)
+        let ordinary = EdgeName::between(Topic::PathReference, ServiceId::Controller)
             .map_or(0.0, |edge| seconds(self.ordinary_age_ns(edge)));
         Some((safety.max_age - ordinary - 0.5 * BRAKE).max(0.0))
     }

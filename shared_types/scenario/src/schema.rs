@@ -1,4 +1,4 @@
-//! The JSON Schema of scenarios: the one place from which keys, types, defaults, ranges and descriptions are read.
+//! The JSON Schema of scenarios: the single source of keys, types, defaults, ranges and descriptions.
 
 use std::sync::LazyLock;
 
@@ -7,16 +7,16 @@ use serde_json::Value;
 
 use crate::Scenario;
 
-/// Returns the schema of a scenario, made when the first one is read.
+/// Returns the schema of a scenario, which is built on first use.
 pub fn schema() -> &'static Schema {
     static SCHEMA: LazyLock<Schema> = LazyLock::new(|| schemars::schema_for!(Scenario));
     &SCHEMA
 }
 
-/// Returns the part of the schema that a part of it refers to, or that part itself.
+/// Resolves the reference of a part of the schema. Returns the part itself if it has none.
 #[must_use]
 pub fn resolved(part: &Value) -> &Value {
-    // An optional table is any of that table and null, which TOML does not have.
+    // An optional table is "any of" the table and null, which TOML does not have.
     let choices = part["anyOf"].as_array();
     let stated = choices.and_then(|choices| choices.iter().find(|choice| choice["type"] != "null"));
     let part = stated.unwrap_or(part);

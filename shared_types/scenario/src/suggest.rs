@@ -1,24 +1,24 @@
 //! Suggestions for misspelt names.
 
-/// Smallest length of a beginning by which a name is recognised.
-const LEAST_BEGINNING: usize = 3;
+/// Minimum length of a prefix by which a name is recognised.
+const MIN_PREFIX: usize = 3;
 
-/// Returns the known name that is nearest to `name`, if any is near enough: at most a third of it, or one letter,
-/// differs, or it is the known one's beginning.
+/// Returns the known name closest to `name`, if one is close enough: at most a third of its letters, or one, differ, or it
+/// is a prefix of the known name.
 #[must_use]
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let length = name.chars().count();
     let limit = (length / 3).max(1);
-    let begins = |candidate: &str| length >= LEAST_BEGINNING && candidate.starts_with(name);
+    let is_prefix = |candidate: &str| length >= MIN_PREFIX && candidate.starts_with(name);
     known
         .into_iter()
         .map(|candidate| (strsim::osa_distance(name, candidate), candidate))
-        .filter(|&(distance, candidate)| distance <= limit || begins(candidate))
+        .filter(|&(distance, candidate)| distance <= limit || is_prefix(candidate))
         .min()
         .map(|(_, candidate)| candidate)
 }
 
-/// Returns advice for a name that is not among the known ones.
+/// Returns advice for an unknown name.
 #[must_use]
 pub fn known_names<S: AsRef<str>>(name: &str, known: &[S]) -> String {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();

@@ -1,13 +1,13 @@
-//! Meaning of the thrust channel as it is sent: calibration, ends and reversal together.
+//! Thrust of a sent travel, from calibration, ends and reversal.
 
 use super::{RcLink, Transmitter};
 
 /// Thrust channel of a radio link, from the sent travel to the thrust.
 ///
-/// What stops the motors is stated in thrust: the travel that means none is at either end of the channel.
+/// "Motors off" is stated as thrust, because its travel may be at either end of the channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrustChannel {
-    /// Travels that the stick's −1 and 1 are sent as.
+    /// Sent travels of the stick's −1 and 1.
     ends: [f64; 2],
     /// Thrust at a stick of 0, N, and per unit of its travel.
     calibration: [f64; 2],
@@ -28,17 +28,17 @@ impl ThrustChannel {
         }
     }
 
-    /// Returns the thrust that a sent travel means, N; below 0 the motors stand still all the more.
+    /// Returns the thrust of a sent travel, N; the motors are off at 0 and below.
     #[must_use]
     pub fn thrust(&self, sent: f64) -> f64 {
         let ([low, high], [offset, slope]) = (self.ends, self.calibration);
         offset + slope * (2.0 * (sent - low) / (high - low) - 1.0)
     }
 
-    /// Returns the sent travel that asks for the least thrust: the end of the stick or −100 or 100 % of the link, which
-    /// is further.
+    /// Returns the sent travel of the least thrust: the end of the stick or −100 or 100 % of the link, whichever is
+    /// further.
     #[must_use]
-    pub fn at_rest(&self) -> f64 {
+    pub fn motors_off(&self) -> f64 {
         let ([low, high], [_, slope]) = (self.ends, self.calibration);
         let end = if slope > 0.0 { low } else { high };
         if (high - low) * slope > 0.0 {

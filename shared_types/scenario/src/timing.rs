@@ -1,4 +1,4 @@
-//! Resolution of a scenario's times, in seconds, to the schedule, in whole base ticks.
+//! Conversion of a scenario's times, s, to the schedule, in whole base ticks.
 
 mod faults;
 pub(super) mod names;
@@ -21,11 +21,11 @@ use shared_types::wiring::{ServiceId, Topic};
 const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();
 
-/// Longest flight, base ticks: more than a day at the default tick.
+/// Maximum length of a flight, base ticks: more than a day at the default tick.
 pub(crate) const LONGEST_FLIGHT: u64 = 100_000_000;
 
-/// Largest period, phase and latency, base ticks: they determine how far services run ahead, and thus the shared memory
-/// of their buffers.
+/// Maximum period, phase and latency, base ticks: they determine how far services run ahead, and thus the size of buffers
+/// in shared memory.
 pub(crate) const LONGEST_DELAY: u64 = 10_000;
 
 /// Base tick, rates and transport latencies, s. Every time is a whole number of base ticks.
@@ -35,13 +35,13 @@ pub struct Timing {
     /// Base tick h, s.
     #[schemars(transform = between(1e-6, 1.0), extend("x-hint" = "a whole number of nanoseconds; the default is 0.001"))]
     pub tick: f64,
-    /// Period of a service or topic, by name, s; one tick unless stated, a topic's is its publisher's.
+    /// Period of a service or topic, by name, s; one tick, or that of a topic's publisher, unless stated.
     #[schemars(transform = positive)]
     pub period: BTreeMap<String, f64>,
     /// First step of a service or first sample of a topic, by name, s; 0 unless stated.
     #[schemars(transform = not_negative)]
     pub phase: BTreeMap<String, f64>,
-    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated. That of `"rc/frame -> plant"` is the time from the sending of a frame until it acts, 0 unless stated.
+    /// Transport latency of an edge, by `"topic -> service"`, s; as in the wiring table unless stated. That of `"rc/frame -> plant"` is the time from the transmission of a frame until it takes effect, 0 unless stated.
     #[schemars(transform = not_negative)]
     pub latency: BTreeMap<String, f64>,
 }
@@ -58,11 +58,11 @@ impl Default for Timing {
 }
 
 impl Scenario {
-    /// Resolves the schedule of the scenario's times.
+    /// Computes the schedule.
     ///
     /// # Errors
-    /// Every period, phase or latency that is not a whole number of ticks, every unknown name, and rates that do not fit
-    /// together. Times of events are checked by [`problems`](Self::problems).
+    /// Every period, phase or latency that is not a whole number of ticks, every unknown name, and inconsistent rates.
+    /// [`problems`](Self::problems) checks the times of events.
     pub fn schedule(&self) -> Result<Schedule, Vec<Problem>> {
         let mut reader = TickReader::new(self.schedule.tick).map_err(|problem| vec![problem])?;
         let root = Key::root();
@@ -124,8 +124,8 @@ struct StatedRates {
 }
 
 impl StatedRates {
-    /// Returns the place of a service or topic that a scenario may schedule, by name.
-    fn of(&mut self, name: &str) -> Option<&mut StatedRate> {
+    /// Returns the rate of a service or a topic with a publisher, by name.
+    fn rate_mut(&mut self, name: &str) -> Option<&mut StatedRate> {
         if let Some(service) = ServiceId::from_name(name) {
             return Some(&mut self.services[service.index()]);
         }
@@ -133,8 +133,7 @@ impl StatedRates {
         Some(&mut self.topics[topic.index()])
     }
 
-    /// Resolves the rates: a service steps at every tick, and a topic's rate is its publisher's, unless the scenario
-    /// states another.
+    /// Resolves the rates: unless stated, a service steps at every tick, and a topic has its publisher's rate.
     fn resolved(self) -> ([Rate; SERVICES], [Rate; TOPICS]) {
         let services = self.services.map(|stated| stated.or(Rate::EVERY_TICK));
         let topics = Topic::ALL.map(|topic| {
@@ -152,14 +151,14 @@ impl Timing {
         let mut rates = StatedRates::default();
         for (name, &time) in &self.period {
             let key = key_of("period", name);
-            match rates.of(name) {
+            match rates.rate_mut(name) {
                 Some(rate) => rate.period = Some(reader.read(&key, time, 1..=LONGEST_DELAY)),
                 None => reader.refuse(names::unknown_schedulable(key, name)),
             }
         }
         for (name, &time) in &self.phase {
             let key = key_of("phase", name);
-            match rates.of(name) {
+            match rates.rate_mut(name) {
                 Some(rate) => rate.phase = Some(reader.read(&key, time, 0..=LONGEST_DELAY)),
                 None => reader.refuse(names::unknown_schedulable(key, name)),
             }
@@ -183,7 +182,7 @@ impl Timing {
         latencies
     }
 
-    /// Explains a schedule's error, at the stated time that is most likely wrong.
+    /// Converts an error of the schedule to a problem at the stated time that is most likely wrong.
     fn explain(&self, error: &ScheduleError) -> Problem {
         let (key, fix) = match error {
             ScheduleError::CycleWithoutDelay(cycle) => {
@@ -194,11 +193,11 @@ impl Timing {
             ScheduleError::TopicWithoutStep { topic, publisher } => {
                 let names = [topic.to_string(), publisher.to_string()];
                 let tables = ["period", "phase"];
-                let places = names
+                let candidates = names
                     .into_iter()
                     .flat_map(|name| tables.map(|table| (table, name.clone())));
                 let fix = format!("make the period of `{topic}` a multiple of that of `{publisher}`");
-                (self.first_stated(places), fix)
+                (self.first_stated(candidates), fix)
             }
             ScheduleError::UnequalJoin { .. } => {
                 let services = [ServiceId::PathGenerator, ServiceId::Controller];
@@ -211,14 +210,14 @@ impl Timing {
                 let edges = names::edges_into(&services).map(|edge| ("latency", edge.to_string()));
                 (
                     self.first_stated(rates.chain(edges)),
-                    "give both services the same times, or state none for them".to_owned(),
+                    "give both services the same times, or leave them out".to_owned(),
                 )
             }
         };
         Problem::new(key, error.to_string(), fix)
     }
 
-    /// Returns the key of the first of these times that the scenario states.
+    /// Returns the key of the first of these times that is stated.
     fn first_stated(&self, mut times: impl Iterator<Item = (&'static str, String)>) -> Key {
         let is_stated = |(table, name): &(&str, String)| match *table {
             "period" => self.period.contains_key(name),

@@ -25,30 +25,30 @@ pub struct Vehicle {
     /// State at the start of the flight.
     #[serde(default)]
     pub initial: InitialState,
-    /// Centre of mass in {B}, seen from the body's origin, on which the thrust acts and which the cameras track, m.
+    /// Centre of mass in {B}, relative to the body's origin, on which the thrust acts and which the cameras track, m.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub center_of_mass: Vector,
-    /// Changes in flight, in the order of time.
+    /// Changes in flight, in chronological order.
     #[serde(default)]
     pub change: Vec<VehicleChange>,
-    /// Response to the radio's commands; at once and exactly unless stated.
+    /// Response to the radio's commands; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actuators: Option<Actuators>,
-    /// Drag of the rotors: force against the velocity through the air, along each body axis, N s/m.
+    /// Drag of the rotors along each body axis, linear in the airspeed, N s/m.
     #[serde(default, skip_serializing_if = "is_zero")]
     #[schemars(transform = not_negative)]
     pub drag: Vector,
-    /// Parasitic drag: force against the velocity through the air, by its square, N s²/m².
-    #[serde(default, skip_serializing_if = "is_none_of_it")]
+    /// Parasitic drag, quadratic in the airspeed, N s²/m².
+    #[serde(default, skip_serializing_if = "is_zero_number")]
     #[schemars(transform = not_negative)]
     pub parasitic_drag: f64,
-    /// Wind, which acts by the drag; still air unless stated.
+    /// Wind, which acts through the drag; still air unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wind: Option<Wind>,
-    /// Turbulence of the air everywhere; none unless stated.
+    /// Ambient turbulence; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turbulence: Option<Turbulence>,
-    /// A fan that blows at it; none unless stated.
+    /// Fan; none unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fan: Option<Fan>,
     /// Ground effect of the rotors; none unless stated.
@@ -82,20 +82,20 @@ impl Vehicle {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Actuators {
-    /// Time constant of the thrust, s; 0 follows at once.
+    /// Time constant of the thrust, s; 0 for no lag.
     #[schemars(transform = not_negative)]
     pub thrust_lag: f64,
-    /// Time constant of a thrust that falls, s: motors brake by their drag alone; that of `thrust_lag` unless stated.
+    /// Time constant of falling thrust, s, because motors decelerate by drag alone; that of `thrust_lag` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = not_negative)]
     pub thrust_lag_down: Option<f64>,
-    /// Time constants of the body rates about each axis, s; 0 follows at once.
+    /// Time constants of the body rates about each axis, s; 0 for no lag.
     #[schemars(transform = not_negative)]
     pub rate_lag: Vector,
-    /// Largest thrust, N; the smallest is 0.
+    /// Maximum thrust, N; the minimum is 0.
     #[schemars(transform = positive)]
     pub thrust_max: f64,
-    /// Largest magnitude of the body rate about each axis, rad/s.
+    /// Maximum magnitude of the body rate about each axis, rad/s.
     #[schemars(transform = positive)]
     pub rate_max: Vector,
     /// Actual thrust per commanded thrust.
@@ -106,30 +106,30 @@ pub struct Actuators {
     pub rate_factor: Vector,
     /// Actual body rates at zero command, rad/s.
     pub rate_bias: Vector,
-    /// Share of the radio's frames that the vehicle does not receive; the one before goes on acting.
+    /// Share of the radio's frames that the vehicle does not receive; the previous frame stays in effect.
     #[schemars(transform = share)]
     pub frame_loss: f64,
     /// Thrust at the start of the flight and until the first frame, N.
     #[schemars(transform = not_negative)]
     pub initial_thrust: f64,
-    /// Battery whose voltage falls in flight; a constant voltage unless stated.
+    /// Battery whose voltage falls in flight; constant voltage unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub battery: Option<Battery>,
 }
 
 /// Battery: thrust falls with the square of its voltage, u² with u = 1 − fade q − droop T/T0.
 ///
-/// q is the share of the charge that is spent, with dq/dt = T/(T0 endurance), and T0 is `initial_thrust`.
+/// q is the spent share of the charge, with dq/dt = T/(T0 endurance), and T0 is `initial_thrust`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Battery {
-    /// Time for which the battery carries `initial_thrust`, s.
+    /// Time for which the battery sustains `initial_thrust`, s.
     #[schemars(transform = positive)]
     pub endurance: f64,
-    /// Share of the voltage that is lost from full to empty.
+    /// Share of the voltage lost from full to empty.
     #[schemars(transform = share)]
     pub fade: f64,
-    /// Share of the voltage that is lost over the battery's resistance at `initial_thrust`.
+    /// Share of the voltage lost at the battery's resistance at `initial_thrust`.
     #[serde(default)]
     #[schemars(transform = share)]
     pub droop: f64,
@@ -153,11 +153,11 @@ impl Default for Actuators {
     }
 }
 
-/// A random acceleration, the same everywhere: of each component an Ornstein–Uhlenbeck process.
+/// Uniform random process: each component is an Ornstein–Uhlenbeck process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Turbulence {
-    /// Standard deviation of each component: m/s² of turbulence, m/s of gusts.
+    /// Standard deviation of each component: m/s² for turbulence, m/s for gusts.
     #[schemars(transform = not_negative)]
     pub deviation: f64,
     /// Correlation time, s.
@@ -165,13 +165,13 @@ pub struct Turbulence {
     pub correlation_time: f64,
 }
 
-/// Wind: the same everywhere, w = mean + gusts + sine.
+/// Uniform wind: w = mean + gusts + sine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wind {
     /// Mean velocity in {I}, m/s.
     pub mean: Vector,
-    /// Gusts about it: of each component an Ornstein–Uhlenbeck process, m/s; none unless stated.
+    /// Gusts, each component an Ornstein–Uhlenbeck process, m/s; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gusts: Option<Turbulence>,
     /// Gusts of the Dryden model along and across the mean; none unless stated.
@@ -181,22 +181,22 @@ pub struct Wind {
     #[serde(skip_serializing_if = "is_zero")]
     pub sine: Vector,
     /// Frequency of the sine, rad/s.
-    #[serde(skip_serializing_if = "is_none_of_it")]
+    #[serde(skip_serializing_if = "is_zero_number")]
     #[schemars(transform = not_negative)]
     pub sine_frequency: f64,
 }
 
-/// Gusts of the Dryden model (MIL-F-8785C) for air that passes with the mean wind.
+/// Gusts of the Dryden model (MIL-F-8785C), carried by the mean wind.
 ///
-/// At a low height h its lengths are h/(0.177 + 0.000823 h)^1.2 along and aside, and h/2 vertically, in feet; below 10 ft,
-/// in rooms, they are a choice: 1 to 5 m, and deviations of 0.2 to 0.4 times the mean.
+/// At a low height h its lengths are h/(0.177 + 0.000823 h)^1.2 along and across the wind, and h/2 vertically, in feet. Below
+/// 10 ft, in rooms, they are a choice: 1 to 5 m, with deviations of 0.2 to 0.4 times the mean.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Dryden {
-    /// Standard deviations along the mean wind, aside and vertically, m/s.
+    /// Standard deviations along the mean wind, across it and vertically, m/s.
     #[schemars(transform = not_negative)]
     pub deviation: Vector,
-    /// Lengths along the mean wind, aside and vertically, m.
+    /// Lengths along the mean wind, across it and vertically, m.
     #[schemars(transform = positive)]
     pub length: Vector,
 }
@@ -212,35 +212,35 @@ pub struct GroundEffect {
     #[serde(default = "default::ground_factor")]
     #[schemars(transform = not_negative, extend("x-symbol" = "ρ"))]
     pub factor: f64,
-    /// z of the ground in {I}, m; the rotors are as high above it as the centre of mass.
+    /// z of the ground in {I}, m; the rotors are at the height of the centre of mass.
     #[serde(default)]
     pub ground: f64,
 }
 
-pub(super) fn is_none_of_it(number: &f64) -> bool {
+pub(super) fn is_zero_number(number: &f64) -> bool {
     *number == 0.0
 }
 
-/// Fan: a round, turbulent jet that pushes the vehicle.
+/// Fan: a round, turbulent jet with a force on the vehicle.
 ///
-/// The force on the axis falls with the square of the distance from the fan, as that of a free jet far from
-/// its nozzle, and across the jet like a bell.
+/// The force on the axis falls with the square of the distance from the fan, as in a free jet far from its nozzle. The
+/// radial profile is a Gaussian.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fan {
-    /// Time at which it is switched on, s.
+    /// Time at which the fan is switched on, s.
     #[serde(default)]
     #[schemars(transform = moment)]
     pub on_at: f64,
-    /// Time at which it is switched off, s; never unless stated.
+    /// Time at which the fan is switched off, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = moment)]
     pub off_at: Option<f64>,
-    /// Time constant of its start and stop, s; 0 is at once.
+    /// Time constant of start and stop, s; 0 for no lag.
     #[serde(default)]
     #[schemars(transform = not_negative)]
     pub run_up: f64,
-    /// Place in {I}, m.
+    /// Position in {I}, m.
     pub position: Vector,
     /// Direction of the jet in {I}; of any length but 0.
     pub direction: Vector,
@@ -262,21 +262,21 @@ pub struct Fan {
     #[serde(default = "default::jet_correlation_time")]
     #[schemars(transform = positive)]
     pub correlation_time: f64,
-    /// Later places, in the order of time: the fan moves straight at constant speed from one to the next.
+    /// Later poses of the fan, in chronological order, with linear interpolation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub moves: Vec<FanMove>,
 }
 
-/// A place that the fan has reached at a time.
+/// Pose of the fan at a time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FanMove {
-    /// Time at which it is there, s.
+    /// Time of the pose, s.
     #[schemars(transform = moment)]
     pub at: f64,
-    /// Place at that time in {I}, m.
+    /// Position in {I}, m.
     pub position: Vector,
-    /// Direction of the jet at that time in {I}.
+    /// Direction of the jet in {I}.
     pub direction: Vector,
 }
 
@@ -295,7 +295,7 @@ pub struct InitialState {
     pub angular_velocity_body: Vector,
 }
 
-/// Change of the vehicle in flight: stated values take effect at once.
+/// Change of the vehicle in flight: stated values take effect immediately.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleChange {

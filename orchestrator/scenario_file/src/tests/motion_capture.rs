@@ -54,7 +54,7 @@ fn a_source_that_nothing_is_known_of_is_refused() {
         &text,
         line,
         &[
-            "nothing says where `vrpn` sends from and which body is the vehicle",
+            "the server of `vrpn` and the vehicle's body are not both stated",
             "help: add `server` and `object`",
         ],
     );
@@ -79,7 +79,7 @@ fn what_moved_from_the_estimator_is_told_its_new_place() {
 fn cameras_of_poses_need_a_filter() {
     let text = with(&in_the_laboratory(), "[estimator.kalman]", "");
     let shown = narrated(&load_text(&text, &[]).unwrap_err());
-    assert!(shown.contains("nothing estimates them"), "{shown}");
+    assert!(shown.contains("there is no estimator"), "{shown}");
 }
 
 #[test]
@@ -93,20 +93,20 @@ fn what_no_laboratory_has_is_refused_at_its_line() {
         (
             "server = \"192.168.10.1\"",
             "server = \"vicon.local\"",
-            ["`vicon.local` is no IPv4 address", "names are not looked up"],
+            ["`vicon.local` is not an IPv4 address", "names are not resolved"],
         ),
         (
             "interface = \"192.168.10.7\"",
             "interface = \"0.0.0.0\"",
             [
-                "all interfaces at once would be open to anybody",
+                "packets would be accepted on all interfaces",
                 "help: give the address of one interface",
             ],
         ),
         (
             "object = \"quad\"",
             "object = \"quad#one\"",
-            ["no number stands behind the #", "help: write it as `quad`"],
+            ["there is no number after the #", "help: write it as `quad`"],
         ),
         (
             "object = \"quad\"",
@@ -116,7 +116,7 @@ fn what_no_laboratory_has_is_refused_at_its_line() {
         (
             "rate = [90.0, 110.0]",
             "rate = [110.0, 90.0]",
-            ["is no band of rates", "the smaller one first"],
+            ["is not a range of rates", "the smaller one first"],
         ),
     ] {
         let text = with(&in_the_laboratory(), part, replacement);

@@ -256,21 +256,17 @@ fn an_argument_takes_the_place_of_a_value_in_an_optional_table() {
 #[test]
 fn a_value_that_cannot_be_flown_is_refused_at_its_line() {
     for (part, replacement, reason) in [
-        (
-            "jitter = 0.002",
-            "jitter = 0.02",
-            "but follow each other after 0.01 s",
-        ),
-        ("off_at = 25.0", "off_at = 4.0", "but on only at 5.0 s"),
+        ("jitter = 0.002", "jitter = 0.02", "but their period is 0.01 s"),
+        ("off_at = 25.0", "off_at = 4.0", "but not on before 5.0 s"),
         (
             "{ at = 12.0, lasts = 0.5 }",
             "{ at = 8.1, lasts = 0.5 }",
-            "while the one at 8.0 s lasts, until 8.3 s",
+            "before the one at 8.0 s ends at 8.3 s",
         ),
         (
             "thrust_range = [-1.0, 1.0]",
             "thrust_range = [0.0, 1.0]",
-            "N must be asked for to hold the vehicle in the air",
+            "N must be commanded to hold the vehicle in the air",
         ),
         (
             "radio_latency = 0.006",

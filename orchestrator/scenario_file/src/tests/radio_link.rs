@@ -48,7 +48,7 @@ fn what_is_wrong_with_a_transmitter_is_shown_where_it_stands() {
         (
             "arming_channel = 5",
             "arming_channel = 6",
-            ["taken already", "a separate channel"],
+            ["already in use", "a separate channel"],
         ),
         (
             "dsm = \"dsm2_fast\"",

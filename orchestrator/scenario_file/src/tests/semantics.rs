@@ -109,7 +109,7 @@ fn a_change_before_the_one_above_it() {
         line_of(&text, "at = 20.0"),
         &[
             "`vehicle.change.1.at`",
-            "stands behind the one at 30.0 s",
+            "is listed after the one at 30.0 s",
             "help: put the changes in the order",
         ],
     );

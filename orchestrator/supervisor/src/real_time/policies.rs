@@ -31,7 +31,7 @@ const CONTINUED: f64 = 0.5;
 #[must_use]
 pub fn with_policies(mut scenario: Scenario) -> Scenario {
     let ordinary = |topic, service| {
-        EdgeName::of(topic, service).map_or(0.0, |edge| seconds(scenario.ordinary_age_ns(edge)))
+        EdgeName::between(topic, service).map_or(0.0, |edge| seconds(scenario.ordinary_age_ns(edge)))
     };
     let state = ordinary(Topic::VehicleState, ServiceId::Controller);
     let mut policies = vec![
@@ -101,7 +101,7 @@ mod tests {
             assert_eq!(flown.problems(), []);
             assert_eq!(flown.safety.len(), 2);
             for topic in [Topic::VehicleState, Topic::PathReference] {
-                let edge = EdgeName::of(topic, ServiceId::Controller).unwrap();
+                let edge = EdgeName::between(topic, ServiceId::Controller).unwrap();
                 let policy = flown.safety_of(topic, ServiceId::Controller).unwrap();
                 let ordinary = stated.ordinary_age_ns(edge) as f64 / 1e9;
                 assert!(policy.max_age > ordinary + 0.1, "{policy:?}");

@@ -72,7 +72,7 @@ fn after_a_longer_gap_the_path_goes_on_from_where_the_controller_has_brought_it(
     scenario
         .safety
         .insert("path/reference -> controller".to_owned(), policy);
-    let goes_on_for = scenario.path_goes_on_for().unwrap();
+    let goes_on_for = scenario.path_continues_for().unwrap();
     assert!((goes_on_for - 0.15).abs() < 2e-3, "{goes_on_for}");
     for gap in [20, 100, 101, 140, 300, 500, 800, 900, 3000] {
         let mut path = generator(&scenario);

@@ -1,4 +1,4 @@
-//! Motors and a rate loop that can exist.
+//! Checks of the actuators.
 
 use super::Findings;
 use crate::{Actuators, Key};
@@ -8,7 +8,7 @@ impl Actuators {
         if self.battery.is_some() && self.initial_thrust == 0.0 {
             found.add(
                 at.then("battery"),
-                "it is stated by the thrust at the start, which is 0 N",
+                "its values refer to the initial thrust, which is 0 N",
                 "set `initial_thrust` to the vehicle's weight",
             );
         }
@@ -17,7 +17,7 @@ impl Actuators {
             found.add(
                 at.then("initial_thrust"),
                 format!(
-                    "the thrust at the start, {:?} N, is above the largest, {:?} N",
+                    "the initial thrust of {:?} N is above the maximum of {:?} N",
                     self.initial_thrust, self.thrust_max
                 ),
                 "lower `initial_thrust` or raise `thrust_max`",

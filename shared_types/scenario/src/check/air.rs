@@ -1,4 +1,4 @@
-//! Air that can blow: wind and fan.
+//! Checks of wind and fan.
 
 use super::Findings;
 use super::events::Events;
@@ -7,7 +7,7 @@ use crate::{Fan, Key, Vector, Wind};
 impl Wind {
     pub(super) fn check(&self, at: &Key, found: &mut Findings) {
         if self.dryden.is_some() {
-            let reason = "without a mean wind no gusts of `dryden` pass the vehicle";
+            let reason = "the gusts of `dryden` need a mean wind";
             let fix = "state a wind such as [1.0, 0.0, 0.0], or `gusts` with a correlation time in place of `dryden`";
             found.direction(&at.then("mean"), &self.mean, reason, fix);
         }
@@ -31,7 +31,7 @@ impl Fan {
             found.add(
                 at.then("off_at"),
                 format!(
-                    "the fan is switched off at {off_at:?} s, but on only at {:?} s",
+                    "the fan is switched off at {off_at:?} s, but not on before {:?} s",
                     self.on_at
                 ),
                 "raise `off_at` above `on_at`, or leave the fan out",
@@ -40,21 +40,21 @@ impl Fan {
     }
 
     fn check_moves(&self, duration: f64, at: &Key, found: &mut Findings) {
-        for (index, place) in self.moves.iter().enumerate() {
-            check_direction(&place.direction, &at.then(index).then("direction"), found);
+        for (index, waypoint) in self.moves.iter().enumerate() {
+            check_direction(&waypoint.direction, &at.then(index).then("direction"), found);
         }
         let moves = Events {
-            one: "move",
-            several: "moves",
+            singular: "move",
+            plural: "moves",
             at: at.clone(),
-            times: self.moves.iter().map(|place| place.at).collect(),
+            times: self.moves.iter().map(|waypoint| waypoint.at).collect(),
         };
         moves.check(duration, found);
-        if self.moves.first().is_some_and(|place| place.at == 0.0) {
+        if self.moves.first().is_some_and(|waypoint| waypoint.at == 0.0) {
             found.add(
                 at.then(0).then("at"),
-                "the fan is moved at 0.0 s, when it stands at `position`",
-                "state the first place as the fan's `position` and `direction`",
+                "the fan moves at 0.0 s, when it is at `position`",
+                "state the first move as the fan's `position` and `direction`",
             );
         }
     }
@@ -62,5 +62,5 @@ impl Fan {
 
 fn check_direction(direction: &Vector, key: &Key, found: &mut Findings) {
     let fix = "give a direction of any length, such as [1.0, 0.0, 0.0]";
-    found.direction(key, direction, "the fan blows in no direction", fix);
+    found.direction(key, direction, "the jet has no direction", fix);
 }

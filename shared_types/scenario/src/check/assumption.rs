@@ -1,5 +1,5 @@
-//! Assumption 1 of the paper: the unknown parameters, and so the estimates to begin with, lie inside bounds
-//! that the controller knows. Outside of them the theorem promises nothing.
+//! Assumption 1 of the paper: the unknown parameters, and so the initial estimates, lie within bounds known to the
+//! controller. The theorem does not hold outside of them.
 
 use super::Findings;
 use crate::{Bounds, Key, Scenario, Vector};
@@ -31,14 +31,14 @@ impl Scenario {
     }
 }
 
-/// Grams of a kilogram.
+/// Grams per kilogram.
 const GRAMS: f64 = 1000.0;
 
 impl Bounds {
-    /// A mass inside the bounds, provided that mass and bounds make sense by themselves.
+    /// Requires a mass within the bounds, if mass and bounds are valid by themselves.
     fn check_mass(&self, mass: f64, what: &str, at: &Key, found: &mut Findings) {
-        let asked = mass > 0.0 && mass.is_finite() && self.mass_min < self.mass_max;
-        if asked && !(self.mass_min..=self.mass_max).contains(&mass) {
+        let is_checkable = mass > 0.0 && mass.is_finite() && self.mass_min < self.mass_max;
+        if is_checkable && !(self.mass_min..=self.mass_max).contains(&mass) {
             let in_kilograms = mass / GRAMS;
             let bound = if (self.mass_min..=self.mass_max).contains(&in_kilograms) {
                 format!(
@@ -60,11 +60,11 @@ impl Bounds {
         }
     }
 
-    /// Each component of an acceleration inside the bounds, provided that both make sense by themselves.
+    /// Requires each component of an acceleration within the bounds, if both are valid by themselves.
     fn check_disturbance(&self, disturbance: &Vector, what: &str, at: &Key, found: &mut Findings) {
         for (axis, &component) in disturbance.iter().enumerate() {
-            let asked = component.is_finite() && self.disturbance > 0.0;
-            if asked && component.abs() > self.disturbance {
+            let is_checkable = component.is_finite() && self.disturbance > 0.0;
+            if is_checkable && component.abs() > self.disturbance {
                 found.add(
                     at.then("disturbance").then(axis),
                     format!(

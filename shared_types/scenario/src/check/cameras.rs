@@ -1,4 +1,4 @@
-//! Cameras that see.
+//! Checks of the simulated cameras.
 
 use super::Findings;
 use super::events::Events;
@@ -7,7 +7,7 @@ use shared_types::service::seconds;
 use shared_types::wiring::Topic;
 
 impl Cameras {
-    /// All but the jitter, which depends on the schedule.
+    /// Checks everything except the jitter, which depends on the schedule.
     pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
         for (index, swap) in self.marker_swap.iter().enumerate() {
             swap.check(&at.then("marker_swap").then(index), found);
@@ -16,18 +16,23 @@ impl Cameras {
     }
 
     fn check_times(&self, duration: f64, at: &Key, found: &mut Findings) {
-        let (times, lengths): (_, Vec<_>) = self.occlusion.iter().map(|one| (one.at, one.lasts)).unzip();
+        let (times, lengths): (_, Vec<_>) =
+            self.occlusion.iter().map(|event| (event.at, event.lasts)).unzip();
         let occlusions = Events {
-            one: "occlusion",
-            several: "occlusions",
+            singular: "occlusion",
+            plural: "occlusions",
             at: at.then("occlusion"),
             times,
         };
         occlusions.check_lasting(&lengths, duration, found);
-        let (times, lengths): (_, Vec<_>) = self.marker_swap.iter().map(|one| (one.at, one.lasts)).unzip();
+        let (times, lengths): (_, Vec<_>) = self
+            .marker_swap
+            .iter()
+            .map(|event| (event.at, event.lasts))
+            .unzip();
         let swaps = Events {
-            one: "marker swap",
-            several: "marker swaps",
+            singular: "marker swap",
+            plural: "marker swaps",
             at: at.then("marker_swap"),
             times,
         };
@@ -36,20 +41,20 @@ impl Cameras {
 }
 
 impl MarkerSwap {
-    /// All but the times.
+    /// Checks everything except the times.
     fn check(&self, at: &Key, found: &mut Findings) {
         if self.position == [0.0; 3] && self.rotation == [0.0; 3] {
             found.add(
                 at.clone(),
                 "the marker swap changes nothing",
-                "state by what `position` or `rotation` the pose is wrong, or leave the marker swap out",
+                "state the error of the pose as `position` or `rotation`, or leave the marker swap out",
             );
         }
     }
 }
 
 impl Scenario {
-    /// No exposure before that of the frame before it.
+    /// Requires exposures in the order of the frames.
     pub(super) fn check_jitter(&self, cameras: &Cameras, key: &Key, found: &mut Findings) {
         let jitter = cameras.jitter;
         let Ok(schedule) = self.schedule() else { return };
@@ -57,9 +62,7 @@ impl Scenario {
         if jitter > period {
             found.add(
                 key.clone(),
-                format!(
-                    "frames are exposed up to {jitter:?} s early, but follow each other after {period:?} s"
-                ),
+                format!("frames are exposed up to {jitter:?} s early, but their period is {period:?} s"),
                 format!("lower `jitter` to {period:?} or less, or raise `schedule.period.\"mocap/pose\"`"),
             );
         }

@@ -1,4 +1,4 @@
-//! Gains and bounds with which the theorem holds.
+//! Checks of the controller's gains and bounds: the conditions of the theorem.
 
 use super::events::Events;
 use super::vehicle::check_inertia;
@@ -15,7 +15,7 @@ impl Controller {
         check_inertia(&self.initial.inertia, &inertia, found);
     }
 
-    /// Changes of gains in a flight of `duration` s.
+    /// Checks the changes of gains in a flight of `duration` s.
     pub(super) fn check_changes(&self, duration: f64, at: &Key, found: &mut Findings) {
         let at = at.then("change");
         if !self.change.is_empty() && !self.law.is_adaptive() {
@@ -35,15 +35,15 @@ impl Controller {
             }
         }
         let changes = Events {
-            one: "change",
-            several: "changes",
+            singular: "change",
+            plural: "changes",
             at,
             times: self.change.iter().map(|change| change.at).collect(),
         };
         changes.check(duration, found);
     }
 
-    /// σmax > ‖δ‖/k1, the condition of the theorem: else no position error balances δ.
+    /// Requires σmax > ‖δ‖/k1, the condition of the theorem: otherwise no position error balances δ.
     fn check_saturation(&self, key: &Key, found: &mut Findings) {
         let least = self.delta.abs() / self.k1;
         if self.sigma_max <= least {
@@ -57,7 +57,7 @@ impl Controller {
                     six_digits(least)
                 ),
                 format!(
-                    "raise `sigma_max` above {}, raise `k1` or bring `delta` nearer to 0; the paper uses 1.5, 4 and 0.1",
+                    "raise `sigma_max` above {}, raise `k1` or bring `delta` closer to 0; the paper uses 1.5, 4 and 0.1",
                     six_digits(least)
                 ),
             );
@@ -82,7 +82,7 @@ impl Bounds {
         }
     }
 
-    /// ε < 1/mmax, which keeps π(η̂) above 0: the thrust (16) divides by it.
+    /// Requires ε < 1/mmax, which keeps π(η̂) above 0: the thrust (16) divides by it.
     fn check_epsilon_eta(&self, at: &Key, found: &mut Findings) {
         let limit = 1.0 / self.mass_max;
         if self.epsilon_eta >= limit {

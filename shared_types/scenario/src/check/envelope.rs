@@ -1,4 +1,4 @@
-//! An envelope whose limits can be kept and whose actions can be taken.
+//! Checks of the flight envelope.
 
 use std::f64::consts::PI;
 
@@ -15,17 +15,17 @@ impl Scenario {
         self.check_landings(envelope, &at, found);
         self.check_commands(envelope, &at, found);
         if let Some(fence) = &envelope.r#box
-            && !fence.holds(&self.vehicle.initial.position)
+            && !fence.contains(&self.vehicle.initial.position)
         {
             found.add(
                 at.then("box"),
                 "the vehicle starts outside of it",
-                "let the box hold `vehicle.initial.position`; z points down, so that `min` has the height",
+                "extend the box to `vehicle.initial.position`; z points down, so `min` has the upper limit",
             );
         }
     }
 
-    /// Only a flight with phases can land.
+    /// Refuses landings in a flight without phases.
     fn check_landings(&self, envelope: &Envelope, at: &Key, found: &mut Findings) {
         let actions = envelope.actions().into_iter();
         let lands = actions.filter(|(_, action)| *action == Action::Land);
@@ -38,7 +38,7 @@ impl Scenario {
         }
     }
 
-    /// No limit of what the controller does not command.
+    /// Refuses limits on quantities that the controller does not command.
     fn check_commands(&self, envelope: &Envelope, at: &Key, found: &mut Findings) {
         let commands_rates = self.controller.rates.is_some();
         let (name, is_stated, commanded) = if commands_rates {
@@ -64,25 +64,25 @@ impl Envelope {
         if let Some(limit) = self.tilt.as_ref().filter(|limit| limit.max >= PI) {
             found.add(
                 at.then("tilt").then("max"),
-                format!("no thrust tilts by {:?} rad: upside down is π", limit.max),
+                format!("a tilt never exceeds {:?} rad: upside down is π", limit.max),
                 "give an angle below π; 0.8 is much for a flight of this kind",
             );
         }
-        self.check_sight(at, found);
+        self.check_estimate(at, found);
     }
 
-    /// Requires an action without a state for every limit that is checked on the state.
-    fn check_sight(&self, at: &Key, found: &mut Findings) {
+    /// Requires an action for a missing state if a limit is checked on the state.
+    fn check_estimate(&self, at: &Key, found: &mut Findings) {
         let on_state = [
             ("box", self.r#box.is_some()),
             ("tilt", self.tilt.is_some()),
             ("speed", self.speed.is_some()),
         ];
-        let seen = on_state.into_iter().find(|(_, is_stated)| *is_stated);
-        if let (Some((name, _)), None) = (seen, &self.estimate) {
+        let limited = on_state.into_iter().find(|(_, is_stated)| *is_stated);
+        if let (Some((name, _)), None) = (limited, &self.estimate) {
             found.add(
                 at.then("estimate"),
-                format!("`{name}` is checked on the estimated state, and it is not said what is done without a good one"),
+                format!("`{name}` is checked on the estimated state, but no action is stated for an inaccurate or missing state"),
                 "add `envelope.estimate = { position_sigma = 0.05, action = \"warn\" }` with the action that you want",
             );
         }
@@ -95,14 +95,14 @@ impl Fence {
             if least >= most && found.are_in_range(at, &["min", "max"]) {
                 found.add(
                     at.then("max").then(axis),
-                    format!("{most:?} m is not above {least:?} m in `min`: the box holds nothing"),
+                    format!("{most:?} m is not above {least:?} m in `min`: the box is empty"),
                     "put the smaller coordinate of each axis into `min`; z points down",
                 );
             }
         }
     }
 
-    fn holds(&self, position: &Vector) -> bool {
+    fn contains(&self, position: &Vector) -> bool {
         (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&position[axis]))
     }
 }

@@ -1,65 +1,64 @@
-//! Things that happen in flight: inside of it, and in the order in which they stand.
+//! Checks of planned events: within the flight, and in chronological order.
 //!
-//! That their times are whole ticks is checked where they become ticks.
+//! The conversion to ticks checks that their times are whole ticks.
 
 use super::Findings;
 use crate::Key;
 
-/// Excess of a sum of decimals that rounding explains, s: less than the shortest base tick.
+/// Tolerance of a sum of decimals, s: less than the shortest base tick.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// Things of one kind that happen one after the other, in an array of the scenario.
+/// Events of one kind in an array of the scenario.
 pub(super) struct Events<'a> {
-    /// One of them, in words.
-    pub(super) one: &'a str,
-    /// Several of them, in words.
-    pub(super) several: &'a str,
+    /// Name of an event, singular.
+    pub(super) singular: &'a str,
+    /// Name of an event, plural.
+    pub(super) plural: &'a str,
     /// Key of the array.
     pub(super) at: Key,
-    /// Begin of each event, s.
+    /// Start of each event, s.
     pub(super) times: Vec<f64>,
 }
 
 impl Events<'_> {
-    /// None after the end of the flight of `duration` s, none before the one above it, no two at one time.
+    /// Requires events within the flight of `duration` s, in chronological order and at different times.
     pub(super) fn check(&self, duration: f64, found: &mut Findings) {
-        let (one, several) = (self.one, self.several);
+        let (singular, plural) = (self.singular, self.plural);
         for (index, &time) in self.times.iter().enumerate() {
-            found.in_flight(&self.key(index), &format!("the {one}"), time, duration);
+            found.in_flight(&self.key(index), &format!("the {singular}"), time, duration);
         }
         for (index, pair) in self.times.windows(2).enumerate() {
             let [earlier, later] = [pair[0], pair[1]];
             if later < earlier {
                 found.add(
                     self.key(index + 1),
-                    format!("the {one} at {later:?} s stands behind the one at {earlier:?} s"),
-                    format!("put the {several} in the order of their times"),
+                    format!("the {singular} at {later:?} s is listed after the one at {earlier:?} s"),
+                    format!("put the {plural} in the order of their times"),
                 );
             } else if later == earlier {
                 found.add(
                     self.key(index + 1),
-                    format!("two {several} happen at {later:?} s"),
-                    format!("make one {one} of the two, or move one of them"),
+                    format!("two {plural} happen at {later:?} s"),
+                    format!("merge them into one {singular}, or move one of them"),
                 );
             }
         }
     }
 
-    /// Checks as [`Events::check`] does, and that no event begins during another, for events that last so long (s
-    /// each).
+    /// Checks as [`Events::check`], and that events of these lengths (s) do not overlap.
     pub(super) fn check_lasting(&self, lengths: &[f64], duration: f64, found: &mut Findings) {
         self.check(duration, found);
         let ends = self.times.iter().zip(lengths);
         for (index, (&begin, &length)) in ends.enumerate() {
-            let (one, end) = (self.one, begin + length);
+            let (singular, end) = (self.singular, begin + length);
             let next = self.times.get(index + 1);
             if let Some(next) = next.filter(|&&next| begin < next && next + ROUNDING < end) {
                 found.add(
                     self.key(index + 1),
                     format!(
-                        "the {one} at {next:?} s begins while the one at {begin:?} s lasts, until {end:?} s"
+                        "the {singular} at {next:?} s begins before the one at {begin:?} s ends at {end:?} s"
                     ),
-                    format!("make one {one} of the two, or shorten the earlier"),
+                    format!("merge them into one {singular}, or shorten the earlier one"),
                 );
             }
         }
@@ -79,7 +78,7 @@ impl Findings {
                 _ => None,
             };
             let all = of_array.map_or_else(String::new, |array| {
-                format!("; `--set {array}=[]` leaves all of them out")
+                format!("; `--set {array}=[]` removes all of them")
             });
             self.add(
                 key.clone(),

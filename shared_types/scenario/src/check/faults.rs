@@ -1,4 +1,4 @@
-//! Planned faults: of things that there are, with the values that their kind has, and one after the other.
+//! Checks of planned faults: existing targets, the values of their kind, and no overlap.
 
 use super::Findings;
 use super::events::ROUNDING;
@@ -9,7 +9,7 @@ use shared_types::sample::Member;
 use shared_types::wiring::ServiceId;
 
 impl Scenario {
-    /// Faults of services and inputs that there are, in the flight, and one after the other.
+    /// Checks the planned faults.
     pub(super) fn check_faults(&self, found: &mut Findings) {
         let at = Key::root().then("fault");
         for (index, fault) in self.fault.iter().enumerate() {
@@ -32,7 +32,7 @@ impl Scenario {
                             .lasts
                             .map_or_else(|| "for good".to_owned(), |lasts| format!("for {lasts:?} s"))
                     ),
-                    "make one fault of the two, or let one begin after the other has ended",
+                    "merge them into one fault, or start one after the other has ended",
                 );
             }
         }
@@ -54,17 +54,17 @@ impl Fault {
         }
         found.in_flight(&at.then("at"), "the fault", self.at, duration);
         match self.kind {
-            FaultKind::Delay if self.by.is_none() => self.found_nothing(&at.then("by"), found),
+            FaultKind::Delay if self.by.is_none() => self.report_missing(&at.then("by"), found),
             FaultKind::Intermittent if self.fraction.is_none() => {
-                self.found_nothing(&at.then("fraction"), found);
+                self.report_missing(&at.then("fraction"), found);
             }
             FaultKind::Wrong => self.check_field(at, found),
             _ => {}
         }
     }
 
-    /// A value that the kind needs is not there.
-    fn found_nothing(&self, key: &Key, found: &mut Findings) {
+    /// Reports a missing value that the kind needs.
+    fn report_missing(&self, key: &Key, found: &mut Findings) {
         let reason = format!(
             "it is not stated, and a fault of the kind `{}` needs it",
             self.kind
@@ -74,7 +74,7 @@ impl Fault {
 
     fn check_service(&self, key: &Key, found: &mut Findings) {
         let Some(service) = &self.service else {
-            return self.found_nothing(key, found);
+            return self.report_missing(key, found);
         };
         match ServiceId::from_name(service) {
             None => {
@@ -84,8 +84,8 @@ impl Fault {
             }
             Some(ServiceId::Plant) => found.add(
                 key.clone(),
-                "the plant is the vehicle itself, which flies on whatever happens",
-                "let another service fail, or change the vehicle by `vehicle.change`",
+                "the plant is the vehicle itself, which cannot fail",
+                "state another service, or change the vehicle by `vehicle.change`",
             ),
             Some(_) => {}
         }
@@ -93,7 +93,7 @@ impl Fault {
 
     fn check_edge(&self, key: &Key, found: &mut Findings) {
         match &self.edge {
-            None => self.found_nothing(key, found),
+            None => self.report_missing(key, found),
             Some(edge) if EdgeName::find(edge).is_none() => {
                 found.problems.push(unknown_edge(key.clone(), edge));
             }
@@ -101,10 +101,10 @@ impl Fault {
         }
     }
 
-    /// A number that the edge's samples have, and what becomes of it.
+    /// Requires an existing number of the edge's samples, and an error of it.
     fn check_field(&self, at: &Key, found: &mut Findings) {
         let Some(field) = &self.field else {
-            return self.found_nothing(&at.then("field"), found);
+            return self.report_missing(&at.then("field"), found);
         };
         if let Some(Target::Edge(edge)) = self.target()
             && edge.topic.find_numbers(field).is_none()
@@ -118,13 +118,13 @@ impl Fault {
             found.add(
                 at.then("field"),
                 format!("the samples of `{}` have no number `{field}`", edge.topic),
-                format!("there are {}", names.join(", ")),
+                format!("the numbers are {}", names.join(", ")),
             );
         }
         if self.scale.unwrap_or(1.0) == 1.0 && self.bias.unwrap_or(0.0) == 0.0 {
             found.add(
                 at.clone(),
-                "without a `scale` other than 1 or a `bias` other than 0 nothing is wrong",
+                "without a `scale` other than 1 or a `bias` other than 0 the fault has no effect",
                 "state `scale`, `bias` or both",
             );
         }
@@ -132,16 +132,16 @@ impl Fault {
 }
 
 impl FaultKind {
-    /// Returns the values of a fault of this kind, as advice.
+    /// Returns advice on the values that a fault of this kind needs.
     fn needs(self) -> &'static str {
         match self {
-            Self::Off => "state `service`, and `state` if it is to come back \"cold\"",
-            Self::Freeze => "state `service`; one that is frozen keeps its state",
-            Self::Delay => "state `edge` and `by`, the time in s by which samples are late",
+            Self::Off => "state `service`, and `state = \"cold\"` for a cold start",
+            Self::Freeze => "state `service`; a frozen service keeps its state",
+            Self::Delay => "state `edge` and `by`, the delay of samples in s",
             Self::Intermittent => "state `edge` and `fraction`, the share of the samples that are lost",
             Self::Stuck => "state `edge` alone",
             Self::Wrong => "state `edge`, `field`, and `scale` or `bias`",
-            Self::Garbage => "state `edge`, and `range` if the numbers shall have a largest magnitude",
+            Self::Garbage => "state `edge`, and `range` to limit the magnitude of the numbers",
         }
     }
 }

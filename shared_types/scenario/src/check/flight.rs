@@ -1,12 +1,12 @@
-//! A flight from take-off to landing: requests in an order that can be meant, and a vehicle that stands at its start.
+//! Checks of a flight with phases: the order of its requests, and a vehicle at rest on the ground.
 
 use super::{Findings, six_digits};
 use crate::{Flight, Key, Problem, Scenario};
 
 impl Scenario {
-    /// Finds what a simulated flight lacks because its operator cannot act while it is flown.
+    /// Returns the problem of a flight in simulated time that is never armed: `gerono arm` works in real time only.
     #[must_use]
-    pub fn unasked(&self) -> Option<Problem> {
+    pub fn missing_arm_request(&self) -> Option<Problem> {
         let flight = self.flight.as_ref().filter(|flight| flight.arm_at.is_none())?;
         let requests = flight.requests().into_iter();
         let latest = requests
@@ -15,15 +15,15 @@ impl Scenario {
         let fitting = if latest > 1.0 { 1.0 } else { 0.0 };
         Some(Problem::new(
             Key::root().then("flight").then("arm_at"),
-            "nobody arms the vehicle: `gerono arm` is for flights in real time, and here time is simulated",
-            format!("state when the operator arms, such as `arm_at = {fitting:?}`, or leave `[flight]` out"),
+            "the vehicle is never armed: `gerono arm` works only in real time, and this flight is in simulated time",
+            format!("state the time of arming, such as `arm_at = {fitting:?}`, or leave `[flight]` out"),
         ))
     }
 
-    /// Finds what a flight in a laboratory lacks so that no motor turns before people have checked cameras and radio
-    /// link.
+    /// Returns the problem of a flight in a laboratory whose motors turn without the operator, who must first check cameras
+    /// and radio link.
     #[must_use]
-    pub fn unattended(&self) -> Option<Problem> {
+    pub fn unattended_arming(&self) -> Option<Problem> {
         if self.capture_system().is_none() && self.radio_link().is_none() {
             return None;
         }
@@ -31,20 +31,20 @@ impl Scenario {
         match &self.flight {
             None => Some(Problem::new(
                 at,
-                "in a laboratory people arm the vehicle once cameras and radio link work, but here the motors turn \
+                "in a laboratory the operator arms the vehicle once cameras and radio link work, but here the motors turn \
                  from the start",
                 "add `[flight]`: the vehicle then stands on the ground until `gerono arm`",
             )),
             Some(flight) if flight.arm_at.is_some() => Some(Problem::new(
                 at.then("arm_at"),
-                "in a laboratory people arm the vehicle once cameras and radio link work, but here it arms itself",
+                "in a laboratory the operator arms the vehicle once cameras and radio link work, but here it arms itself",
                 "leave `arm_at` out, and arm with `gerono arm`",
             )),
             Some(_) => None,
         }
     }
 
-    /// The section, and the vehicle that it wants on the ground.
+    /// Checks the section, and that the vehicle starts at rest on the ground.
     pub(super) fn check_flight(&self, found: &mut Findings) {
         let Some(flight) = &self.flight else {
             return;
@@ -58,7 +58,7 @@ impl Scenario {
             found.add(
                 key,
                 format!("the path lies {} m below the ground, which is where the vehicle starts", six_digits(depth - ground)),
-                "z points down: what is above the ground has a smaller z, a negative one if the vehicle starts at z = 0",
+                "z points down: points above the ground have a smaller z, a negative one if the vehicle starts at z = 0",
             );
         }
         let motions = [
@@ -90,7 +90,7 @@ impl Flight {
             found.add(
                 at.then("land_at"),
                 format!(
-                    "the vehicle is to land at {land:?} s, but is armed at {arm:?} s only, and so never flies"
+                    "the vehicle is to land at {land:?} s, but is not armed before {arm:?} s, and so never flies"
                 ),
                 format!("give a time after {arm:?} s"),
             );

@@ -1,4 +1,4 @@
-//! Limits of loss that can be exceeded and can be kept.
+//! Checks of the limits of loss.
 
 use super::Findings;
 use crate::{Key, Scenario};
@@ -12,7 +12,7 @@ impl Scenario {
         if judge.impact_speed_max.is_some() && self.flight.is_none() {
             found.add(
                 at.then("impact_speed_max"),
-                "a flight without phases has no ground that could be touched",
+                "a flight without phases has no ground",
                 "add `[flight]`, or leave `impact_speed_max` out",
             );
         }

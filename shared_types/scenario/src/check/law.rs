@@ -1,15 +1,15 @@
-//! Sections that a control law needs, and those that it does not have.
+//! Checks of the sections that a control law needs or does not use.
 
 use super::Findings;
 use crate::{Controller, Key, Scenario};
 
 impl Scenario {
-    /// Harmonics of a path that repeats.
+    /// Requires a periodic path for harmonics.
     pub(super) fn check_harmonics(&self, found: &mut Findings) {
         if self.controller.harmonics.is_some() && self.path.curve.frequency().is_none_or(|w| w == 0.0) {
             found.add(
                 Key::root().then("controller").then("harmonics"),
-                "the path does not repeat, so that no disturbance repeats with it",
+                "the path is not periodic, so no disturbance repeats with it",
                 "leave them out, or fly a figure of eight, a circle, a closed course, or a Lissajous figure with a common period",
             );
         }
@@ -36,7 +36,7 @@ impl Controller {
         if self.prediction_gain.is_some() && !predicts {
             found.add(
                 at.then("prediction_gain"),
-                "the prediction error is known with commands of body rates and `rates.unexplained` only",
+                "the prediction error is available only with commands of body rates and `rates.unexplained`",
                 "set `controller.rates.unexplained` to true, or leave `prediction_gain` out",
             );
         }

@@ -1,5 +1,4 @@
-//! Checks of the use of the machine: values that some machine permits. The run checks those of this machine when it
-//! begins.
+//! Checks of the use of the machine that do not depend on the machine. The run checks the others when it starts.
 
 use super::Findings;
 use crate::{Key, RealTime, Scenario};
@@ -7,14 +6,14 @@ use shared_types::schedule::Schedule;
 use shared_types::wiring::ServiceId;
 
 impl Scenario {
-    /// The sections that say how the machine is used.
+    /// Checks the sections about the use of the machine.
     pub(super) fn check_machine(&self, found: &mut Findings) {
         let at = Key::root().then("deployment");
         if let Some(deployment) = &self.deployment {
             for (name, role) in deployment.tables() {
                 let process = self.process_name(role);
                 if name != process {
-                    let reason = format!("no process is called `{name}` in this flight");
+                    let reason = format!("this flight has no process `{name}`");
                     found.add(
                         at.then(name),
                         reason,
@@ -33,7 +32,7 @@ impl Scenario {
 impl RealTime {
     fn check(&self, schedule: Option<&Schedule>, at: &Key, found: &mut Findings) {
         let hang = at.then("hang_limit");
-        // One that is not stated follows from the schedule.
+        // Unless stated, the limit follows from the schedule.
         let (Some(limit), Some(schedule)) = (self.hang_limit, schedule) else {
             return;
         };

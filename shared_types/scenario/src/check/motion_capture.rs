@@ -1,4 +1,4 @@
-//! Checks of `[motion_capture]`: its addresses, and the limits of its poses.
+//! Checks of `[motion_capture]`.
 
 use std::net::Ipv4Addr;
 
@@ -8,15 +8,15 @@ use crate::{BodyNumbers, CaptureSystem, Key, MotionCapture, PoseSource, Problem,
 
 impl Scenario {
     pub(super) fn check_motion_capture(&self, found: &mut Findings) {
-        let Some(stated) = &self.motion_capture else {
+        let Some(section) = &self.motion_capture else {
             return;
         };
         let at = Key::root().then("motion_capture");
-        stated.check(&at, found);
-        if !stated.source.is_simulated() && self.estimator.is_none() {
+        section.check(&at, found);
+        if !section.source.is_simulated() && self.estimator.is_none() {
             found.add(
                 at.then("source"),
-                "such cameras measure no velocities, and nothing estimates them",
+                "these cameras do not measure velocities, and there is no estimator",
                 "add `[estimator.kalman]`, or leave `source` out",
             );
         }
@@ -24,11 +24,10 @@ impl Scenario {
 }
 
 impl MotionCapture {
-    /// Returns the problems of the section, whatever else is in the scenario. A server or an object that is not stated
-    /// is none.
+    /// Returns the problems of the section alone. A missing server or object is not a problem.
     #[must_use]
     pub fn problems(&self) -> Vec<Problem> {
-        let mut found = Findings::of_section(self, "motion_capture");
+        let mut found = Findings::from_section(self, "motion_capture");
         self.check_values(&Key::root().then("motion_capture"), &mut found);
         found.problems
     }
@@ -48,7 +47,7 @@ impl MotionCapture {
         }
         let [least, most] = self.rate;
         if least >= most {
-            let reason = format!("{least:?} Hz to {most:?} Hz is no band of rates");
+            let reason = format!("{least:?} Hz to {most:?} Hz is not a range of rates");
             found.add(at.then("rate"), reason, "give two numbers, the smaller one first");
         }
     }
@@ -58,7 +57,7 @@ impl MotionCapture {
             && (self.server.is_empty() || self.object.is_empty())
         {
             let reason = format!(
-                "nothing says where `{}` sends from and which body is the vehicle",
+                "the server of `{}` and the vehicle's body are not both stated",
                 system.name()
             );
             found.add(
@@ -70,7 +69,7 @@ impl MotionCapture {
         if self.source == PoseSource::Replay && self.recording.is_none() {
             found.add(
                 key.clone(),
-                "nothing says which flight's captures are to be replayed",
+                "the flight whose captures are replayed is not stated",
                 "add `recording` with its run's folder or its log, or leave `source` out",
             );
         }
@@ -80,7 +79,7 @@ impl MotionCapture {
         let system = self.source.system().map(CaptureSystem::properties);
         let longest = system.map_or(LONGEST_NAME, |system| system.longest_name);
         let Some((name, number)) = self.name_and_number() else {
-            let reason = format!("no number stands behind the # of `{}`", self.object);
+            let reason = format!("there is no number after the # of `{}`", self.object);
             found.add(key.clone(), reason, "write it as `quad`, `#7` or `quad#1`");
             return;
         };
@@ -98,15 +97,13 @@ impl MotionCapture {
 
 fn check_address(key: &Key, text: &str, found: &mut Findings) {
     let reason = match text.parse::<Ipv4Addr>() {
-        Err(_) => format!("`{text}` is no IPv4 address"),
-        Ok(address) if address.is_unspecified() => {
-            "all interfaces at once would be open to anybody".to_owned()
-        }
+        Err(_) => format!("`{text}` is not an IPv4 address"),
+        Ok(address) if address.is_unspecified() => "packets would be accepted on all interfaces".to_owned(),
         Ok(address) if address.is_multicast() || address.is_broadcast() => {
             format!("{address} is not the address of one machine")
         }
         Ok(_) => return,
     };
-    let fix = "give the address of one interface, such as \"192.168.10.1\"; names are not looked up";
+    let fix = "give the address of one interface, such as \"192.168.10.1\"; names are not resolved";
     found.add(key.clone(), reason, fix);
 }

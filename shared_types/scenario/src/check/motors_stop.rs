@@ -1,21 +1,21 @@
-//! Frames that stop the motors, and a receiver that gets none, ask for no thrust.
+//! Checks that the motors stop: with the frames that stop them, and in the receiver's failsafe.
 
 use super::{Findings, six_digits};
 use crate::{Key, RcLink, ThrustChannel, Transmitter};
 
-/// Share of the largest thrust up to which motors count as stopped: calibrations are fitted, and are not exact.
+/// Share of the largest thrust up to which motors count as stopped, because fitted calibrations are not exact.
 const STOPPED: f64 = 0.01;
 
-/// Travel of a channel that is lost or not there, as receivers give it: the link's −100 %.
+/// Travel of a lost or missing channel at a receiver: −100 %.
 const ABSENT: f64 = -1.0;
 
 impl RcLink {
-    /// Checks what stops the motors of a link that is valid otherwise.
+    /// Checks that the motors of an otherwise valid link stop.
     pub(super) fn check_motors_stop(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
         if transmitter.has_channels(self.link) {
             self.check_channel(transmitter, at, found);
         } else {
-            self.check_share(transmitter, at, found);
+            self.check_normalised_thrust(transmitter, at, found);
         }
     }
 
@@ -26,7 +26,7 @@ impl RcLink {
 
     fn check_channel(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
         let channel = ThrustChannel::new(self, transmitter);
-        let least = channel.thrust(channel.at_rest());
+        let least = channel.thrust(channel.motors_off());
         let stated = transmitter.failsafe.map(|[travel, ..]| travel);
         let stopped = stated.map_or(least, |travel| channel.thrust(travel));
         // With an arming switch a link may have no travel without thrust.
@@ -34,10 +34,10 @@ impl RcLink {
             && self.turns_motors(stopped - least.max(0.0))
         {
             let newtons = six_digits(stopped);
-            let reason = format!("a travel of {travel:?} of the thrust channel asks for {newtons} N");
+            let reason = format!("a travel of {travel:?} of the thrust channel commands {newtons} N");
             let fix = format!(
-                "leave `failsafe` out, or give {:?} as its first travel, which asks for the least",
-                channel.at_rest()
+                "leave `failsafe` out, or give {:?} as its first travel, which commands the least thrust",
+                channel.motors_off()
             );
             found.add(at.then("failsafe"), reason, fix);
             return;
@@ -48,31 +48,31 @@ impl RcLink {
         let absent = channel.thrust(ABSENT);
         if self.turns_motors(stopped) {
             let reason = format!(
-                "no switch stops the motors, and the least that the thrust channel asks for is {} N",
+                "no switch stops the motors, and the least thrust of the channel is {} N",
                 six_digits(stopped)
             );
             let fix = "state `arming_channel`, or check `thrust_offset` and `thrust_slope`";
             found.add(at.then("arming_channel"), reason, fix);
         } else if self.turns_motors(absent) {
             let reason = format!(
-                "no switch stops the motors, and a receiver that has lost the link puts the thrust channel to -100 %, \
-                 which asks for {} N",
+                "no switch stops the motors, and a receiver that has lost the link sets the thrust channel to -100 %, \
+                 which commands {} N",
                 six_digits(absent)
             );
-            let fix = "state `arming_channel`, or turn the thrust channel around at the receiver, so that -100 % is no thrust";
+            let fix = "state `arming_channel`, or reverse the thrust channel at the receiver, so that -100 % is no thrust";
             found.add(at.then("arming_channel"), reason, fix);
         }
     }
 
-    /// `SET_ATTITUDE_TARGET` has a share of the thrust, of which 0 is none, and no channels.
-    fn check_share(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
+    /// Checks `SET_ATTITUDE_TARGET`, which has no channels but a normalised thrust, of which 0 stops the motors.
+    fn check_normalised_thrust(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
         let least = self.thrust_offset - self.thrust_slope.abs();
         if self.turns_motors(least) {
             let reason = format!(
-                "a share of 0 stops the motors, but would ask for {} N",
+                "a thrust of 0 stops the motors, but would command {} N",
                 six_digits(least)
             );
-            let fix = "check `thrust_offset` and `thrust_slope`: a share of 0 is a travel of -1, or of 1 where the slope is negative";
+            let fix = "check `thrust_offset` and `thrust_slope`: a thrust of 0 is a travel of -1, or of 1 if the slope is negative";
             found.add(at.then("mavlink").then("message"), reason, fix);
         }
         for (name, is_stated) in [

@@ -1,4 +1,4 @@
-//! A path that can be flown: a timing law that is defined and a curve that is smooth.
+//! Checks of the path: timing law, yaw steps and curve.
 
 use super::Findings;
 use super::events::Events;
@@ -22,8 +22,8 @@ impl Path {
 
     fn check_yaw_steps(&self, duration: f64, at: &Key, found: &mut Findings) {
         let steps = Events {
-            one: "yaw step",
-            several: "yaw steps",
+            singular: "yaw step",
+            plural: "yaw steps",
             at: at.clone(),
             times: self.yaw_step.iter().map(|step| step.at).collect(),
         };
@@ -40,7 +40,7 @@ impl Curve {
         }
     }
 
-    /// Returns the key that states the curve's height, and the stated z, m; the lowest of several.
+    /// Returns the key that states the curve's height, and the lowest stated z, m.
     pub(super) fn stated_depth(&self) -> (Key, f64) {
         let at = Key::root().then("path").then("curve");
         let z = |table: &str, name: &str, position: &Vector| (at.then(table).then(name), position[2]);
@@ -104,7 +104,7 @@ impl Waypoints {
         {
             found.add(
                 at.then(self.points.len() - 1),
-                "the last point coincides with the first, to which a closed curve leads by itself",
+                "the last point coincides with the first, to which a closed curve returns anyway",
                 "leave the last point out",
             );
         }

@@ -1,4 +1,4 @@
-//! Checks of `[plugins]`: libraries that can be named, for services that step logic flies.
+//! Checks of `[plugins]` and of `controller.telemetry`.
 
 use super::Findings;
 use crate::{Key, Kind, Scenario};
@@ -6,7 +6,7 @@ use shared_types::samples::ControlTelemetry;
 use shared_types::wiring::ServiceId;
 
 impl Scenario {
-    /// The names of telemetry: columns of a table, of a controller that is not Gerono's own.
+    /// Requires valid names of telemetry, and a controller other than Gerono's own.
     pub(super) fn check_telemetry(&self, found: &mut Findings) {
         let names = &self.controller.telemetry;
         let at = Key::root().then("controller").then("telemetry");
@@ -15,7 +15,7 @@ impl Scenario {
             found.add(at.clone(), "Gerono's own controller has no such numbers", fix);
         }
         if names.len() > ControlTelemetry::NUMBERS {
-            let reason = format!("a sample has no room for {} numbers", names.len());
+            let reason = format!("a sample cannot carry {} numbers", names.len());
             let fix = format!("name {} at most", ControlTelemetry::NUMBERS);
             found.add(at.clone(), reason, fix);
         }
@@ -29,13 +29,13 @@ impl Scenario {
                 let fix = "give lower-case letters, digits and underscores, a letter first, other than `header` and `pad0`";
                 found.add(at.then(index), reason, fix);
             } else if names[..index].contains(name) {
-                let fix = "give each number a name of its own";
-                found.add(at.then(index), format!("`{name}` is there twice"), fix);
+                let fix = "give each number a unique name";
+                found.add(at.then(index), format!("`{name}` is listed twice"), fix);
             }
         }
     }
 
-    /// The plug-ins that fly in place of services.
+    /// Checks the plug-ins in place of services.
     pub(super) fn check_plugins(&self, found: &mut Findings) {
         if self.is_foreign(ServiceId::Controller) && !self.controller.law.is_adaptive() {
             found.add(
@@ -49,7 +49,7 @@ impl Scenario {
         };
         let at = Key::root().then("plugins");
         for service in ServiceId::ALL {
-            let Some(library) = plugins.of(service) else {
+            let Some(library) = plugins.library_of(service) else {
                 continue;
             };
             let at = at.then(service.name());
@@ -60,7 +60,7 @@ impl Scenario {
             let occupant = match self.kind_of(service) {
                 Kind::StepLogic | Kind::RadioLink => continue,
                 Kind::Program => "a program flies",
-                Kind::MotionCapture | Kind::RecordedCaptures => "motion capture tells of a real vehicle",
+                Kind::MotionCapture | Kind::RecordedCaptures => "a real vehicle flies",
             };
             found.add(
                 at,
@@ -69,7 +69,7 @@ impl Scenario {
             );
         }
         for name in plugins.sha256.keys() {
-            if ServiceId::from_name(name).is_none_or(|service| plugins.of(service).is_none()) {
+            if ServiceId::from_name(name).is_none_or(|service| plugins.library_of(service).is_none()) {
                 found.add(
                     at.then("sha256").then(name.as_str()),
                     format!("no plug-in flies in place of `{name}`"),
@@ -80,7 +80,7 @@ impl Scenario {
         for name in plugins.parameters.keys().filter(|name| name.contains('\0')) {
             found.add(
                 at.then("parameters").then(name.as_str()),
-                "no library can be handed it",
+                "it cannot be passed to a library",
                 "give a name without zero bytes",
             );
         }

@@ -1,4 +1,4 @@
-//! A radio link that can carry what a flight needs.
+//! Checks of the radio link's calibration.
 
 use super::{Findings, six_digits};
 use crate::{Key, RcLink};
@@ -35,14 +35,14 @@ impl RcLink {
         is_in_range && found.problems.len() == before
     }
 
-    /// Requires a step of the link's resolution in each range.
+    /// Requires at least one step of the link's resolution in each range.
     fn check_codes(&self, at: &Key, found: &mut Findings) {
         let quantum = 2.0 / f64::from((1_u32 << self.resolution) - 1);
         let [least, most] = self.thrust_limits();
         if most <= 0.0 {
             found.add(
                 at.then("thrust_range"),
-                "no travel of the thrust channel means a thrust above 0 N",
+                "no travel of the thrust channel commands a thrust above 0 N",
                 "check `thrust_offset`, `thrust_slope` and `thrust_range`; the paper uses 2.3071 and 3.138",
             );
             return;
@@ -67,13 +67,13 @@ impl RcLink {
     }
 }
 
-/// Part of a channel's travel, from its lower to its upper end.
+/// Requires a range of a channel's travel, from its lower to its upper end.
 fn check_range(range: &[f64; 2], key: &Key, found: &mut Findings) {
     let [least, most] = *range;
     if least >= most {
         found.add(
             key.clone(),
-            format!("from {least:?} to {most:?} is no range of a channel"),
+            format!("from {least:?} to {most:?} is not a range of a channel"),
             "give the lower end first, and both from -1.0 to 1.0",
         );
     }

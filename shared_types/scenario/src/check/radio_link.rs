@@ -1,4 +1,4 @@
-//! A transmitter whose frames a link can carry. Whether the device is there is asked when it is opened.
+//! Checks of the transmitter of a laboratory. Opening the device checks whether it exists.
 
 use std::net::SocketAddr;
 
@@ -9,23 +9,23 @@ use crate::{Key, RadioProtocol, RcLink, Transmitter};
 const STICKS: [char; 4] = ['T', 'A', 'E', 'R'];
 
 impl RcLink {
-    /// Checks the radio link of a laboratory; with a calibration that `is_good` also what stops the motors.
-    pub(super) fn check_transmitter(&self, is_good: bool, at: &Key, found: &mut Findings) {
+    /// Checks the radio link of a laboratory, and that its motors stop if the calibration is valid.
+    pub(super) fn check_transmitter(&self, is_calibrated: bool, at: &Key, found: &mut Findings) {
         let section = at.then("transmitter");
         match (&self.transmitter, self.link) {
             (None, RadioProtocol::Simulated) => {}
             (None, link) => found.add(
                 at.then("link"),
-                format!("nothing says where frames of `{}` go", link.name()),
+                format!("the destination of the frames of `{}` is not stated", link.name()),
                 "add `[rc_output.transmitter]` with `device`, `tcp` or `udp`, or leave `link` out",
             ),
             (Some(_), RadioProtocol::Simulated) => {
                 let [others @ .., last] = RadioProtocol::ALL.map(RadioProtocol::name);
-                let fix = format!("say which `link` it is: {} or {last}", others.join(", "));
+                let fix = format!("state the `link`: {} or {last}", others.join(", "));
                 found.add(section, "the simulated link has no transmitter", fix);
             }
             (Some(transmitter), link) => {
-                if transmitter.check(link, &section, found) && is_good {
+                if transmitter.check(link, &section, found) && is_calibrated {
                     self.check_motors_stop(transmitter, &section, found);
                 }
             }
@@ -34,9 +34,9 @@ impl RcLink {
 }
 
 impl Transmitter {
-    /// Checks a transmitter. Returns whether what stops its motors can be computed.
+    /// Checks a transmitter. Returns whether the frames that stop its motors can be computed.
     fn check(&self, link: RadioProtocol, at: &Key, found: &mut Findings) -> bool {
-        self.check_place(link, at, found);
+        self.check_destination(link, at, found);
         self.check_rate(link, at, found);
         self.check_own_tables(link, at, found);
         let before = found.problems.len();
@@ -47,23 +47,25 @@ impl Transmitter {
         found.problems.len() == before
     }
 
-    /// Frames go to one place, of a kind that the link knows.
-    fn check_place(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
+    /// Requires one destination of a kind that the link supports.
+    fn check_destination(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         let socket = link.properties().socket;
-        let places = [("device", &self.device), ("tcp", &self.tcp), ("udp", &self.udp)];
+        let destinations = [("device", &self.device), ("tcp", &self.tcp), ("udp", &self.udp)];
         let fix = socket.map_or_else(
             || "state `device`, and nothing else".to_owned(),
             |socket| format!("state one of `device` and `{socket}`"),
         );
-        let stated = places.iter().filter(|(_, place)| place.is_some());
+        let stated = destinations
+            .iter()
+            .filter(|(_, destination)| destination.is_some());
         if stated.count() != 1 {
-            found.add(at.clone(), "frames go to one place, no fewer and no more", fix);
+            found.add(at.clone(), "frames need exactly one destination", fix);
             return;
         }
-        for (name, place) in places {
-            let Some(place) = place else { continue };
+        for (name, destination) in destinations {
+            let Some(destination) = destination else { continue };
             if name == "device" {
-                if place.is_empty() {
+                if destination.is_empty() {
                     found.add(
                         at.then(name),
                         "the device has no name",
@@ -71,25 +73,25 @@ impl Transmitter {
                     );
                 }
             } else if socket != Some(name) {
-                let reason = format!("`{}` does not go by `{name}`", link.name());
+                let reason = format!("`{}` is not sent by `{name}`", link.name());
                 found.add(at.then(name), reason, fix.clone());
-            } else if place.parse::<SocketAddr>().is_err() {
-                let reason = format!("`{place}` is no address with a port");
+            } else if destination.parse::<SocketAddr>().is_err() {
+                let reason = format!("`{destination}` is not an address with a port");
                 found.add(
                     at.then(name),
                     reason,
-                    "give numbers, such as 127.0.0.1:5761; names are not looked up",
+                    "give numbers, such as 127.0.0.1:5761; names are not resolved",
                 );
             }
         }
     }
 
-    /// The line carries the frames of a second in less than a second.
+    /// Requires a baud rate that is sufficient for the frame rate.
     fn check_rate(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         if self.baud.is_some() && self.device.is_none() {
             found.add(
                 at.then("baud"),
-                "only a serial device has a speed",
+                "only a serial device has a baud rate",
                 "leave `baud` out, or state `device`",
             );
         }
@@ -100,7 +102,7 @@ impl Transmitter {
         let most = f64::from(self.baud_on(link)) / f64::from(link.bits_per_frame().max(1));
         if self.device.is_some() && rate > most {
             let reason = format!(
-                "at {} baud the line carries {most:.0} frames a second",
+                "at {} baud the line carries {most:.0} frames per second",
                 self.baud_on(link)
             );
             found.add(
@@ -128,7 +130,7 @@ impl Transmitter {
             if !STICKS.contains(&letter) || seen.contains(&letter) {
                 found.add(
                     at.then("reversed"),
-                    format!("`{letter}` is no stick, or stands twice"),
+                    format!("`{letter}` is not a stick, or is listed twice"),
                     "give some of the letters A, E, T and R, such as \"ER\"",
                 );
                 break;
@@ -136,12 +138,12 @@ impl Transmitter {
             seen.push(letter);
         }
         for (name, ends) in [("thrust_ends", &self.thrust_ends), ("rate_ends", &self.rate_ends)] {
-            let good = check_travels(link, ends, &at.then(name), found);
-            if good && ends[0] >= ends[1] {
+            let is_valid = check_travels(link, ends, &at.then(name), found);
+            if is_valid && ends[0] >= ends[1] {
                 found.add(
                     at.then(name),
                     format!("the travels {ends:?} are not from a lower to a higher end"),
-                    "give the lower end first; `reversed` turns a stick around",
+                    "give the lower end first; `reversed` reverses a stick",
                 );
             }
         }
@@ -151,10 +153,10 @@ impl Transmitter {
     fn check_switches(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         check_travels(link, &self.others, &at.then("others"), found);
         if check_travels(link, &self.arming, &at.then("arming"), found) && self.arming[0] == self.arming[1] {
-            let reason = "armed and disarmed are sent alike";
+            let reason = "armed and disarmed have the same travel";
             found.add(at.then("arming"), reason, "give two travels, such as [-1.0, 1.0]");
         }
-        let mut taken = Vec::new();
+        let mut used = Vec::new();
         let arming = self
             .arming_channel
             .map(|channel| (at.then("arming_channel"), channel));
@@ -164,11 +166,11 @@ impl Transmitter {
             .enumerate()
             .map(|(index, switch)| (at.then("switch").then(index).then("channel"), switch.channel));
         for (key, channel) in arming.into_iter().chain(switches) {
-            if taken.contains(&channel) {
-                let reason = format!("channel {channel} is taken already");
+            if used.contains(&channel) {
+                let reason = format!("channel {channel} is already in use");
                 found.add(key, reason, "give every switch a separate channel");
             }
-            taken.push(channel);
+            used.push(channel);
         }
         for (index, switch) in self.switch.iter().enumerate() {
             check_travels(
@@ -180,7 +182,7 @@ impl Transmitter {
         }
     }
 
-    /// Refuses the settings of one link beside another link.
+    /// Refuses the settings of another link.
     fn check_own_tables(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
         for (owner, is_stated) in [
             (RadioProtocol::Multi, self.multi.is_some()),
@@ -205,7 +207,7 @@ fn check_travels<'a>(
     let mut travels = travels.into_iter();
     let wrong = travels.find(|travel| !(-most..=most).contains(*travel));
     if let Some(travel) = wrong {
-        let reason = format!("{travel:?} is no travel of a channel of `{}`", link.name());
+        let reason = format!("{travel:?} is not a travel of a channel of `{}`", link.name());
         let fix = format!("give travels from {:?} to {most:?}; 1 is 100 %", -most);
         found.add(key.clone(), reason, fix);
     }

@@ -1,7 +1,7 @@
-//! Each number of a scenario against the range that its key declares, and each time against the base tick.
+//! Checks each number of a scenario against the range that its key declares, and each time against the base tick.
 //!
-//! The schema is compiled once to a tree of the keys that hold numbers. A check serialises the scenario along that tree,
-//! which visits every stated number and allocates for refused ones only.
+//! The schema is compiled once to a tree of the keys with numbers. A check serialises the scenario along that tree, which
+//! visits every stated number and allocates only for refused ones.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -17,18 +17,18 @@ use crate::timing::ticks::TickReader;
 use crate::{Problem, Range, Scenario};
 
 impl Findings {
-    /// Finds the numbers of a scenario that are out of their ranges.
-    pub(super) fn of_ranges(scenario: &Scenario) -> Self {
+    /// Finds the numbers of a scenario that are out of range.
+    pub(super) fn from_ranges(scenario: &Scenario) -> Self {
         let ticks = TickReader::new(scenario.schedule.tick).ok();
-        Self::of(&AsDeclared(scenario), Some(rules()), Vec::new(), ticks)
+        Self::collect(&AsDeclared(scenario), Some(rules()), Vec::new(), ticks)
     }
 
-    /// Finds the numbers of one section that are out of their ranges.
-    pub(super) fn of_section(section: &impl Serialize, name: &'static str) -> Self {
-        Self::of(section, rules().inside(name), vec![Step::Name(name)], None)
+    /// Finds the numbers of one section that are out of range.
+    pub(super) fn from_section(section: &impl Serialize, name: &'static str) -> Self {
+        Self::collect(section, rules().inside(name), vec![Step::Name(name)], None)
     }
 
-    fn of(
+    fn collect(
         value: &impl Serialize,
         rule: Option<&'static Rule>,
         path: Vec<Step>,
@@ -52,44 +52,47 @@ impl Findings {
     }
 }
 
-/// What holds at a key and inside of it.
+/// Rule for the numbers at a key and inside of it.
 #[derive(Debug)]
 enum Rule {
     Number {
         range: Range,
         symbol: Option<String>,
         hint: Option<String>,
-        /// Most base ticks of a time.
+        /// Maximum number of base ticks of a time.
         ticks: Option<u64>,
     },
     Array(Box<Self>),
-    /// Keys in the order of their names.
+    /// Keys, sorted by name.
     Table(Vec<(String, Self)>),
-    /// Keys of any name.
+    /// Keys with arbitrary names.
     Names(Box<Self>),
 }
 
 fn rules() -> &'static Rule {
-    static RULES: LazyLock<Rule> =
-        LazyLock::new(|| Rule::of(schema().as_value(), &Value::Null).expect("a scenario has numbers"));
+    static RULES: LazyLock<Rule> = LazyLock::new(|| {
+        Rule::from_schema(schema().as_value(), &Value::Null).expect("a scenario has numbers")
+    });
     &RULES
 }
 
 impl Rule {
-    /// Reads the rules of a part of the schema for a key, if there are numbers in it.
-    fn of(part: &Value, key: &Value) -> Option<Self> {
+    /// Reads the rule of a part of the schema for a key, if it contains numbers.
+    fn from_schema(part: &Value, key: &Value) -> Option<Self> {
         let part = resolved(part);
         let text = |name: &str| key[name].as_str().map(str::to_owned);
         match type_name(part) {
             Some("number" | "integer") => Some(Self::Number {
-                range: Range::of(part),
+                range: Range::from_schema(part),
                 symbol: text("x-symbol"),
                 hint: text("x-hint"),
                 ticks: key["x-ticks"].as_u64(),
             }),
-            Some("array") => Self::of(&part["items"], key).map(Box::new).map(Self::Array),
+            Some("array") => Self::from_schema(&part["items"], key)
+                .map(Box::new)
+                .map(Self::Array),
             _ if part["additionalProperties"].is_object() => {
-                let named = Self::of(&part["additionalProperties"], key);
+                let named = Self::from_schema(&part["additionalProperties"], key);
                 named.map(Box::new).map(Self::Names)
             }
             _ => {
@@ -98,7 +101,7 @@ impl Rule {
                 let keys = tables
                     .filter_map(|table| table["properties"].as_object())
                     .flatten();
-                let rules = keys.filter_map(|(name, key)| Some((name.clone(), Self::of(key, key)?)));
+                let rules = keys.filter_map(|(name, key)| Some((name.clone(), Self::from_schema(key, key)?)));
                 let mut rules: Vec<_> = rules.collect();
                 rules.sort_by(|(one, _), (other, _)| one.cmp(other));
                 (!rules.is_empty()).then_some(Self::Table(rules))
@@ -106,20 +109,20 @@ impl Rule {
         }
     }
 
-    /// Returns the rule of a name or position inside, if there are numbers in it.
+    /// Returns the rule of a name or position inside, if it contains numbers.
     fn inside(&self, name: &str) -> Option<&Self> {
         match self {
             Self::Number { .. } => None,
             Self::Array(element) | Self::Names(element) => Some(element),
             Self::Table(rules) => {
-                let place = rules.binary_search_by(|(known, _)| known.as_str().cmp(name));
-                place.ok().map(|place| &rules[place].1)
+                let index = rules.binary_search_by(|(known, _)| known.as_str().cmp(name));
+                index.ok().map(|index| &rules[index].1)
             }
         }
     }
 }
 
-/// Step of a way through a scenario.
+/// Segment of a key.
 #[derive(Clone, Debug)]
 enum Step {
     Name(&'static str),
@@ -137,12 +140,12 @@ impl fmt::Display for Step {
     }
 }
 
-/// Serializer that writes nothing and checks the numbers that it is given.
+/// Serializer that checks numbers and writes nothing.
 struct Walk<'a> {
-    /// Rule of the value that comes next.
+    /// Rule of the next value.
     rule: &'static Rule,
     path: Vec<Step>,
-    /// The last text: a name, of a table of names.
+    /// The last text: a key of a map.
     name: String,
     ticks: Option<TickReader>,
     problems: &'a mut Vec<Problem>,
@@ -175,7 +178,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns the symbol of the number at hand: the stated one, of an element with its number, or the key's name.
+    /// Returns the symbol of the current number: the declared one, numbered for an element, or the key's name.
     fn symbol(&self, stated: Option<&str>) -> String {
         match (stated, self.path.as_slice()) {
             (Some(symbol), [.., Step::Position(position)]) => format!("{symbol}{}", position + 1),
@@ -186,7 +189,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Checks a value one step further inside.
+    /// Checks a value one level deeper.
     fn enter(&mut self, step: Step, value: &(impl Serialize + ?Sized)) -> Result<(), fmt::Error> {
         let outside = self.rule;
         let inside = match &step {
@@ -203,7 +206,7 @@ impl Walk<'_> {
     }
 }
 
-/// The inside of a value.
+/// Serializer of the elements of a value.
 struct Inside<'w, 'a> {
     walk: &'w mut Walk<'a>,
     position: usize,
@@ -260,7 +263,7 @@ impl SerializeMap for Inside<'_, '_> {
     }
 }
 
-/// Values in which there is no number.
+/// Values without numbers.
 macro_rules! without_numbers {
     ($($method:ident($($value:ty),*))+) => {
         $(fn $method(self, $(_: $value),*) -> fmt::Result {
@@ -269,7 +272,7 @@ macro_rules! without_numbers {
     };
 }
 
-/// Numbers that are some float exactly.
+/// Numbers that convert to `f64` exactly.
 macro_rules! numbers {
     ($($method:ident($value:ty))+) => {
         $(fn $method(self, value: $value) -> fmt::Result {
@@ -278,7 +281,7 @@ macro_rules! numbers {
     };
 }
 
-/// Values with others inside.
+/// Values with elements.
 macro_rules! inside {
     ($($method:ident($($value:ty),*) -> $inside:ident)+) => {
         $(fn $method(self, $(_: $value),*) -> Result<Self::$inside, fmt::Error> {
@@ -287,7 +290,7 @@ macro_rules! inside {
     };
 }
 
-/// Forms of Rust's that no key has.
+/// Forms of Rust values that do not occur in scenarios.
 macro_rules! without_key {
     ($($method:ident($($value:ty),*) -> $inside:ident)+) => {
         $(fn $method(self, $(_: $value),*) -> Result<Self::$inside, fmt::Error> {
@@ -336,7 +339,7 @@ impl<'w, 'a> Serializer for &'w mut Walk<'a> {
         self.serialize_f64(value as f64)
     }
 
-    // Beyond 2⁵³, where floats leave whole numbers out, no range has a bound.
+    // No range has a bound beyond 2⁵³, where conversion rounds.
     fn serialize_u64(self, value: u64) -> fmt::Result {
         self.serialize_f64(value as f64)
     }

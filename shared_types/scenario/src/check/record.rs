@@ -1,4 +1,4 @@
-//! Files of a log that are worth their headers, and topics of which less may be recorded.
+//! Checks of the recording.
 
 use shared_types::Topic;
 
@@ -25,7 +25,7 @@ impl Record {
             if self.leave_out.contains(topic) {
                 found.add(
                     key,
-                    "`record.leave_out` has the topic as well",
+                    "`record.leave_out` names the topic as well",
                     "name it in one of the two",
                 );
             }
@@ -36,7 +36,7 @@ impl Record {
     }
 }
 
-/// The name of a topic of which less may be recorded.
+/// Requires the name of a topic that may be recorded in part.
 fn check_topic(topic: &str, key: &Key, found: &mut Findings) {
     match Topic::from_name(topic) {
         None => found.add(
@@ -46,7 +46,7 @@ fn check_topic(topic: &str, key: &Key, found: &mut Findings) {
         ),
         Some(Topic::RunEvent) => found.add(
             key.clone(),
-            "the events say what happened in the flight, and a replay needs them",
+            "the events document the flight, and a replay needs them",
             "leave them in the log; they are few",
         ),
         Some(_) => {}
@@ -58,7 +58,7 @@ impl Split {
         if self.after_bytes.is_none() && self.after_seconds.is_none() {
             found.add(
                 at.clone(),
-                "it does not say when the log goes on in another file",
+                "it does not state when the next file starts",
                 "state `after_bytes` or `after_seconds` (s), or leave `record.split` out",
             );
         }

@@ -1,4 +1,4 @@
-//! Checks of `[safety]`: existing inputs, their values, and stages in order.
+//! Checks of `[safety]`: existing inputs, their values, and the order of stages.
 
 use super::Findings;
 use crate::timing::names::unknown_edge;
@@ -7,7 +7,7 @@ use shared_types::service::seconds;
 use shared_types::wiring::Topic;
 
 impl Scenario {
-    /// Policies of inputs that there are and that their services can follow.
+    /// Requires policies of existing inputs that have an effect.
     pub(super) fn check_safety(&self, found: &mut Findings) {
         for (name, safety) in &self.safety {
             let at = Key::root().then("safety").then(name);
@@ -22,24 +22,21 @@ impl Scenario {
         let Some(uses) = InputSafety::uses(edge) else {
             return found.add(
                 at.clone(),
-                format!("`{}` does the same however old this input is", edge.service),
-                format!("leave `{at}` out; it has no use for any of its values"),
+                format!("`{}` does not depend on the age of this input", edge.service),
+                format!("leave `{at}` out; none of its values has an effect"),
             );
         };
         if edge.topic == Topic::MocapPose && self.estimator.is_some() {
             return found.add(
                 at.clone(),
-                "a filter knows by itself how long it can do without captures",
+                "the filter has its own limit for the time without captures",
                 format!("leave `{at}` out and state `estimator.kalman.coast`"),
             );
         }
         if let Some((section, false)) = self.section_for(edge) {
             return found.add(
                 at.clone(),
-                format!(
-                    "without `[{section}]` `{}` has no use for this input",
-                    edge.service
-                ),
+                format!("without `[{section}]` `{}` does not use this input", edge.service),
                 format!("add `[{section}]`, or leave `{at}` out"),
             );
         }
@@ -47,7 +44,7 @@ impl Scenario {
             if is_stated && !uses.contains(&name) {
                 found.add(
                     at.then(name),
-                    format!("`{}` has no use for it with this input", edge.service),
+                    format!("`{}` does not use it for this input", edge.service),
                     used_values(uses),
                 );
             }
@@ -56,25 +53,25 @@ impl Scenario {
         self.check_ordinary_age(edge, safety, &at.then("max_age"), found);
     }
 
-    /// No sample is too old while nothing fails.
+    /// Requires that no sample is too old in a flight without faults.
     fn check_ordinary_age(&self, edge: EdgeName, safety: &InputSafety, key: &Key, found: &mut Findings) {
         let ordinary = seconds(self.ordinary_age_ns(edge));
         if safety.max_age < ordinary {
             found.add(
                 key.clone(),
                 format!(
-                    "by the schedule a sample of this input grows {ordinary:?} s old while nothing fails, but {:?} s would \
-                     be too old",
+                    "by the schedule a sample of this input is up to {ordinary:?} s old without faults, but {:?} s would be \
+                     too old",
                     safety.max_age
                 ),
-                format!("give {ordinary:?} s or more, or let `{}` come more often", edge.topic),
+                format!("give {ordinary:?} s or more, or publish `{}` more often", edge.topic),
             );
         }
     }
 }
 
 impl InputSafety {
-    /// Ages that grow from stage to stage.
+    /// Requires ages that increase from stage to stage.
     fn check_ages(&self, at: &Key, found: &mut Findings) {
         let stated: Vec<_> = self
             .ages()
@@ -94,11 +91,11 @@ impl InputSafety {
     }
 }
 
-/// Returns the values of an input, as advice.
+/// Returns advice on the values of an input.
 fn used_values(uses: &[&str]) -> String {
     let names: Vec<_> = std::iter::once(&"max_age")
         .chain(uses)
         .map(|name| format!("`{name}`"))
         .collect();
-    format!("state of {} what shall hold, and nothing else", names.join(", "))
+    format!("state only {}, as needed", names.join(", "))
 }

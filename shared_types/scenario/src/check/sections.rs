@@ -1,14 +1,14 @@
-//! Sections of a scenario that need each other.
+//! Checks of sections that depend on each other.
 
 use super::{Findings, six_digits};
 use crate::{GRAVITY, Key, RateCommand, RcLink, Scenario, Vector};
 use shared_types::service::seconds;
 use shared_types::wiring::{ServiceId, Topic};
 
-/// Most steps of the law over the hold of a command: they all happen in one step of the controller.
-const MOST_STEPS: f64 = 1000.0;
+/// Maximum number of steps of the law over the hold of a command: one step of the controller computes all of them.
+const MAX_STEPS: f64 = 1000.0;
 
-/// Part of a step by which a number of steps may miss a whole one: that of decimals.
+/// Tolerance of a whole number of steps, for the rounding of decimals.
 const STEP_TOLERANCE: f64 = 1e-6;
 
 impl Scenario {
@@ -36,21 +36,21 @@ impl Scenario {
         if self.model.is_none() {
             found.add(
                 at.clone(),
-                "the controller makes body rates by a model of the vehicle, but there is none",
+                "the controller computes body rates by a model of the vehicle, but there is none",
                 "add `[model]`, which may be empty, or leave `controller.rates` out",
             );
         }
         if self.estimator.is_none() {
             found.add(
                 at.clone(),
-                "the controller makes body rates for a thrust and an acceleration that only a filter tells",
+                "the controller needs a thrust and an acceleration that only a filter estimates",
                 "add `[estimator.kalman]`, which may be empty, or leave `controller.rates` out",
             );
         }
         self.check_roll_out(rates, &at.then("roll_out_step"), found);
     }
 
-    /// A whole number of steps over the hold of a command.
+    /// Requires a whole number of steps over the hold of a command.
     fn check_roll_out(&self, rates: &RateCommand, key: &Key, found: &mut Findings) {
         let step = rates.roll_out_step;
         let (true, Ok(schedule)) = (found.is_in_range(key), self.schedule()) else {
@@ -60,26 +60,26 @@ impl Scenario {
         let count = hold / step;
         let whole = libm::round(count);
         if whole < 1.0 || (count - whole).abs() > STEP_TOLERANCE {
-            let fitting = hold / libm::ceil(count).min(MOST_STEPS);
+            let fitting = hold / libm::ceil(count).min(MAX_STEPS);
             found.add(
                 key.clone(),
                 format!("{step:?} s does not divide the {hold:?} s for which a command is held"),
                 format!("use {} or another whole part of {hold:?}", six_digits(fitting)),
             );
-        } else if whole > MOST_STEPS {
+        } else if whole > MAX_STEPS {
             found.add(
                 key.clone(),
-                format!("{whole:?} steps for one command, more than {MOST_STEPS:?}"),
+                format!("{whole:?} steps for one command, more than {MAX_STEPS:?}"),
                 format!(
                     "raise `roll_out_step` to {} or more",
-                    six_digits(hold / MOST_STEPS)
+                    six_digits(hold / MAX_STEPS)
                 ),
             );
         }
     }
 
-    /// With commands of torque, nothing that works with body rates: the first of it that there is. Cameras that see
-    /// poses only are of it, because the filter is that makes velocities of poses.
+    /// Refuses sections that need body rates when torque is commanded, and reports the first. Cameras without velocities
+    /// belong to them, because the filter that estimates velocities predicts by body rates.
     fn check_torque_commands(&self, found: &mut Findings) {
         let root = Key::root();
         let sections = [
@@ -101,7 +101,7 @@ impl Scenario {
             (
                 self.cameras.is_some(),
                 root.then("cameras"),
-                "these cameras see poses only, of which a filter makes velocities that predicts by body rates",
+                "these cameras measure poses only, and the filter that estimates velocities predicts by body rates",
             ),
         ];
         if let Some((_, key, what)) = sections.into_iter().find(|(is_stated, ..)| *is_stated) {
@@ -110,7 +110,7 @@ impl Scenario {
         }
     }
 
-    /// Motors and link can hold the vehicle in the air, at every moment of the flight.
+    /// Requires motors and a link with sufficient thrust to hover at any time of the flight.
     fn check_hover_thrust(&self, has_good_link: bool, found: &mut Findings) {
         let [least, most] = self.hover_thrusts();
         let vehicle = &self.vehicle;
@@ -134,7 +134,7 @@ impl Scenario {
         let factor = vehicle
             .actuators
             .as_ref()
-            .map_or(1.0, |stated| stated.thrust_factor);
+            .map_or(1.0, |actuators| actuators.thrust_factor);
         if let Some(link) = &self.rc_output
             && factor > 0.0
             && has_good_link
@@ -143,23 +143,23 @@ impl Scenario {
         }
     }
 
-    /// Least and largest thrust that it takes in the course of the flight to hold the vehicle in its place, N.
+    /// Returns the smallest and the largest hover thrust in the course of the flight, N.
     fn hover_thrusts(&self) -> [f64; 2] {
         let (mut mass, mut disturbance) = (self.vehicle.mass, self.vehicle.disturbance);
-        let first = thrust_to_stay(mass, &disturbance);
+        let first = hover_thrust(mass, &disturbance);
         self.vehicle
             .change
             .iter()
             .fold([first; 2], |[least, most], change| {
                 mass = change.mass.unwrap_or(mass);
                 disturbance = change.disturbance.unwrap_or(disturbance);
-                let thrust = thrust_to_stay(mass, &disturbance);
+                let thrust = hover_thrust(mass, &disturbance);
                 [least.min(thrust), most.max(thrust)]
             })
     }
 }
 
-/// The link reaches the thrusts, N, that must be asked for to hold the vehicle in the air.
+/// Requires a link that covers the commanded hover thrusts, N.
 fn check_reach(link: &RcLink, [least, most]: [f64; 2], found: &mut Findings) {
     let [lowest, highest] = link.thrust_limits();
     let is_low = 0.0 < least && least <= lowest;
@@ -167,18 +167,18 @@ fn check_reach(link: &RcLink, [least, most]: [f64; 2], found: &mut Findings) {
         found.add(
             Key::root().then("rc_output").then("thrust_range"),
             format!(
-                "{} N must be asked for to hold the vehicle in the air, but the thrust channel reaches from {} N to {} N",
+                "{} N must be commanded to hold the vehicle in the air, but the thrust channel reaches from {} N to {} N",
                 six_digits(if is_low { least } else { most }),
                 six_digits(lowest),
                 six_digits(highest)
             ),
-            "widen `thrust_range` or choose another `thrust_offset` and `thrust_slope`; the paper's numbers want [-1.0, 1.0]",
+            "widen `thrust_range` or choose another `thrust_offset` and `thrust_slope`; the paper's numbers need [-1.0, 1.0]",
         );
     }
 }
 
-/// Thrust that holds a mass (kg) in its place against gravity and a constant acceleration (in {I}, m/s²), N.
-fn thrust_to_stay(mass: f64, disturbance: &Vector) -> f64 {
+/// Returns the thrust that balances gravity and a constant disturbance (in {I}, m/s²) for a mass (kg), N.
+fn hover_thrust(mass: f64, disturbance: &Vector) -> f64 {
     let [x, y, z] = *disturbance;
     mass * (x * x + y * y + (z + GRAVITY) * (z + GRAVITY)).sqrt()
 }

@@ -190,7 +190,7 @@ fn changes_out_of_order_are_refused_at_the_later_line() {
     refused(
         |scenario| scenario.vehicle.change.push(change(20.0)),
         "vehicle.change.1.at",
-        "the change at 20.0 s stands behind the one at 30.0 s",
+        "the change at 20.0 s is listed after the one at 30.0 s",
         "in the order of their times",
     );
 }
@@ -201,7 +201,7 @@ fn changes_at_one_time_are_refused() {
         |scenario| scenario.vehicle.change.push(change(30.0)),
         "vehicle.change.1.at",
         "two changes happen at 30.0 s",
-        "make one change of the two",
+        "merge them into one change",
     );
 }
 

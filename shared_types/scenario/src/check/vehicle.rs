@@ -1,15 +1,14 @@
-//! A vehicle that can exist, and changes of it that happen in flight, one after the other.
+//! Checks of the vehicle and its changes.
 
 use super::events::Events;
 use super::{Findings, six_digits};
 use crate::{Key, Vector, Vehicle, VehicleChange};
 
-/// Relative excess over the triangle inequality that rounding explains: a flat body has J1 + J2 = J3 exactly,
-/// but its decimals may not.
+/// Relative tolerance of the triangle inequality: a flat body has J1 + J2 = J3 exactly, but its rounded decimals may not.
 const TRIANGLE_TOLERANCE: f64 = 1e-9;
 
-/// Distance from the body's origin at which no centre of mass is, m.
-const FARTHEST_CENTER: f64 = 0.5;
+/// Maximum plausible distance of the centre of mass from the body's origin, m.
+const MAX_CENTER_DISTANCE: f64 = 0.5;
 
 impl Vehicle {
     pub(super) fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
@@ -18,8 +17,8 @@ impl Vehicle {
             change.check(&at.then("change").then(index), found);
         }
         let changes = Events {
-            one: "change",
-            several: "changes",
+            singular: "change",
+            plural: "changes",
             at: at.then("change"),
             times: self.change.iter().map(|change| change.at).collect(),
         };
@@ -28,14 +27,14 @@ impl Vehicle {
         self.check_rig(duration, at, found);
     }
 
-    /// Checks the parts of a vehicle that the ideal one does not have.
+    /// Checks the parts that an ideal vehicle does not have.
     fn check_rig(&self, duration: f64, at: &Key, found: &mut Findings) {
         if let Some(wind) = &self.wind {
             wind.check(&at.then("wind"), found);
             if self.drag == [0.0; 3] && self.parasitic_drag == 0.0 {
                 found.add(
                     at.then("wind"),
-                    "a vehicle without drag does not feel the wind",
+                    "the wind has no effect on a vehicle without drag",
                     "state `vehicle.drag`, such as `[0.06, 0.06, 0.02]` for the paper's vehicle",
                 );
             }
@@ -50,7 +49,7 @@ impl Vehicle {
 }
 
 impl VehicleChange {
-    /// All but the time, which the schedule checks.
+    /// Checks everything except the time, which the schedule checks.
     fn check(&self, at: &Key, found: &mut Findings) {
         if let Some(inertia) = &self.inertia {
             check_inertia(inertia, &at.then("inertia"), found);
@@ -69,22 +68,22 @@ impl VehicleChange {
     }
 }
 
-/// The centre of mass lies within a vehicle of the size that the laws are for.
+/// Requires a plausible centre of mass.
 pub(super) fn check_center_of_mass(center_of_mass: &Vector, key: &Key, found: &mut Findings) {
     let distance = center_of_mass.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if distance >= FARTHEST_CENTER {
+    if distance >= MAX_CENTER_DISTANCE {
         found.add(
             key.clone(),
             format!(
                 "the centre of mass lies {} m from the origin of {{B}}, outside of any such vehicle",
                 six_digits(distance)
             ),
-            format!("give a place less than {FARTHEST_CENTER:?} m away"),
+            format!("give a point less than {MAX_CENTER_DISTANCE:?} m away"),
         );
     }
 }
 
-/// J is that of a body: no moment is larger than the sum of the other two.
+/// Requires a physical J: no moment is larger than the sum of the other two.
 pub(super) fn check_inertia(inertia: &Vector, key: &Key, found: &mut Findings) {
     if !found.is_in_range(key) {
         return;

@@ -1,4 +1,4 @@
-//! Planned faults, from seconds to ticks.
+//! Conversion of planned faults from seconds to ticks.
 
 use super::SERVICES;
 use crate::{EdgeName, Fault, FaultKind, FaultState, Scenario, Target};
@@ -8,7 +8,7 @@ use shared_types::schedule::{
 use shared_types::wiring::{ServiceId, Topic};
 
 impl Scenario {
-    /// The outages of each service in the order of time; those that cannot be are left to the checks.
+    /// Returns the outages of each service in chronological order, without invalid ones, which the checks report.
     pub(super) fn outages(&self) -> [Vec<Outage>; SERVICES] {
         ServiceId::ALL.map(|service| {
             let mut outages: Vec<_> = self
@@ -20,13 +20,13 @@ impl Scenario {
         })
     }
 
-    /// The faults of each service's inputs in the order of time; those that cannot be are left to the checks.
+    /// Returns the faults of each service's inputs in chronological order, without invalid ones, which the checks report.
     pub(super) fn edge_faults(&self) -> [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] {
         let mut all: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] = Default::default();
-        for (edge, place) in EdgeName::all().zip(0..) {
+        for (edge, index) in EdgeName::all().zip(0..) {
             let draws = Draws {
                 seed: self.seed,
-                edge: place,
+                edge: index,
             };
             let faults = &mut all[edge.service.index()][edge.input];
             faults.extend(
@@ -44,7 +44,7 @@ impl Scenario {
             .filter(move |fault| fault.target() == Some(target))
     }
 
-    /// First tick of a fault, and first tick after it.
+    /// Returns the first tick of a fault, and the first tick after it.
     fn ticks_of(&self, fault: &Fault) -> [u64; 2] {
         let until = fault.lasts.map(|lasts| self.tick_of(fault.at + lasts));
         [self.tick_of(fault.at), until.unwrap_or(u64::MAX)]

@@ -1,33 +1,33 @@
-//! The names that a scenario may use: services, topics, and edges as `topic -> service`.
+//! Names in scenarios: services, topics, and edges as `topic -> service`.
 
 use super::Problem;
 use crate::Key;
 use shared_types::wiring::{ServiceId, Topic};
 
-/// An input of a service, as the scenario names it: `topic -> service`.
+/// Input of a service, named `topic -> service` in scenarios.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct EdgeName {
     /// Consumer of the samples.
     pub service: ServiceId,
-    /// Place of the input in the wiring table.
+    /// Index of the input in the wiring table.
     pub input: usize,
     /// Consumed topic.
     pub topic: Topic,
 }
 
 impl EdgeName {
-    /// All edges, by service and input.
+    /// Returns all edges, by service and input.
     pub fn all() -> impl Iterator<Item = Self> {
         edges_into(&ServiceId::ALL)
     }
 
-    /// The edge from a topic to a service, if there is one.
+    /// Returns the edge from a topic to a service, if it exists.
     #[must_use]
-    pub fn of(topic: Topic, service: ServiceId) -> Option<Self> {
+    pub fn between(topic: Topic, service: ServiceId) -> Option<Self> {
         Self::all().find(|edge| (edge.topic, edge.service) == (topic, service))
     }
 
-    /// The edge of a name.
+    /// Returns the edge with a name, if it exists.
     #[must_use]
     pub fn find(name: &str) -> Option<Self> {
         Self::all().find(|edge| edge.to_string() == name)
@@ -40,7 +40,7 @@ impl std::fmt::Display for EdgeName {
     }
 }
 
-/// The edges to some services.
+/// Returns the edges to some services.
 pub(crate) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
     services.iter().flat_map(|&service| {
         let inputs = service.inputs().iter().enumerate();
@@ -52,7 +52,7 @@ pub(crate) fn edges_into(services: &[ServiceId]) -> impl Iterator<Item = EdgeNam
     })
 }
 
-/// The edges from each service of a walk to the next.
+/// Returns the edges from each service of a walk to the next.
 pub(super) fn edges_between(walk: &[ServiceId]) -> impl Iterator<Item = EdgeName> {
     walk.windows(2)
         .flat_map(|pair| edges_into(&pair[1..]).filter(|edge| edge.topic.publisher() == Some(pair[0])))

@@ -9,7 +9,7 @@ use shared_types::service::{nanoseconds, seconds};
 /// Shortest and longest base tick, s.
 const TICK: RangeInclusive<f64> = 1e-6..=1.0;
 
-/// Reader of times as whole numbers of ticks, which collects the others as problems.
+/// Converter of times to whole numbers of ticks, which collects problems.
 #[derive(Debug)]
 pub(crate) struct TickReader {
     tick_ns: u64,
@@ -17,7 +17,7 @@ pub(crate) struct TickReader {
 }
 
 impl TickReader {
-    /// A reader for a base tick in s, which must be a whole number of nanoseconds.
+    /// Makes a reader for a base tick in s, which must be a whole number of nanoseconds.
     pub(crate) fn new(tick: f64) -> Result<Self, Problem> {
         let refused = |reason: String| {
             Problem::new(
@@ -40,8 +40,8 @@ impl TickReader {
         })
     }
 
-    /// Reads a time in s as ticks. If it is not an allowed number of ticks, it returns the smallest allowed one and
-    /// adds a problem.
+    /// Converts a time in s to ticks. If it is not an allowed number of ticks, adds a problem and returns the smallest
+    /// allowed one.
     pub(super) fn read(&mut self, key: &Key, time: f64, allowed: RangeInclusive<u64>) -> u64 {
         let least = *allowed.start();
         self.whole_ticks(time, allowed).unwrap_or_else(|(reason, fix)| {
@@ -54,7 +54,7 @@ impl TickReader {
         self.problems.push(problem);
     }
 
-    /// Length of the tick, ns, if all times could be read.
+    /// Returns the length of the tick, ns, or the problems.
     pub(super) fn finish(self) -> Result<u64, Vec<Problem>> {
         if self.problems.is_empty() {
             Ok(self.tick_ns)
@@ -63,7 +63,7 @@ impl TickReader {
         }
     }
 
-    /// Returns a time in s as ticks.
+    /// Converts a time in s to ticks.
     ///
     /// # Errors
     /// Reason and fix, if it is not an allowed number of ticks.
@@ -103,10 +103,10 @@ impl TickReader {
     }
 }
 
-/// A time as the whole number of nanoseconds that its decimals mean, if they mean one.
+/// Converts a time to a whole number of nanoseconds, if its decimals are one.
 fn whole_nanoseconds(time: f64) -> Option<u64> {
     let exact = time * 1e9;
-    // Largest rounding of the decimals and of the product, and a little for times such as 1/3 · 3.
+    // Maximum rounding error of the decimals and of the product, with a margin for times such as 1/3 · 3.
     let tolerance = 1e-3 + 2.0 * f64::EPSILON * exact;
     let is_whole = (exact - libm::round(exact)).abs() <= tolerance;
     is_whole.then(|| nanoseconds(time))

@@ -1,4 +1,4 @@
-//! Inputs that no step of a scenario reads. Their samples need not be delivered.
+//! Inputs that no step reads. Their samples need not be delivered.
 
 use super::SERVICES;
 use crate::{EdgeName, Scenario, Target};
@@ -6,7 +6,7 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::wiring::{ServiceId, Topic};
 
 impl Scenario {
-    /// Returns, for each service and input, whether its steps never read it.
+    /// Returns for each service and input whether no step reads it.
     pub(super) fn unread_inputs(&self) -> [[bool; MAX_PORTS]; SERVICES] {
         let mut unread = [[false; MAX_PORTS]; SERVICES];
         for edge in EdgeName::all() {
@@ -16,20 +16,20 @@ impl Scenario {
     }
 
     fn reads(&self, edge: EdgeName) -> bool {
-        // A plug-in or an external service may read all inputs of its service, and a fault must have an effect that can be
-        // seen.
+        // A plug-in or an external service may read all inputs of its service. A faulty input is delivered so that the fault
+        // is observable.
         self.is_foreign(edge.service)
             || self.faults_of(Target::Edge(edge)).next().is_some()
             || self.section_for(edge).is_none_or(|(_, is_stated)| is_stated)
     }
 
-    /// The section without which a service's own step logic does not look at an input, and whether it is stated; `None`
-    /// where it looks in any case.
+    /// Returns the section without which a service's step logic does not read an input, and whether it is stated; `None` if
+    /// the input is always read.
     pub(crate) fn section_for(&self, edge: EdgeName) -> Option<(&'static str, bool)> {
         match (edge.service, edge.topic) {
-            // A filter predicts by the frames already sent; ideal cameras need none.
+            // The filter predicts by the frames already sent; ideal cameras need no filter.
             (ServiceId::Estimator, Topic::RcFrame) => Some(("estimator", self.estimator.is_some())),
-            // Phases are made of them: armed, taken off, landed.
+            // The phases depend on them: armed, taken off, landed.
             (ServiceId::PathGenerator, Topic::RcFrame) => Some(("flight", self.flight.is_some())),
             // Some limits are limits on the state.
             (ServiceId::RcOutput, Topic::VehicleState) => Some(("envelope", self.envelope.is_some())),

@@ -251,7 +251,7 @@ fn policies_of_inputs_that_only_phases_or_an_envelope_use_want_them() {
         assert_only(
             &scenario.problems(),
             &format!("safety.{edge:?}"),
-            "has no use",
+            "does not use this input",
             section,
         );
         let mut scenario = phased();

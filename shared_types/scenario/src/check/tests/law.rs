@@ -16,7 +16,7 @@ fn harmonics_need_a_path_that_repeats_and_the_adaptive_law() {
             scenario.path.curve = Curve::Hover(Hover { position: [0.0; 3] });
         },
         "controller.harmonics",
-        "the path does not repeat",
+        "the path is not periodic",
         "leave them out",
     );
     let problems = problems(|scenario| {

@@ -124,7 +124,7 @@ fn a_flight_that_needs_its_kill_switch_does_not_go_on_without_the_orchestrator_t
         assert_only(
             &with(on_loss),
             "operator.on_loss",
-            "the orchestrator hears the kill switch",
+            "the orchestrator reads the kill switch",
             "on_loss = \"ignore\"",
         );
     }

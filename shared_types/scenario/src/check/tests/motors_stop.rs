@@ -38,7 +38,7 @@ fn a_channel_that_means_thrust_where_a_receiver_has_lost_the_link_needs_an_armin
             assert_only(
                 &found,
                 "rc_output.transmitter.arming_channel",
-                "-100 %, which asks for 5.4451 N",
+                "-100 %, which commands 5.4451 N",
                 "`arming_channel`",
             );
         } else {
@@ -61,7 +61,7 @@ fn a_scaled_channel_whose_lowest_travel_is_beyond_that_of_a_lost_link_needs_an_a
     assert_only(
         &problems(scaled),
         "rc_output.transmitter.arming_channel",
-        "which asks for 0.272727 N",
+        "which commands 0.272727 N",
         "`arming_channel`",
     );
     // At the ends of the link itself it is none.
@@ -77,7 +77,7 @@ fn a_link_without_a_travel_of_no_thrust_needs_an_arming_switch() {
     assert_only(
         &problems(|link, _| idles(link)),
         "rc_output.transmitter.arming_channel",
-        "the least that the thrust channel asks for is 0.262 N",
+        "the least thrust of the channel is 0.262 N",
         "`arming_channel`",
     );
     let armed = |link: &mut RcLink, stated: &mut Transmitter| {
@@ -124,7 +124,7 @@ fn a_stated_failsafe_that_means_thrust_is_refused_with_or_without_an_arming_swit
     assert_only(
         &only,
         "rc_output.transmitter.failsafe",
-        "asks for 2.9347 N",
+        "commands 2.9347 N",
         "give -1.0",
     );
 }
@@ -169,7 +169,7 @@ fn attitude_targets_have_no_switches_and_no_thrust_at_a_share_of_none() {
     assert_only(
         &found,
         "rc_output.transmitter.mavlink.message",
-        "would ask for 0.262 N",
+        "would command 0.262 N",
         "`thrust_offset`",
     );
 }
@@ -193,7 +193,7 @@ fn travels_that_a_link_would_cut_are_refused() {
         assert_only(
             &ends(most + 0.01),
             "rc_output.transmitter.thrust_ends",
-            "is no travel",
+            "is not a travel",
             &format!("to {most:?}"),
         );
     }

@@ -37,7 +37,7 @@ fn a_command_without_a_program_is_refused() {
     assert_only(
         &problems(&["python3", "a\0b"]),
         "programs.controller.1",
-        "a word with a zero byte",
+        "an argument with a zero byte",
         "leave the `\\u0000` out",
     );
 }
@@ -65,7 +65,7 @@ fn a_program_flies_where_no_faults_are_planned() {
     assert_only(
         &scenario.problems(),
         "programs.controller",
-        "a program in place of `controller` knows nothing",
+        "a program in place of `controller` does not receive",
         "leave the faults out",
     );
 }

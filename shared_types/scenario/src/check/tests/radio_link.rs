@@ -68,14 +68,14 @@ fn frames_go_to_one_place_that_the_link_knows() {
         Crsf,
         |stated| stated.device = None,
         "",
-        "to one place",
+        "exactly one destination",
         "state `device`",
     );
     refused(
         Msp,
         |stated| stated.tcp = address(),
         "",
-        "to one place",
+        "exactly one destination",
         "`device` and `tcp`",
     );
     for (link, is_tcp) in [(Crsf, true), (Msp, false), (Mavlink, true)] {
@@ -84,12 +84,12 @@ fn frames_go_to_one_place_that_the_link_knows() {
             *(if is_tcp { &mut stated.tcp } else { &mut stated.udp }) = address();
         };
         let key = if is_tcp { ".tcp" } else { ".udp" };
-        refused(link, spoil, key, "does not go by", "state");
+        refused(link, spoil, key, "is not sent by", "state");
     }
     let named = |stated: &mut Transmitter| {
         (stated.device, stated.udp) = (None, Some("autopilot:14540".to_owned()));
     };
-    refused(Mavlink, named, ".udp", "no address with a port", "127.0.0.1");
+    refused(Mavlink, named, ".udp", "not an address with a port", "127.0.0.1");
     let reached = |stated: &mut Transmitter| (stated.device, stated.tcp) = (None, address());
     assert_eq!(problems(Msp, reached), []);
 }
@@ -100,7 +100,7 @@ fn a_rate_that_the_line_cannot_carry_is_refused_with_the_largest_that_it_can() {
         RadioProtocol::Crsf,
         |stated| (stated.baud, stated.frame_rate) = (Some(115_200), Some(500.0)),
         ".frame_rate",
-        "at 115200 baud the line carries 443 frames a second",
+        "at 115200 baud the line carries 443 frames per second",
         "at most 443",
     );
     let by_udp = |stated: &mut Transmitter| {
@@ -135,12 +135,12 @@ fn channels_that_no_receiver_would_understand_are_refused() {
         (
             |stated| stated.reversed = "EX".to_owned(),
             ".reversed",
-            "`X` is no stick",
+            "`X` is not a stick",
         ),
         (
             |stated| stated.reversed = "EE".to_owned(),
             ".reversed",
-            "stands twice",
+            "is listed twice",
         ),
         (
             |stated| stated.thrust_ends = [1.0, -1.0],
@@ -150,24 +150,24 @@ fn channels_that_no_receiver_would_understand_are_refused() {
         (
             |stated| stated.rate_ends = [-1.0, 1.5],
             ".rate_ends",
-            "1.5 is no travel",
+            "1.5 is not a travel",
         ),
         (
             |stated| stated.failsafe = Some([-1.0, 0.0, 9.0, 0.0]),
             ".failsafe",
-            "no travel",
+            "is not a travel",
         ),
-        (|stated| stated.others = Some(-2.0), ".others", "no travel"),
-        (|stated| stated.arming = [1.0, 1.0], ".arming", "sent alike"),
+        (|stated| stated.others = Some(-2.0), ".others", "is not a travel"),
+        (|stated| stated.arming = [1.0, 1.0], ".arming", "have the same travel"),
         (
             |stated| stated.switch = vec![switch(6, 2.0)],
             ".switch.0.travel",
-            "no travel",
+            "is not a travel",
         ),
         (
             |stated| (stated.arming_channel, stated.switch) = (Some(6), vec![switch(6, 0.0)]),
             ".switch.0.channel",
-            "taken already",
+            "already in use",
         ),
     ];
     for (spoil, key, reason) in cases {

@@ -202,7 +202,7 @@ fn a_refusal_says_what_is_wrong_and_what_is_right() {
         (
             json!({}),
             -1e10,
-            "-10000000000.0 is beyond anything that can be flown",
+            "-10000000000.0 is not plausible",
             "give a finite number of at most 1e9 in magnitude",
         ),
     ] {

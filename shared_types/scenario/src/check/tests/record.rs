@@ -29,7 +29,7 @@ fn a_split_that_says_nothing_is_refused() {
     refused(
         split(None, None),
         "record.split",
-        "does not say when",
+        "does not state when",
         "after_seconds",
     );
 }

@@ -91,7 +91,7 @@ fn a_thrust_at_the_start_above_the_largest_is_refused() {
     refused(
         |scenario| actuators(scenario).initial_thrust = 5.6,
         "vehicle.actuators.initial_thrust",
-        "5.6 N, is above the largest, 5.5 N",
+        "5.6 N is above the maximum of 5.5 N",
         "lower `initial_thrust`",
     );
     accepted(|scenario| actuators(scenario).initial_thrust = 5.5);
@@ -119,19 +119,19 @@ fn a_link_that_cannot_ask_for_the_thrust_to_hover_is_refused() {
     refused(
         |scenario| link(scenario).thrust_range = [0.0, 1.0],
         "rc_output.thrust_range",
-        "1.98331 N must be asked for to hold the vehicle in the air, but the thrust channel reaches from 2.3071 N to 5.4451 N",
-        "the paper's numbers want [-1.0, 1.0]",
+        "1.98331 N must be commanded to hold the vehicle in the air, but the thrust channel reaches from 2.3071 N to 5.4451 N",
+        "the paper's numbers need [-1.0, 1.0]",
     );
     refused(
         |scenario| link(scenario).thrust_slope = 0.1,
         "rc_output.thrust_range",
-        "1.98331 N must be asked for",
+        "1.98331 N must be commanded",
         "another `thrust_offset` and `thrust_slope`",
     );
     refused(
         |scenario| link(scenario).thrust_range = [-1.0, 0.0],
         "rc_output.thrust_range",
-        "2.42956 N must be asked for to hold the vehicle in the air, but the thrust channel reaches from 0.0 N to 2.3071 N",
+        "2.42956 N must be commanded to hold the vehicle in the air, but the thrust channel reaches from 0.0 N to 2.3071 N",
         "widen `thrust_range`",
     );
     // A vehicle that gives half of what is asked for must be asked for twice as much.
@@ -140,7 +140,7 @@ fn a_link_that_cannot_ask_for_the_thrust_to_hover_is_refused() {
             actuators(scenario).thrust_factor = 0.4;
         },
         "rc_output.thrust_range",
-        "6.07389 N must be asked for",
+        "6.07389 N must be commanded",
         "widen `thrust_range`",
     );
 }
@@ -151,7 +151,7 @@ fn a_fan_that_is_switched_off_before_it_is_on_is_refused() {
         refused(
             |scenario| fan(scenario).off_at = Some(off_at),
             "vehicle.fan.off_at",
-            &format!("switched off at {off_at:?} s, but on only at 20.0 s"),
+            &format!("switched off at {off_at:?} s, but not on before 20.0 s"),
             "raise `off_at`",
         );
     }
@@ -170,7 +170,7 @@ fn blow(scenario: &mut Scenario, mean: Vector) {
 #[test]
 fn air_that_blows_nowhere_is_refused() {
     for nowhere in NOWHERE {
-        let (reason, fix) = ("blows in no direction", "such as [1.0, 0.0, 0.0]");
+        let (reason, fix) = ("has no direction", "such as [1.0, 0.0, 0.0]");
         refused(
             |s| fan(s).direction = nowhere,
             "vehicle.fan.direction",
@@ -179,12 +179,7 @@ fn air_that_blows_nowhere_is_refused() {
         );
         let key = "vehicle.fan.moves.1.direction";
         refused(|s| fan(s).moves[1].direction = nowhere, key, reason, fix);
-        refused(
-            |s| blow(s, nowhere),
-            "vehicle.wind.mean",
-            "without a mean wind",
-            fix,
-        );
+        refused(|s| blow(s, nowhere), "vehicle.wind.mean", "need a mean wind", fix);
     }
     accepted(|s| fan(s).direction = [0.0, 2e-9, 0.0]);
     accepted(|s| blow(s, [0.0, 2e-9, 0.0]));
@@ -195,7 +190,7 @@ fn a_fan_that_is_moved_at_the_start_is_refused() {
     refused(
         |scenario| fan(scenario).moves[0].at = 0.0,
         "vehicle.fan.moves.0.at",
-        "moved at 0.0 s, when it stands at `position`",
+        "moves at 0.0 s, when it is at `position`",
         "as the fan's `position` and `direction`",
     );
 }
@@ -242,14 +237,14 @@ fn events_lie_within_the_flight_and_in_order() {
         refused(
             |scenario| happen_at(scenario, [30.0, 20.0]),
             &second,
-            &format!("the {one} at 20.0 s stands behind the one at 30.0 s"),
+            &format!("the {one} at 20.0 s is listed after the one at 30.0 s"),
             &format!("put the {one}s in the order"),
         );
         refused(
             |scenario| happen_at(scenario, [30.0, 30.0]),
             &second,
             &format!("two {one}s happen at 30.0 s"),
-            "make one",
+            "merge them into one",
         );
         refused(
             |scenario| happen_at(scenario, [20.0, 20.5005]),
@@ -302,7 +297,7 @@ fn an_event_during_another_is_refused() {
         refused(
             |scenario| happen_at(scenario, [20.0, 20.4]),
             &format!("{key}.1.at"),
-            &format!("the {one} at 20.4 s begins while the one at 20.0 s lasts, until 20.5 s"),
+            &format!("the {one} at 20.4 s begins before the one at 20.0 s ends at 20.5 s"),
             "or shorten the earlier",
         );
     }
@@ -352,7 +347,7 @@ fn jitter_beyond_the_frame_before_is_refused() {
     refused(
         |scenario| cameras(scenario).jitter = 0.011,
         "cameras.jitter",
-        "exposed up to 0.011 s early, but follow each other after 0.01 s",
+        "exposed up to 0.011 s early, but their period is 0.01 s",
         "lower `jitter` to 0.01 or less",
     );
     accepted(|scenario| cameras(scenario).jitter = 0.01);
@@ -365,7 +360,10 @@ fn jitter_beyond_the_frame_before_is_refused() {
 #[test]
 fn an_empty_range_is_refused() {
     for range in [[1.0, -1.0], [0.5, 0.5]] {
-        let reason = format!("from {:?} to {:?} is no range of a channel", range[0], range[1]);
+        let reason = format!(
+            "from {:?} to {:?} is not a range of a channel",
+            range[0], range[1]
+        );
         for key in ["rc_output.thrust_range", "rc_output.rate_range"] {
             refused(
                 |scenario| match key {
@@ -397,7 +395,7 @@ fn a_link_that_cannot_pull_is_refused() {
     refused(
         |scenario| link(scenario).thrust_offset = -4.0,
         "rc_output.thrust_range",
-        "no travel of the thrust channel means a thrust above 0 N",
+        "no travel of the thrust channel commands a thrust above 0 N",
         "check `thrust_offset`",
     );
 }
@@ -483,7 +481,7 @@ fn body_rates_need_a_vehicle_that_follows_them_a_model_and_a_filter() {
     refused(
         |scenario| scenario.estimator = None,
         "controller.rates",
-        "for a thrust and an acceleration that only a filter tells",
+        "needs a thrust and an acceleration that only a filter estimates",
         "add `[estimator.kalman]`",
     );
 }
@@ -523,7 +521,7 @@ fn sections_for_body_rates_are_refused_with_a_controller_of_torque() {
             scenario.estimator = None;
         },
         "cameras",
-        "these cameras see poses only",
+        "these cameras measure poses only",
         "or leave `cameras` out",
     );
 }

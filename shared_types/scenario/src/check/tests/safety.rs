@@ -65,14 +65,14 @@ fn policies_of_inputs_that_there_are_not_or_that_no_policy_is_for_are_refused() 
         "rc/frame -> plant",
         policy.clone(),
         "",
-        "does the same however old",
+        "does not depend on the age",
         "leave",
     );
     refused(
         "mocap/pose -> estimator",
         policy,
         "",
-        "a filter knows by itself",
+        "the filter has its own limit",
         "coast",
     );
 }
@@ -87,7 +87,7 @@ fn values_that_an_input_has_no_use_for_are_refused() {
         "control/command -> rc_output",
         level,
         ".level",
-        "no use for it",
+        "does not use it",
         "`max_age`, `failsafe`",
     );
     let recover = InputSafety {
@@ -98,7 +98,7 @@ fn values_that_an_input_has_no_use_for_are_refused() {
         "path/reference -> controller",
         recover,
         ".recover",
-        "no use for it",
+        "does not use it",
         "state of `max_age`",
     );
 }
@@ -155,7 +155,7 @@ fn an_age_at_which_nothing_has_failed_is_refused() {
             InputSafety::new(0.008),
         ),
         "safety.\"mocap/pose -> estimator\".max_age",
-        "grows 0.009 s old while nothing fails",
+        "is up to 0.009 s old without faults",
         "give 0.009 s or more",
     );
     assert_eq!(
