@@ -239,7 +239,7 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
         ),
         (
             "flight={arm_at=2.0}",
-            "nothing asks the vehicle to land: it flies at the end",
+            "no landing is requested: the vehicle flies at the end",
         ),
     ] {
         let said = check("takeoff_and_land", setting);
@@ -250,11 +250,14 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
     assert!(said_of_box.contains("m outside of the box"), "{said_of_box}");
     let fast = check("laboratory", "estimator.kalman.coast=0.1");
     assert!(
-        fast.contains("the law flies on for 0.30 s without sight"),
+        fast.contains("the law continues for 0.30 s without tracking"),
         "{fast}"
     );
     let alone = check("laboratory", "real_time.orchestrator_loss=\"continue\"");
-    assert!(alone.contains("nobody lands the vehicle"), "{alone}");
+    assert!(
+        alone.contains("the vehicle does not land before the end"),
+        "{alone}"
+    );
     let said_of_laboratory = check("laboratory", "flight.landing_speed=0.01");
     assert!(
         said_of_laboratory.contains("the vehicle will not be armed"),

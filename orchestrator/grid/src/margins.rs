@@ -124,7 +124,7 @@ fn infeasible_value(failure: GridError, seeds: &[u64]) -> Result<LostFlight, Gri
     match failure {
         GridError::Scenario(error) if error.is_of_values() => Ok(LostFlight {
             seed: seeds[0],
-            reason: error.without_places(),
+            reason: error.without_positions(),
         }),
         failure => Err(failure),
     }

@@ -1,12 +1,12 @@
-//! The file of a path: points or polynomials that other programs have written, read once and numbers from there on.
+//! File of a path: points or polynomials of other programs, which replace the waypoints of the scenario.
 //!
-//! The names in the first line of the CSV say which of two forms it has:
+//! The names in the first line of the CSV select one of two forms:
 //!
-//! * `x,y,z`: a point a line. With a column `t`, s, at equal times, they follow each other in γ as in time. `id` is ignored.
-//! * `duration,x^0,…,x^7,y^0,…,z^0,…`: a polynomial a line, of the time since its begin, as `uav_trajectories` and Crazyswarm
-//!   have them. Points are taken of it every 0.1 s, and γ is the time.
+//! * `x,y,z`: one point per line. An optional column `t`, s, must be equidistant and gives the interval of γ. `id` is ignored.
+//! * `duration,x^0,…,x^7,y^0,…,z^0,…`: one polynomial per line, in the time since its start, as in `uav_trajectories` and
+//!   Crazyswarm. They are sampled every 0.1 s, and γ is the time.
 //!
-//! z points up in both, and down in {I}: (x, y, z) of the file is (x, −y, −z) there.
+//! z points up in both: (x, y, z) of the file is (x, −y, −z) in {I}.
 
 mod polynomials;
 mod table;
@@ -24,21 +24,21 @@ use super::sources::Sources;
 use super::{Finding, document, read};
 use table::Table;
 
-/// Most points of a path: what is longer is a recording and no path.
-const MOST_POINTS: usize = 10_000;
+/// Maximum number of points of a path: a longer file is a recording.
+const MAX_POINTS: usize = 10_000;
 
-/// Largest difference of a time from equal times, in intervals: files round.
-const UNEVEN: f64 = 0.01;
+/// Tolerance of equidistant times, in intervals, for rounding.
+const TIME_TOLERANCE: f64 = 0.01;
 
-/// Reason why a file is no path, with the place in it.
+/// Reason why a file is not a path, with the position in the file.
 #[derive(Debug)]
-struct Wrong {
+struct FileProblem {
     span: Range<usize>,
     reason: String,
     fix: String,
 }
 
-impl Wrong {
+impl FileProblem {
     fn new(span: &Range<usize>, reason: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             span: span.clone(),
@@ -48,22 +48,22 @@ impl Wrong {
     }
 }
 
-/// The content of a file.
+/// Points of a file.
 #[derive(Debug, PartialEq)]
 struct Points {
     /// The points in {I}, m.
     points: Vec<Vector>,
-    /// γ from one to the next; none if the file has no times.
+    /// γ between points; `None` if the file has no times.
     interval: Option<f64>,
 }
 
-/// What a scenario states of its waypoints.
-struct Stated<'a> {
+/// Keys of the waypoints in the document.
+struct WaypointKeys<'a> {
     sources: &'a Sources,
     document: &'a Spanned<DeTable<'a>>,
 }
 
-impl Stated<'_> {
+impl WaypointKeys<'_> {
     fn key(name: &str) -> Key {
         let segments = ["path", "curve", "waypoints", name];
         segments.into_iter().collect()
@@ -81,7 +81,7 @@ impl Stated<'_> {
     }
 }
 
-/// Reads the file of a scenario's path, if one is stated, in the folder of the scenario.
+/// Reads the file of a scenario's path, if stated, relative to the scenario's folder.
 pub(super) fn read_into<'a>(
     scenario: &mut Scenario,
     folder: &Path,
@@ -91,60 +91,61 @@ pub(super) fn read_into<'a>(
     let Curve::Waypoints(way) = &mut scenario.path.curve else {
         return Ok(());
     };
-    let stated = Stated { sources, document };
+    let keys = WaypointKeys { sources, document };
     let Some(file) = way.file.clone() else {
-        let idle = ["offset", "sha256"].into_iter().find(|name| stated.has(name));
-        return idle.map_or(Ok(()), |name| {
-            Err(stated.refused(
+        let unused = ["offset", "sha256"].into_iter().find(|name| keys.has(name));
+        return unused.map_or(Ok(()), |name| {
+            Err(keys.refused(
                 name,
-                "it is about a file, and none is stated",
+                "it needs a `file`, and none is stated",
                 "leave it out, or state `file`",
             ))
         });
     };
-    if stated.has("points") {
+    if keys.has("points") {
         let reason = "both points and a file of points are stated";
-        return Err(stated.refused("points", reason, "leave `points` or `file` out"));
+        return Err(keys.refused("points", reason, "leave `points` or `file` out"));
     }
     let path = folder.join(file);
-    let bytes = bytes_of(&path, &stated)?;
+    let bytes = read_file(&path, &keys)?;
     let found = hex(&Sha256::digest(&bytes));
     if way.sha256.as_ref().is_some_and(|sha256| *sha256 != found) {
         let reason = format!("the file has changed since: its SHA-256 is {found}");
-        return Err(stated.refused("sha256", reason, "name the other file, or leave `sha256` out"));
+        return Err(keys.refused("sha256", reason, "state the original file, or leave `sha256` out"));
     }
     let (name, text) = (path.display().to_string(), String::from_utf8_lossy(&bytes));
-    let Points { points, interval } = points(&text, way.closed).map_err(|Wrong { span, reason, fix }| {
-        Sources::new(&name, &text, &[]).finding(span, "this file is no path", reason, fix)
-    })?;
-    if interval.is_some() && stated.has("interval") {
-        let fix = "leave it out; `path.speed` says how fast the path is flown";
-        return Err(stated.refused("interval", "the file states times, from which it follows", fix));
+    let Points { points, interval } =
+        points(&text, way.closed).map_err(|FileProblem { span, reason, fix }| {
+            Sources::new(&name, &text, &[]).finding(span, "this file is not a path", reason, fix)
+        })?;
+    if interval.is_some() && keys.has("interval") {
+        let fix = "leave it out; `path.speed` scales the speed along the path";
+        return Err(keys.refused("interval", "it follows from the times in the file", fix));
     }
     let offset = way.offset.unwrap_or_default();
-    let moved = |point: Vector| std::array::from_fn(|axis| point[axis] + offset[axis]);
-    way.points = points.into_iter().map(moved).collect();
+    let shifted = |point: Vector| std::array::from_fn(|axis| point[axis] + offset[axis]);
+    way.points = points.into_iter().map(shifted).collect();
     way.interval = interval.unwrap_or(way.interval);
     way.file = path.file_name().map(Into::into);
     way.sha256 = Some(found);
     Ok(())
 }
 
-/// Returns the content of the file.
-fn bytes_of(path: &Path, stated: &Stated<'_>) -> Result<Vec<u8>, Box<Finding>> {
+/// Reads the file.
+fn read_file(path: &Path, keys: &WaypointKeys<'_>) -> Result<Vec<u8>, Box<Finding>> {
     let bytes = read::bytes(path).map_err(|error| {
         let fix = "name a CSV file, by its path from the folder of the scenario";
-        stated.refused("file", format!("cannot read {}: {error}", path.display()), fix)
+        keys.refused("file", format!("cannot read {}: {error}", path.display()), fix)
     })?;
-    if bytes.len() as u64 > read::LONGEST_FILE {
-        let reason = format!("{} is longer than {} bytes", path.display(), read::LONGEST_FILE);
-        return Err(stated.refused("file", reason, "leave points out: a path needs some ten a second"));
+    if bytes.len() as u64 > read::MAX_FILE {
+        let reason = format!("{} is longer than {} bytes", path.display(), read::MAX_FILE);
+        return Err(keys.refused("file", reason, "remove points: a path needs about ten per second"));
     }
     Ok(bytes)
 }
 
 /// Returns the points of a file's text.
-fn points(text: &str, is_closed: bool) -> Result<Points, Wrong> {
+fn points(text: &str, is_closed: bool) -> Result<Points, FileProblem> {
     let table = Table::read(text)?;
     let found = if table.has("duration") {
         polynomials::points(&table, is_closed)?
@@ -152,18 +153,18 @@ fn points(text: &str, is_closed: bool) -> Result<Points, Wrong> {
         points_in_rows(&table)?
     };
     Ok(Points {
-        // The sign of a zero is lost when the offset is added.
+        // Adding the offset removes the sign of zeros.
         points: found.points.iter().map(|&[x, y, z]| [x, -y, -z]).collect(),
         ..found
     })
 }
 
-/// Returns the points of a file with one a line.
-fn points_in_rows(table: &Table) -> Result<Points, Wrong> {
+/// Returns the points of a file with one point per line.
+fn points_in_rows(table: &Table) -> Result<Points, FileProblem> {
     table.refuse_columns_but(&["id", "t", "x", "y", "z", "yaw"])?;
     let columns = [table.column("x")?, table.column("y")?, table.column("z")?];
     table.refuse_yaw(|name| name == "yaw")?;
-    table.refuse_more_rows_than(MOST_POINTS)?;
+    table.refuse_more_rows_than(MAX_POINTS)?;
     let points: Vec<Vector> = table
         .rows
         .iter()
@@ -171,8 +172,8 @@ fn points_in_rows(table: &Table) -> Result<Points, Wrong> {
         .collect();
     for (index, pair) in points.windows(2).enumerate() {
         if Waypoints::coincide(&pair[0], &pair[1]) {
-            let reason = "this is the point of the line before";
-            return Err(Wrong::new(
+            let reason = "this point equals that of the previous line";
+            return Err(FileProblem::new(
                 &table.rows[index + 1].span,
                 reason,
                 "leave it out; stops are not part of a path",
@@ -186,27 +187,27 @@ fn points_in_rows(table: &Table) -> Result<Points, Wrong> {
     Ok(Points { points, interval })
 }
 
-/// Returns the time from a point to the next, which is the same for all.
-fn interval(table: &Table, column: usize) -> Result<f64, Wrong> {
+/// Returns the time between points, which must be equidistant.
+fn interval(table: &Table, column: usize) -> Result<f64, FileProblem> {
     let times = || table.rows.iter().map(|row| row.numbers[column]);
     let (Some(first), Some(last)) = (times().next(), times().next_back()) else {
-        return Err(Wrong::new(
+        return Err(FileProblem::new(
             &(0..0),
-            "there is no point in it",
-            "write a point a line",
+            "the file has no points",
+            "write one point per line",
         ));
     };
     let equal = |row: usize| first + (last - first) * row as f64 / (table.rows.len().max(2) - 1) as f64;
     let interval = equal(1) - first;
     for (index, (row, time)) in table.rows.iter().zip(times()).enumerate() {
-        let is_even = (time - equal(index)).abs() <= UNEVEN * interval;
+        let is_even = (time - equal(index)).abs() <= TIME_TOLERANCE * interval;
         if !is_even || interval <= 0.0 {
             let reason = format!(
-                "the time {time:?} s is not {:?} s, as equal times from {first:?} s to {last:?} s are",
+                "the time {time:?} s is not {:?} s, which is required for equal intervals from {first:?} s to {last:?} s",
                 equal(index)
             );
-            let fix = "write points of equal times, or leave the column `t` out: `interval` then states γ from one to the next";
-            return Err(Wrong::new(&row.span, reason, fix));
+            let fix = "write points at equal intervals, or leave the column `t` out: `interval` then states γ between points";
+            return Err(FileProblem::new(&row.span, reason, fix));
         }
     }
     Ok(interval)

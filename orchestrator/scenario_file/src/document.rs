@@ -1,4 +1,4 @@
-//! Places in a TOML document.
+//! Positions in a TOML document.
 
 use std::ops::Range;
 
@@ -6,23 +6,22 @@ use scenario::Key;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Span of the deepest part of the document on the way to a key: of its value if the document has one, of the
-/// table that it belongs to if not.
+/// Returns the span of a key's value, or of the innermost existing table on its path.
 pub(super) fn deepest_span(document: &Spanned<DeTable<'_>>, key: &Key) -> Range<usize> {
     let mut segments = key.segments().iter();
-    let Some(mut place) = segments
+    let Some(mut value) = segments
         .next()
         .and_then(|name| document.get_ref().get(name.as_str()))
     else {
         return document.span();
     };
     for segment in segments {
-        match child(place.get_ref(), segment) {
-            Some(child) => place = child,
+        match child(value.get_ref(), segment) {
+            Some(child) => value = child,
             None => break,
         }
     }
-    place.span()
+    value.span()
 }
 
 /// Returns whether the document states a value for a key.
@@ -33,7 +32,7 @@ pub(super) fn states(document: &Spanned<DeTable<'_>>, key: &Key) -> bool {
     let first = document.get_ref().get(first.as_str());
     let found = rest
         .iter()
-        .try_fold(first, |place, segment| Some(child(place?.get_ref(), segment)));
+        .try_fold(first, |value, segment| Some(child(value?.get_ref(), segment)));
     found.flatten().is_some()
 }
 
@@ -53,8 +52,8 @@ pub(super) fn remove(table: &mut DeTable<'_>, segments: &[String]) {
             table.remove(name.as_str());
         }
         [name, rest @ ..] => {
-            if let Some(place) = table.get_mut(name.as_str()) {
-                remove_inside(place.get_mut(), rest);
+            if let Some(value) = table.get_mut(name.as_str()) {
+                remove_inside(value.get_mut(), rest);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Why a scenario is not flown, for people with a terminal (a snippet), without one (sentences), and in logs.
+//! Errors of scenario files, as a snippet for a terminal and as sentences for other output and logs.
 
 use std::fmt::{Display, Formatter, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use miette::{Diagnostic, LabeledSpan, SourceCode};
 use super::snippet::Snippet;
 use crate::printable::printable;
 
-/// Reason why a scenario is not flown. Displayed as one line, or as one line a finding with `{:#}`.
+/// Reason why a scenario is not flown. Displayed as one line, or with `{:#}` as one line per finding.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
     /// The file could not be read.
@@ -27,19 +27,19 @@ pub enum ScenarioError {
         /// The findings; at least one.
         findings: Vec<Finding>,
     },
-    /// A plug-in cannot be read, or is another one than the scenario means.
+    /// A plug-in cannot be read, or its SHA-256 differs.
     Plugin(#[from] plugin::library_file::FileError),
 }
 
-/// One thing that is wrong with a scenario, and where. Displayed as its title; with `{:#}` as one line that
-/// says all: place, title, reason and fix.
+/// Error in a scenario with its position. Displayed as its title, or with `{:#}` as one line with position, title, reason
+/// and fix.
 #[derive(Clone, Debug, thiserror::Error)]
 pub struct Finding {
     pub(super) title: String,
     pub(super) reason: String,
     pub(super) fix: String,
     pub(super) snippet: Snippet,
-    /// `true` if keys and types are right, and the values cannot be flown.
+    /// `true` if keys and types are valid, and the values cannot be flown.
     pub(super) is_of_values: bool,
 }
 
@@ -51,15 +51,15 @@ impl ScenarioError {
         }
     }
 
-    /// Returns whether keys and types are right, and only values cannot be flown.
+    /// Returns whether keys and types are valid, and only values cannot be flown.
     #[must_use]
     pub fn is_of_values(&self) -> bool {
         matches!(self, Self::Refused { findings, .. } if findings.iter().all(|finding| finding.is_of_values))
     }
 
-    /// Returns the error in one line without places in a file: each finding with its reason and fix.
+    /// Returns the error in one line without positions: each finding with its reason and fix.
     #[must_use]
-    pub fn without_places(&self) -> String {
+    pub fn without_positions(&self) -> String {
         let Self::Refused { findings, .. } = self else {
             return format!("{self:#}");
         };
@@ -72,7 +72,7 @@ impl ScenarioError {
         lines.collect::<Vec<_>>().join("; also ")
     }
 
-    /// The finding that is the whole error, if there is one.
+    /// Returns the only finding of the error, if there is just one.
     fn only_finding(&self) -> Option<&Finding> {
         match self {
             Self::Refused { findings, .. } if findings.len() == 1 => findings.first(),
@@ -97,7 +97,7 @@ impl Display for ScenarioError {
                 Ok(())
             }
             Self::Plugin(error) if formatter.alternate() => error.fmt(formatter),
-            Self::Plugin(_) => formatter.write_str("a plug-in of the scenario cannot fly"),
+            Self::Plugin(_) => formatter.write_str("a plug-in of the scenario cannot be used"),
             Self::Refused { findings, .. } if formatter.alternate() => {
                 for (index, finding) in findings.iter().enumerate() {
                     let separator = if index == 0 { "" } else { "\n" };
@@ -120,7 +120,7 @@ impl Display for Finding {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
         if formatter.alternate() {
             let (title, reason, fix) = (&self.title, &self.reason, &self.fix);
-            write!(formatter, "{}: {title}: {reason}; {fix}", self.snippet.place())
+            write!(formatter, "{}: {title}: {reason}; {fix}", self.snippet.position())
         } else {
             formatter.write_str(&self.title)
         }

@@ -1,14 +1,14 @@
-//! Rules between the gains of the adaptive law and the vehicle that it flies.
+//! Rules for the gains of the adaptive law and its vehicle.
 //!
-//! A scenario that breaks one can be flown and probably should not be: `gerono check` shows each rule's value and limit
-//! and warns with the gain that follows. docs/tuning.md explains the rules and prints [`table`].
+//! A scenario that violates a rule can be flown but probably should not be: `gerono check` shows value and limit of each
+//! rule and suggests a gain. docs/tuning.md explains the rules and contains [`table`].
 //!
-//! The law is linear near the path. With λ = k2 σmax its loops are, from the inside out,
+//! The law is linear near the path. With λ = k2 σmax its loops are, innermost first,
 //!
-//! * angular velocity: ω follows what the law asks for at the rate k3 σmax/(βJ);
+//! * angular velocity: ω follows its setpoint at the rate k3 σmax/(βJ);
 //! * attitude: the thrust axis follows u at the rate g/|δ|;
 //! * position and velocity: two poles, k1 σmax and k2 σmax;
-//! * learning: b̂ and, along the thrust axis, η̂ with the gain λm T², T = m g: s² + λ s + Λb + λm T².
+//! * adaptation: b̂ and, along the thrust axis, η̂ with the gain λm T², T = m g: s² + λ s + Λb + λm T².
 
 mod rule;
 
@@ -17,12 +17,12 @@ use shared_types::ServiceId;
 
 pub use rule::{Rule, table};
 
-/// A rule applied to a scenario: the value that the scenario gives it and the limit.
+/// Rule applied to a scenario, with its value and limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The rule.
     pub rule: Rule,
-    /// Place in the scenario of the number that the rule is about.
+    /// Key of the number that the rule limits.
     pub key: Key,
     /// Left side of the rule's relation, in the rule's unit.
     pub value: f64,
@@ -32,7 +32,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Returns whether the scenario keeps the rule.
+    /// Returns whether the scenario satisfies the rule.
     #[must_use]
     pub fn is_kept(&self) -> bool {
         if self.rule.is_upper_limit() {
@@ -42,7 +42,7 @@ impl Finding {
         }
     }
 
-    /// The rule as a warning, with the fix.
+    /// Returns the violated rule as a warning.
     #[must_use]
     pub fn warning(&self) -> Problem {
         let (rule, bound) = (
@@ -65,18 +65,18 @@ impl Finding {
     }
 }
 
-/// Every rule that applies to a scenario without [`problems`](Scenario::problems), from the inner loop to the outer;
-/// none if another law flies.
+/// Returns every rule that applies to a scenario without [`problems`](Scenario::problems), innermost loop first; none for
+/// another law.
 #[must_use]
 pub fn findings(scenario: &Scenario) -> Vec<Finding> {
     if scenario.program_of(ServiceId::Controller).is_some() || !scenario.controller.law.is_adaptive() {
         return Vec::new();
     }
     let inertias = inertias(scenario);
-    let of_inertias = inertias
+    let inertia_findings = inertias
         .iter()
         .flat_map(|(key, inertia)| angular_velocity(scenario, key, *inertia));
-    of_inertias
+    inertia_findings
         .chain([inertia_learning(scenario), attitude(scenario)])
         .chain(disturbance_learning(scenario))
         .chain(prediction_step(scenario))
@@ -84,16 +84,16 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
         .collect()
 }
 
-/// The rules that a scenario breaks, as warnings.
+/// Returns the violated rules as warnings.
 #[must_use]
 pub fn warnings(scenario: &Scenario) -> Vec<Problem> {
-    let broken = findings(scenario)
+    let violated = findings(scenario)
         .into_iter()
         .filter(|finding| !finding.is_kept());
-    broken.map(|finding| finding.warning()).collect()
+    violated.map(|finding| finding.warning()).collect()
 }
 
-/// β serves vehicles within a range of J: about a factor of 80.
+/// Checks β, which is valid for vehicles within a range of J, about a factor of 80.
 fn angular_velocity(scenario: &Scenario, key: &Key, [x, y, z]: Vector) -> [Finding; 2] {
     let (beta, damping) = (scenario.beta(), scenario.controller.damping());
     let (least, largest) = (x.min(y).min(z), x.max(y));
@@ -148,7 +148,7 @@ fn attitude(scenario: &Scenario) -> Finding {
     }
 }
 
-/// Gain of the loop that learns from z2: Λb + λm (m g)², 1/s², with the disturbance's and the mass's part.
+/// Returns the two parts of the adaptation gain for z2, Λb + λm (m g)², 1/s²: disturbance and mass.
 fn learning_gains(scenario: &Scenario) -> [f64; 2] {
     let law = &scenario.controller;
     let thrust = masses(scenario).fold(0.0, f64::max) * GRAVITY;
@@ -169,27 +169,27 @@ fn prediction_step(scenario: &Scenario) -> Option<Finding> {
     })
 }
 
-/// Least damping of what is learned: at 0.24 the vehicle flies in a limit cycle (docs/tuning.md).
+/// Minimum damping of the adaptation: at 0.24 the vehicle flies in a limit cycle (docs/tuning.md).
 const LEARNING_DAMPING: f64 = 0.35;
 
-/// Damping of what is learned; where the law commands torque at the base tick nothing between it and the vehicle is
-/// late, and it bears less.
+/// Checks the damping of the adaptation. Only with commands of body rates: torque commands at the base tick have no delay,
+/// and tolerate less damping.
 fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
     let law = &scenario.controller;
     law.rates.as_ref()?;
     let velocity_rate = law.k2 * law.sigma_max;
     let [disturbance, mass] = learning_gains(scenario);
-    // Where the damping is 0.71, and where it is at its limit.
+    // Gains with a damping of 0.71, and at the limit.
     let good = velocity_rate * velocity_rate / 2.0;
     let slowest = velocity_rate / (2.0 * LEARNING_DAMPING);
-    let bearable = slowest * slowest;
+    let largest = slowest * slowest;
     let (key, fix) = if disturbance > good || mass == 0.0 {
         let fix = format!("set its elements to at most {}", digits(good));
         ("lambda_disturbance", fix)
     } else {
         let fix = format!(
             "set it to {}",
-            digits(law.lambda_mass * 0.98 * (bearable - disturbance) / mass)
+            digits(law.lambda_mass * 0.98 * (largest - disturbance) / mass)
         );
         ("lambda_mass", fix)
     };
@@ -222,15 +222,15 @@ fn attitude_rate(scenario: &Scenario) -> f64 {
     GRAVITY / scenario.controller.delta.abs()
 }
 
-/// The masses that the vehicle has in the course of the flight, kg.
+/// Returns the masses of the vehicle in the course of the flight, kg.
 fn masses(scenario: &Scenario) -> impl Iterator<Item = f64> + '_ {
     let vehicle = &scenario.vehicle;
     let changed = vehicle.change.iter().filter_map(|change| change.mass);
     std::iter::once(vehicle.mass).chain(changed)
 }
 
-/// The moments of inertia that the torque acts on, and their places: those of the vehicle, or with body rates those of
-/// the model whose artificial ω the torque drives.
+/// Returns the moments of inertia that the torque acts on, with their keys: those of the vehicle, or with body rates those
+/// of the model, whose artificial ω the torque drives.
 fn inertias(scenario: &Scenario) -> Vec<(Key, Vector)> {
     let root = Key::root();
     if scenario.controller.rates.is_some() {
@@ -252,7 +252,7 @@ fn controller(key: &str) -> Key {
     Key::root().then("controller").then(key)
 }
 
-/// A number with the three digits that a gain needs.
+/// Formats a gain with three digits.
 #[must_use]
 pub fn digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);

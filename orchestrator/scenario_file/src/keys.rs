@@ -1,5 +1,4 @@
-//! The keys of a scenario as its schema describes them: for the advice that errors give, and for the
-//! documentation.
+//! Keys of scenarios as described by the schema, for the advice in errors and for the documentation.
 
 use std::fmt::Write;
 use std::sync::LazyLock;
@@ -10,39 +9,39 @@ use serde_json::Value;
 
 use super::setting::path_of;
 
-/// Stands for a position in an array.
+/// Placeholder for a position in an array.
 const ANY_POSITION: &str = "N";
-/// Stands for the name of a service, topic or edge.
+/// Placeholder for the name of a service, topic or edge.
 const ANY_NAME: &str = "NAME";
 
-/// A key that holds a value rather than more keys.
+/// Key of a value, not of a table.
 #[derive(Debug)]
 struct KeyInfo {
     key: Key,
-    /// Its description, with its unit.
+    /// Description with the unit.
     description: String,
-    /// The form of its value.
+    /// Form of the value.
     kind: String,
-    /// The value where nothing is stated.
+    /// Value unless stated.
     default: Default,
-    /// `true` if it may change in flight.
+    /// `true` if the value may change in flight.
     is_tunable: bool,
 }
 
 #[derive(Debug)]
 enum Default {
-    /// Something must be stated in the table.
+    /// The key must be stated in its table.
     Required,
-    /// As if this were stated.
+    /// A value.
     Value(String),
-    /// The description tells.
+    /// As stated by the description.
     None,
 }
 
-/// Returns the content that belongs at a key, as advice.
+/// Returns advice on the value of a key.
 pub(super) fn advice(key: &Key) -> String {
     let keys = all();
-    if let Some(info) = keys.iter().find(|info| is_of(key, &info.key)) {
+    if let Some(info) = keys.iter().find(|info| matches(key, &info.key)) {
         return format!("`{key}` is {}: {}", info.kind, info.description);
     }
     let names = names_inside(keys, key);
@@ -53,12 +52,12 @@ pub(super) fn advice(key: &Key) -> String {
     }
 }
 
-/// The names that a table holds or of which it holds one, in quotes.
+/// Returns the names of the keys of a table, in quotes.
 pub(super) fn names_at(key: &Key) -> Vec<String> {
     names_inside(all(), key)
 }
 
-/// All keys of a section (a table of the scenario, or `""` for those that are in none) as a Markdown table.
+/// Returns all keys of a section (a table of the scenario, or `""` for top-level keys) as a Markdown table.
 #[must_use]
 pub fn key_table(section: &str) -> String {
     let mut table = "| key | value | what it is, unit | default |\n| --- | --- | --- | --- |\n".to_owned();
@@ -83,7 +82,7 @@ pub fn key_table(section: &str) -> String {
     table
 }
 
-/// Units of keys as their descriptions state them, in front of an explanation or at the end.
+/// Units in the descriptions of keys, before an explanation or at the end.
 const UNITS: [&str; 25] = [
     "s",
     "m",
@@ -112,12 +111,12 @@ const UNITS: [&str; 25] = [
     "(rad/s)²/Hz",
 ];
 
-/// Returns the unit of a key, or of a number inside its value; none of what has none.
+/// Returns the unit of a key, or of a number inside its value; `None` without a unit.
 #[must_use]
 pub fn unit_of_key(name: &str) -> Option<&'static str> {
     let key = path_of(name)?;
     let keys = all();
-    let description = &keys.iter().find(|info| is_of(&key, &info.key))?.description;
+    let description = &keys.iter().find(|info| matches(&key, &info.key))?.description;
     let after_commas = description.split(", ").skip(1);
     let parts: Vec<&str> = after_commas
         .map(|part| part.split([';', ':']).next().unwrap_or(part))
@@ -133,14 +132,14 @@ pub(super) fn tunable() -> impl Iterator<Item = Key> {
         .map(|info| info.key.clone())
 }
 
-/// Returns whether a key, or a number inside its value, may change in flight; `None` if a scenario has no such value.
+/// Returns whether a key, or a number inside its value, may change in flight; `None` for an unknown key.
 pub(super) fn is_tunable(key: &Key) -> Option<bool> {
     let keys = all();
-    let info = keys.iter().find(|info| is_of(key, &info.key));
+    let info = keys.iter().find(|info| matches(key, &info.key));
     info.map(|info| info.is_tunable)
 }
 
-/// Keys that can be written without choosing a name, with their descriptions; positions in arrays are 0.
+/// Returns the keys without free names, with their descriptions; positions in arrays are 0.
 #[must_use]
 pub fn keys_for_completion() -> Vec<(String, String)> {
     let keys = all().iter();
@@ -157,8 +156,8 @@ pub fn keys_for_completion() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Returns whether a key is this one, or a number inside its value.
-fn is_of(key: &Key, pattern: &Key) -> bool {
+/// Returns whether a key matches a pattern, or is a number inside its value.
+fn matches(key: &Key, pattern: &Key) -> bool {
     let (key, pattern) = (key.segments(), pattern.segments());
     let is_position = |segment: &String| segment.parse::<usize>().is_ok();
     pattern.len() <= key.len()
@@ -179,7 +178,7 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
     for info in keys {
         let segments = info.key.segments();
         let is_inside = segments.len() > depth
-            && is_of(table, &segments[..depth].iter().cloned().collect())
+            && matches(table, &segments[..depth].iter().cloned().collect())
             && segments[depth] != ANY_POSITION;
         let name = is_inside.then(|| format!("`{}`", segments[depth]));
         names.extend(name.filter(|name| !names.contains(name)));
@@ -187,7 +186,7 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
     names
 }
 
-/// All keys, made when the first is asked for.
+/// Returns all keys, which are collected on first use.
 fn all() -> &'static [KeyInfo] {
     static ALL: LazyLock<Vec<KeyInfo>> = LazyLock::new(|| {
         let mut keys = Vec::new();
@@ -197,12 +196,12 @@ fn all() -> &'static [KeyInfo] {
     &ALL
 }
 
-/// Pushes what a table of the schema holds, by name, and the tables of which it holds one, as declared.
+/// Adds the keys of a table of the schema, sorted by name, then those of its alternatives, as declared.
 fn push_table(table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
     let required = table["required"].as_array();
     let is_required =
         |name: &str| required.is_some_and(|names| names.iter().any(|required| required == name));
-    // Whether JSON objects come sorted depends on the features that other crates ask of serde_json.
+    // Whether JSON objects are sorted depends on the features of serde_json that other crates enable.
     let mut properties: Vec<_> = table["properties"].as_object().into_iter().flatten().collect();
     properties.sort_by_key(|(name, _)| name.as_str());
     for (name, property) in properties {
@@ -229,7 +228,7 @@ fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<Key
         let of_names = target["additionalProperties"].is_object();
         keys.push(KeyInfo {
             key: if of_names { key.then(ANY_NAME) } else { key.clone() },
-            // In one line: a table's row ends with it.
+            // In one line, because a line break ends a table's row.
             description: property["description"]
                 .as_str()
                 .unwrap_or_default()
@@ -251,7 +250,7 @@ fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<Key
     }
 }
 
-/// Returns whether it is a table, or one of several.
+/// Returns whether a part of the schema is a table, or a choice of tables.
 pub(super) fn is_table(part: &Value) -> bool {
     let variants = part["oneOf"].as_array();
     let is_choice_of_tables =
@@ -259,7 +258,7 @@ pub(super) fn is_table(part: &Value) -> bool {
     part["properties"].is_object() || is_choice_of_tables
 }
 
-/// Describes the form of a value, in words.
+/// Describes the form of a value.
 fn kind(part: &Value) -> String {
     if let Some(variants) = part["oneOf"].as_array() {
         let words = variants.iter().map(|variant| toml_text(&variant["const"]));
@@ -276,12 +275,12 @@ fn kind(part: &Value) -> String {
         (Some("number"), _) => in_range("a number", part),
         (Some("integer"), _) => in_range("a whole number", part),
         (Some("boolean"), _) => "`true` or `false`".to_owned(),
-        (Some("string"), _) => "a text".to_owned(),
+        (Some("string"), _) => "a string".to_owned(),
         _ => "a value".to_owned(),
     }
 }
 
-/// A value of the schema as TOML writes it; JSON and TOML write numbers, strings and arrays alike.
+/// Formats a value of the schema as TOML; numbers, strings and arrays have the same form in JSON and TOML.
 fn toml_text(value: &Value) -> String {
     match value {
         Value::Array(elements) => {

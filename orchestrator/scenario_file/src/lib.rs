@@ -1,10 +1,8 @@
-//! From a scenario file, and what the command line changes of it, to a scenario that can be flown, or to a
-//! report that shows every line that is wrong, the reason and the fix.
+//! Reads a scenario file with the changes of the command line, and reports every wrong line with the reason and the fix.
 //!
-//! A file is read in the order of what can go wrong: it is there ([`ScenarioError::Unreadable`]), it is TOML,
-//! the `--set` arguments fit into it (`setting`), its keys and types are those of a scenario (`structure`), the
-//! file of its path holds points (`curve_file`), and its values can be flown ([`Scenario::problems`]). What comes of
-//! one of these steps is reported all at once. The document keeps the place of every value, that of an argument included
+//! The steps are: read the file ([`ScenarioError::Unreadable`]), parse TOML, apply the `--set` arguments (`setting`), check
+//! keys and types (`structure`), read the file of the path (`curve_file`), and check the values ([`Scenario::problems`]).
+//! All errors of a step are reported together. The document stores the position of every value, also in arguments
 //! (`sources`).
 
 mod curve_file;
@@ -35,19 +33,18 @@ pub use read_files::{ReadFile, files_of};
 pub use setting::{concerns, key_of_setting, path_of};
 use sources::Sources;
 
-/// Reads a scenario file, with the values of `sets` (such as `controller.k1=5`) and the seed in place of the
-/// file's own.
+/// Reads a scenario file. `sets` (such as `controller.k1=5`) and the seed override its values.
 ///
 /// # Errors
-/// [`ScenarioError`] if the file cannot be read or if what it and the arguments say cannot be flown.
+/// [`ScenarioError`] if the file cannot be read, or the scenario cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
     load_from(path, &read::text(path)?, sets, seed)
 }
 
-/// As [`load`], of a file whose text has been read.
+/// As [`load`], for the text of a file.
 ///
 /// # Errors
-/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+/// [`ScenarioError`] if the scenario cannot be flown.
 pub fn load_from(
     path: &Path,
     text: &str,
@@ -55,21 +52,21 @@ pub fn load_from(
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
     let scenario = load_drawn(path, text, sets, seed)?;
-    refuse_another_law(&scenario, path, text, sets)?;
+    refuse_unused_gains(&scenario, path, text, sets)?;
     Ok(scenario)
 }
 
-/// As [`load_from`], with settings of which some were drawn for several laws: gains that the law does not use are no error.
+/// As [`load_from`], but accepts gains that the law does not use, for settings that are shared by several laws.
 ///
 /// # Errors
-/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+/// [`ScenarioError`] if the scenario cannot be flown.
 pub fn load_drawn(
     path: &Path,
     text: &str,
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
-    // Without a working folder there is no file to be found in it either.
+    // Without a working directory relative paths cannot be resolved anyway.
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let folder = file.parent().unwrap_or(Path::new("/"));
     let mut scenario = load_in(Some(folder), path, text, sets, seed)?;
@@ -83,11 +80,10 @@ pub fn load_drawn(
     Ok(scenario)
 }
 
-/// As [`load`], of a scenario whose text is at hand and has all that files gave to it, as that of a log; `path` is what
-/// errors call it.
+/// As [`load`], for a text that already contains the content of other files, such as that of a log. Errors name it `path`.
 ///
 /// # Errors
-/// [`ScenarioError`] if what it and the arguments say cannot be flown.
+/// [`ScenarioError`] if the scenario cannot be flown.
 pub fn load_text(
     path: &Path,
     text: &str,
@@ -95,7 +91,7 @@ pub fn load_text(
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
     let scenario = load_in(None, path, text, sets, seed)?;
-    refuse_another_law(&scenario, path, text, sets)?;
+    refuse_unused_gains(&scenario, path, text, sets)?;
     Ok(scenario)
 }
 
@@ -111,13 +107,13 @@ pub fn to_toml(scenario: &Scenario) -> Result<String, toml::ser::Error> {
 }
 
 /// Refuses settings of gains that the law of a scenario does not use.
-fn refuse_another_law(
+fn refuse_unused_gains(
     scenario: &Scenario,
     path: &Path,
     text: &str,
     sets: &[String],
 ) -> Result<(), ScenarioError> {
-    // What else flies in place of the controller is given the scenario, and may fly with its gains.
+    // A plug-in or program in place of the controller receives the scenario, and may use its gains.
     if scenario.is_foreign(ServiceId::Controller) {
         return Ok(());
     }
@@ -147,29 +143,29 @@ fn load_in(
     Ok(scenario)
 }
 
-/// Refuses settings of Gerono's own law for a flight of a controller of the caller's, which they would not concern.
+/// Refuses settings of Gerono's own law for a flight with the caller's controller, on which they have no effect.
 ///
 /// # Errors
 /// [`ScenarioError`] that names the settings.
 pub fn refuse_own_law(path: &Path, text: &str, sets: &[String]) -> Result<(), ScenarioError> {
     let sources = Sources::new(&path.display().to_string(), text, sets);
-    let findings = setting::of_own_law(&sources, "a controller of the caller's flies");
+    let findings = setting::of_own_law(&sources, "the caller's controller flies");
     refuse_if_any(path, findings)
 }
 
-/// The JSON Schema of scenario files, with which editors complete and check them.
+/// Returns the JSON Schema of scenario files, for completion and checks in editors.
 ///
 /// # Panics
-/// Never: a schema is made of names and numbers.
+/// Never: the schema can always be serialised.
 #[must_use]
 pub fn json_schema() -> String {
-    let mut text = serde_json::to_string_pretty(scenario::schema::schema())
-        .expect("a schema is made of names and numbers");
+    let mut text =
+        serde_json::to_string_pretty(scenario::schema::schema()).expect("the schema can be serialised");
     text.push('\n');
     text
 }
 
-/// The scenario of a text; the file of its path is read in `folder`.
+/// Reads a scenario from a text, and the file of its path relative to `folder`.
 fn scenario_from_text(
     name: &str,
     text: &str,
@@ -180,7 +176,7 @@ fn scenario_from_text(
     let values = setting::placed_values(&sources);
     let mut document = DeTable::parse(text).map_err(|error| {
         let span = error.span().unwrap_or_default();
-        let fix = "see https://toml.io for how TOML is written, or a scenario that works";
+        let fix = "see https://toml.io for the syntax of TOML, or a committed scenario";
         vec![sources.finding(span, "this is not TOML", error.message(), fix)]
     })?;
     setting::apply_all(&sources, &values, document.get_mut())?;
@@ -190,13 +186,13 @@ fn scenario_from_text(
         && let Err(finding) = curve_file::read_into(scenario, folder, &sources, &document)
     {
         findings.push(*finding);
-        // Without its points the path could only be refused once more.
+        // Without its points the path would be refused again.
         return Err(findings);
     }
     if let Some(scenario) = &scenario
         && scenario.has_plugin(ServiceId::Controller)
     {
-        // A program is given the scenario, and may fly with its gains.
+        // Unlike a plug-in, a program receives the scenario, and may use its gains.
         let what = "a plug-in flies in place of the controller";
         findings.extend(setting::of_own_law(&sources, what));
     }

@@ -1,9 +1,8 @@
-//! Text that others have written, made harmless for a terminal.
+//! Escapes untrusted text for a terminal.
 //!
-//! A description in a log, a name in a packet or the words of another user's run may hold control sequences: they move the
-//! cursor, rename the window, answer in the place of the keyboard, or let text read in another order than it is stored. All
-//! output of `gerono` to a terminal goes through [`printable_lines`]; text that is one line within other text, through
-//! [`printable`], so that it cannot pass for further lines.
+//! A description in a log, a name in a packet or the output of another user's run may contain control sequences, which move
+//! the cursor, rename the window, insert input, or change the direction of text. All output of `gerono` to a terminal is
+//! escaped by [`printable_lines`], and text within a line by [`printable`], so that it cannot add lines.
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -12,34 +11,33 @@ use std::iter::successors;
 
 use miette::Report;
 
-/// One line of text: every control character as `\u001b`, which means the same in JSON.
+/// Escapes a line of text: every control character as `\u001b`, like JSON.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_control)
 }
 
-/// Longest word of a message, such as a name from a file, characters.
-const LONGEST_WORD: usize = 200;
+/// Maximum length of a word in a message, such as a name from a file, characters.
+const MAX_WORD: usize = 200;
 
-/// Longest message, characters: ten lines of a wide terminal, and far below what a formatter can pad.
-const LONGEST_TEXT: usize = 2000;
+/// Maximum length of a message, characters: ten lines of a wide terminal, and far below the maximum width of a format.
+const MAX_TEXT: usize = 2000;
 
-/// A text of a message with its long words cut, and itself if all of it is too long: names and values come from files and
-/// arguments of any size.
+/// Truncates a message and its long words: names and values come from files and arguments of any size.
 #[must_use]
 pub fn shortened(text: &str) -> String {
     let mut short = String::new();
     let (mut in_text, mut in_word) = (0, 0);
     for character in text.chars() {
         in_word = if character.is_whitespace() { 0 } else { in_word + 1 };
-        if in_word == LONGEST_WORD {
+        if in_word == MAX_WORD {
             short.push('…');
         }
-        if in_word >= LONGEST_WORD {
+        if in_word >= MAX_WORD {
             continue;
         }
         in_text += 1;
-        if in_text == LONGEST_TEXT {
+        if in_text == MAX_TEXT {
             short.push('…');
             break;
         }
@@ -48,7 +46,7 @@ pub fn shortened(text: &str) -> String {
     short
 }
 
-/// Lines of text: as [`printable`], but for line breaks and tabs.
+/// Escapes lines of text: as [`printable`], except for line breaks and tabs.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |character| {
@@ -56,8 +54,7 @@ pub fn printable_lines(text: &str) -> Cow<'_, str> {
     })
 }
 
-/// A line of the same length in which every control character but tabs is replaced, so that places in the one are places in
-/// the other.
+/// Replaces every control character except tabs in a line by as many bytes, so that positions do not change.
 #[must_use]
 pub fn printable_in_place(line: &str) -> String {
     let mut printable = String::with_capacity(line.len());
@@ -87,30 +84,30 @@ fn escaped(text: &str, is_unwanted: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// Returns whether a terminal obeys a character or orders text by it instead of showing it.
+/// Returns whether a terminal interprets a character, or reorders text by it, instead of showing it.
 fn is_control(character: char) -> bool {
     character.is_control()
         || matches!(
             character,
-            // Line and paragraph separators, and what sets the direction of writing.
+            // Line and paragraph separators, and direction marks.
             '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
         )
 }
 
-/// Returns the report of an error for a terminal: its message, and below it the causes that no message above has told.
+/// Returns the report of an error for a terminal: its message, and below it the causes that no message above contains.
 ///
-/// Many messages tell their cause within the sentence, before they say what to do about it.
+/// Many messages contain their cause before the fix.
 #[must_use]
 pub fn report_of(error: &(dyn Error + 'static)) -> Report {
-    let mut told: Vec<String> = Vec::new();
+    let mut messages: Vec<String> = Vec::new();
     for error in successors(Some(error), |&error| error.source()) {
         let text = printable_lines(&error.to_string()).into_owned();
-        if !told.iter().any(|message| message.contains(&text)) {
-            told.push(text);
+        if !messages.iter().any(|message| message.contains(&text)) {
+            messages.push(text);
         }
     }
-    let innermost = Report::msg(told.pop().unwrap_or_default());
-    told.into_iter().rev().fold(innermost, Report::wrap_err)
+    let innermost = Report::msg(messages.pop().unwrap_or_default());
+    messages.into_iter().rev().fold(innermost, Report::wrap_err)
 }
 
 #[cfg(test)]
@@ -188,8 +185,8 @@ mod tests {
     fn every_cause_is_told_once_and_harmless() {
         let disk = Box::new(Level::Disk);
         let report = report_of(&Level::Draw(Box::new(Level::Write(disk))));
-        let told: Vec<_> = report.chain().map(ToString::to_string).collect();
+        let messages: Vec<_> = report.chain().map(ToString::to_string).collect();
         let cause = r"cannot write z1.svg: the disk is full\u001b[2J; make room";
-        assert_eq!(told, ["no figure was drawn", cause]);
+        assert_eq!(messages, ["no figure was drawn", cause]);
     }
 }

@@ -1,4 +1,4 @@
-//! The text of a scenario file.
+//! Reading of a scenario file.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -11,33 +11,33 @@ use super::ScenarioError;
 use super::sources::Sources;
 use crate::printable::printable;
 
-/// Longest scenario file, bytes: what is longer is some other file.
-pub(super) const LONGEST_FILE: u64 = 1 << 20;
+/// Maximum length of a scenario file, bytes.
+pub(super) const MAX_FILE: u64 = 1 << 20;
 
-/// The text of a scenario file.
+/// Reads the text of a scenario file.
 pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
     let bytes = bytes(path).map_err(|error| unreadable(path, &error))?;
-    if bytes.len() as u64 > LONGEST_FILE {
+    if bytes.len() as u64 > MAX_FILE {
         return Err(ScenarioError::Unreadable {
             path: path.to_owned(),
-            reason: format!("it is longer than {LONGEST_FILE} bytes"),
+            reason: format!("it is longer than {MAX_FILE} bytes"),
             fix: "give a scenario file; they are a few thousand bytes long".to_owned(),
         });
     }
-    if let Some(place) = bytes.iter().position(|&byte| byte == 0) {
+    if let Some(offset) = bytes.iter().position(|&byte| byte == 0) {
         return Err(ScenarioError::Unreadable {
             path: path.to_owned(),
-            reason: format!("it is not text: byte {place} is 0"),
+            reason: format!("it is not text: byte {offset} is 0"),
             fix: "give a scenario file, which is text in TOML".to_owned(),
         });
     }
     String::from_utf8(bytes).map_err(|error| {
         let start = error.utf8_error().valid_up_to();
         let reason = format!(
-            "byte {:#04x} at offset {start} is no UTF-8 text",
+            "byte {:#04x} at offset {start} is not UTF-8 text",
             error.as_bytes()[start]
         );
-        // Up to the first bad byte the lossy text equals the file.
+        // Up to the first invalid byte the lossy text equals the file.
         let lossy = String::from_utf8_lossy(error.as_bytes());
         let span = start..start + char::REPLACEMENT_CHARACTER.len_utf8();
         let finding = Sources::new(&path.display().to_string(), &lossy, &[]).finding(
@@ -50,10 +50,10 @@ pub(super) fn text(path: &Path) -> Result<String, ScenarioError> {
     })
 }
 
-/// Reads a file, and a byte more than the longest scenario has.
+/// Reads a file, at most one byte more than the maximum.
 pub(super) fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(LONGEST_FILE + 1).read_to_end(&mut bytes)?;
+    File::open(path)?.take(MAX_FILE + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -64,21 +64,18 @@ fn unreadable(path: &Path, error: &io::Error) -> ScenarioError {
             "it is a folder".to_owned(),
             nearest_scenario(&path.join("*.toml")),
         ),
-        _ => (
-            error.to_string(),
-            "see to it that the file may be read".to_owned(),
-        ),
+        _ => (error.to_string(), "check the permissions of the file".to_owned()),
     };
     ScenarioError::Unreadable {
         path: path.to_owned(),
         reason,
-        // Files of a folder in which others write are named by them.
+        // The names of files may be untrusted.
         fix: printable(&fix).into_owned(),
     }
 }
 
-/// Advice for the name of a file that is not there: the scenario of the nearest name in the folder
-/// `scenarios` beside it or else in its own, or all that there are.
+/// Returns advice for a missing file: the scenario with the closest name in the folder `scenarios` beside it or in its own
+/// folder, or all of them.
 fn nearest_scenario(path: &Path) -> String {
     let folder = path.parent().unwrap_or(Path::new(""));
     let known = [folder.join("scenarios"), folder.to_owned()]
@@ -102,7 +99,7 @@ fn nearest_scenario(path: &Path) -> String {
     }
 }
 
-/// The TOML files of a folder by name; none if it cannot be read.
+/// Returns the TOML files of a folder, sorted; none if it cannot be read.
 fn scenarios_in(folder: &Path) -> Vec<PathBuf> {
     let here = if folder.as_os_str().is_empty() {
         Path::new(".")

@@ -1,41 +1,41 @@
-//! The files that a flight reads besides its scenario.
+//! Files that a flight reads besides its scenario.
 
 use std::path::PathBuf;
 
 use scenario::{Curve, Scenario};
 use shared_types::ServiceId;
 
-/// A file that a flight reads besides its scenario.
+/// File that a flight reads besides its scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadFile<'a> {
-    /// What it is read for, in words.
+    /// Purpose of the file.
     pub what: String,
-    /// Its path.
+    /// Path.
     pub path: PathBuf,
-    /// Its SHA-256 when the scenario was read, in hexadecimal.
+    /// SHA-256 when the scenario was read, in hexadecimal.
     pub sha256: &'a String,
 }
 
 /// Returns the files that a flight of a scenario reads: its plug-ins, and the points of its path.
 pub fn files_of(scenario: &Scenario) -> impl Iterator<Item = ReadFile<'_>> {
     let plugins = scenario.plugins.iter().flat_map(|plugins| {
-        let of = |role: ServiceId| {
+        let plugin = |role: ServiceId| {
             Some(ReadFile {
                 what: format!("the plug-in in place of `{role}`"),
                 path: plugins.path_of(role)?,
                 sha256: plugins.sha256.get(role.name())?,
             })
         };
-        ServiceId::ALL.into_iter().filter_map(of)
+        ServiceId::ALL.into_iter().filter_map(plugin)
     });
-    let of_path = match &scenario.path.curve {
+    let path_file = match &scenario.path.curve {
         Curve::Waypoints(way) => way.file.clone().zip(way.sha256.as_ref()),
         _ => None,
     };
-    let of_path = of_path.map(|(path, sha256)| ReadFile {
+    let path_file = path_file.map(|(path, sha256)| ReadFile {
         what: "the file of the path".to_owned(),
         path,
         sha256,
     });
-    plugins.chain(of_path)
+    plugins.chain(path_file)
 }

@@ -1,4 +1,4 @@
-//! The `--set section.key=value` arguments: values in place of the file's own, or beside them.
+//! The `--set section.key=value` arguments, which override or add values.
 
 use std::borrow::Cow;
 use std::net::{IpAddr, SocketAddr};
@@ -11,22 +11,22 @@ use toml::de::{DeArray, DeTable, DeValue};
 use super::Finding;
 use super::sources::Sources;
 
-/// Name under which [`placed_values`] puts each value.
+/// Key of each value in [`placed_values`].
 const VALUE: &str = "v";
 
-/// The values of all arguments as TOML documents, each behind so many blanks that the value stands at the
-/// offset at which the sources have it: a parser then gives it the right span.
+/// Returns the values of all arguments as TOML documents, each indented to its offset in the sources, so that the parser
+/// gives it the right span.
 pub(super) fn placed_values(sources: &Sources) -> Vec<String> {
     let values = sources.arguments().map(|(start, argument)| {
         let (key, value) = argument.split_once('=').unwrap_or((argument, ""));
-        // Not by a width of a format, which ends at 65,535: a scenario may be longer.
+        // The width of a format is limited to 65,535, and a scenario may be longer.
         let blanks = " ".repeat((start + key.len()).saturating_sub(VALUE.len()));
         format!("{blanks}{VALUE}={value}")
     });
     values.collect()
 }
 
-/// Puts the values of all arguments, as [`placed_values`] makes them, into the document.
+/// Writes the values of all arguments, made by [`placed_values`], into the document.
 pub(super) fn apply_all<'i>(
     sources: &Sources,
     values: &'i [String],
@@ -51,23 +51,17 @@ pub(super) fn apply_all<'i>(
     }
 }
 
-/// Keys of `[controller]` that concern any controller; the others are for Gerono's own laws.
+/// Keys of `[controller]` that apply to any controller; the others apply to Gerono's own laws.
 const OF_ANY_CONTROLLER: [&str; 2] = ["rates", "telemetry"];
 
-/// Finds the arguments that choose Gerono's own law or its gains, of a flight of another controller: what they name does
-/// not fly.
+/// Finds the arguments for Gerono's own law in a flight with another controller, on which they have no effect.
 pub(super) fn of_own_law(sources: &Sources, what_flies: &str) -> Vec<Finding> {
     let reason = format!("{what_flies}, and not Gerono's law, which this would change");
     let is_of_any = |names: &[&str]| OF_ANY_CONTROLLER.contains(&names[0]);
-    without_effect(
-        sources,
-        is_of_any,
-        &reason,
-        "leave it out, or let Gerono's law fly",
-    )
+    without_effect(sources, is_of_any, &reason, "leave it out, or fly Gerono's law")
 }
 
-/// Finds the arguments that state gains of another law than the one that flies.
+/// Finds the arguments for gains that the law does not use.
 pub(super) fn of_another_law(sources: &Sources, law: LawKind) -> Vec<Finding> {
     let name = serde_json::to_value(law).expect("a law has a name");
     let name = name.as_str().unwrap_or_default();
@@ -76,16 +70,18 @@ pub(super) fn of_another_law(sources: &Sources, law: LawKind) -> Vec<Finding> {
     without_effect(sources, |names| law.uses(names), &reason, fix)
 }
 
-/// Finds the arguments of `[controller]` whose names, after that of the section, `has_effect` denies.
+/// Finds the arguments of `[controller]` without an effect, by the segments of their keys after the section.
 fn without_effect(
     sources: &Sources,
     has_effect: impl Fn(&[&str]) -> bool,
     reason: &str,
     fix: &str,
 ) -> Vec<Finding> {
-    let without = sources
-        .arguments()
-        .filter(|(_, argument)| keys_of(argument).iter().any(|key| is_without(key, &has_effect)));
+    let without = sources.arguments().filter(|(_, argument)| {
+        keys_of(argument)
+            .iter()
+            .any(|key| is_without_effect(key, &has_effect))
+    });
     let finding = |(start, argument): (usize, &str)| {
         let span = start..start + argument.len();
         sources.finding(span, "this argument has no effect", reason, fix)
@@ -93,7 +89,7 @@ fn without_effect(
     without.map(finding).collect()
 }
 
-/// An argument: the names and positions that lead to the place, and the value.
+/// Argument: key and value.
 struct Setting<'i> {
     path: Vec<Spanned<String>>,
     value: Spanned<DeValue<'i>>,
@@ -117,13 +113,13 @@ impl Refusal {
 }
 
 impl<'i> Setting<'i> {
-    /// Reads an argument whose first character has the offset `start`, and its value where it is placed.
+    /// Parses an argument at the offset `start`, and its value as made by [`placed_values`].
     fn parse(argument: &str, start: usize, value: &'i str) -> Result<Self, Refusal> {
         let Some((key, _)) = argument.split_once('=') else {
             return Err(Refusal::new(
                 start..start + argument.len(),
                 "there is no `=`",
-                "write the place and the value, such as `controller.k1=5`",
+                "write key and value, such as `controller.k1=5`",
             ));
         };
         Ok(Self {
@@ -137,28 +133,28 @@ impl<'i> Setting<'i> {
     }
 }
 
-/// Returns the key that a text names, if it names one.
+/// Parses a key; `None` if the text is not one.
 #[must_use]
 pub fn path_of(text: &str) -> Option<Key> {
     let path = parse_path(text, 0).ok()?;
     Some(path.into_iter().map(Spanned::into_inner).collect())
 }
 
-/// Returns whether a setting `KEY=VALUE` concerns a flight of a law.
+/// Returns whether a setting `KEY=VALUE` has an effect on a law.
 #[must_use]
 pub fn concerns(setting: &str, law: LawKind) -> bool {
     !keys_of(setting)
         .iter()
-        .any(|key| is_without(key, |names| law.uses(names)))
+        .any(|key| is_without_effect(key, |names| law.uses(names)))
 }
 
-/// Returns whether a key is one of `[controller]` whose names, after that of the section, `has_effect` denies.
-fn is_without(key: &Key, has_effect: impl Fn(&[&str]) -> bool) -> bool {
+/// Returns whether a key of `[controller]` has no effect, by its segments after the section.
+fn is_without_effect(key: &Key, has_effect: impl Fn(&[&str]) -> bool) -> bool {
     let names: Vec<_> = key.segments().iter().map(String::as_str).collect();
     matches!(&names[..], ["controller", rest @ ..] if !rest.is_empty() && !has_effect(rest))
 }
 
-/// Returns the keys that an argument assigns: of a table those inside.
+/// Returns the keys that an argument assigns, including those inside a table.
 fn keys_of(argument: &str) -> Vec<Key> {
     fn inside(at: Key, value: &toml::Value, keys: &mut Vec<Key>) {
         match value {
@@ -178,25 +174,25 @@ fn keys_of(argument: &str) -> Vec<Key> {
     let table = toml::from_str::<toml::Table>(&format!("{VALUE}={value}"));
     match table.ok().and_then(|mut table| table.remove(VALUE)) {
         Some(value) => inside(key, &value, &mut keys),
-        // A word without its quotes.
+        // A string without quotes.
         None => keys.push(key),
     }
     keys
 }
 
-/// Returns the key that a setting `KEY=VALUE` assigns, if it names one.
+/// Returns the key of a setting `KEY=VALUE`, if valid.
 #[must_use]
 pub fn key_of_setting(setting: &str) -> Option<Key> {
     path_of(setting.split_once('=')?.0.trim())
 }
 
-/// The names and positions of a dotted key, as TOML reads it.
+/// Parses a dotted key to its names and positions, with TOML's syntax.
 fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> {
     let refused = |span: Range<usize>, reason: &str| {
         Refusal::new(
             start + span.start..start + span.end,
             reason,
-            "write the names with dots between them, such as `vehicle.change.0.at`, and those that are not of letters, digits, `_` and `-` in quotes",
+            "write names separated by dots, such as `vehicle.change.0.at`; quote names with other characters than letters, digits, `_` and `-`",
         )
     };
     let assignment = format!("{key}=0");
@@ -222,11 +218,11 @@ fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> 
     Err(refused(0..key.len(), "this is not a key"))
 }
 
-/// A value as TOML reads it, or a word as a string without its quotes; `placed` as [`placed_values`] makes it.
+/// Parses a TOML value made by [`placed_values`], or a string without quotes.
 fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
-    let behind_sign = placed.find('=').map_or(0, |sign| sign + 1);
-    let text = placed[behind_sign..].trim();
-    let start = placed.len() - placed[behind_sign..].trim_start().len();
+    let after_sign = placed.find('=').map_or(0, |sign| sign + 1);
+    let text = placed[after_sign..].trim();
+    let start = placed.len() - placed[after_sign..].trim_start().len();
     let span = start..start + text.len();
     if text.is_empty() {
         return Err(Refusal::new(
@@ -251,7 +247,7 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
     ))
 }
 
-/// Returns whether a value that TOML does not understand is plainly meant as a string: a word, a path or an address.
+/// Returns whether an invalid TOML value is a string without quotes: a word, a path or an address.
 fn is_word(text: &str) -> bool {
     let is_punctuation = |character| matches!(character, '"' | '\'' | '[' | ']' | '{' | '}' | '=');
     let is_address = text.parse::<IpAddr>().is_ok() || text.parse::<SocketAddr>().is_ok();
@@ -270,29 +266,29 @@ fn assign_in_table<'i>(
         return Ok(());
     };
     let key = at.then(name.get_ref());
-    if let Some(place) = table.get_mut(name.get_ref().as_str()) {
-        return assign(place, &key, rest, value);
+    if let Some(target) = table.get_mut(name.get_ref().as_str()) {
+        return assign(target, &key, rest, value);
     }
-    let place = built(&key, rest, value)?;
+    let target = nested(&key, rest, value)?;
     table.insert(
         Spanned::new(name.span(), Cow::Owned(name.get_ref().clone())),
-        place,
+        target,
     );
     Ok(())
 }
 
-/// Puts a value where `path` leads to from `place`, whose key is `at`.
+/// Assigns a value at `path`, relative to `target`, whose key is `at`.
 fn assign<'i>(
-    place: &mut Spanned<DeValue<'i>>,
+    target: &mut Spanned<DeValue<'i>>,
     at: &Key,
     path: &[Spanned<String>],
     value: Spanned<DeValue<'i>>,
 ) -> Result<(), Refusal> {
     let Some(name) = path.first() else {
-        *place = value;
+        *target = value;
         return Ok(());
     };
-    match place.get_mut() {
+    match target.get_mut() {
         DeValue::Table(table) => assign_in_table(table, at, path, value),
         DeValue::Array(array) => assign_in_array(array, at, path, value),
         scalar => Err(Refusal::new(
@@ -321,7 +317,7 @@ fn assign_in_array<'i>(
     if let Some(element) = array.get_mut(index) {
         assign(element, &key, rest, value)
     } else if index == count {
-        array.push(built(&key, rest, value)?);
+        array.push(nested(&key, rest, value)?);
         Ok(())
     } else {
         Err(Refusal::new(
@@ -335,8 +331,8 @@ fn assign_in_array<'i>(
     }
 }
 
-/// The tables and arrays that `path` leads through from a place that does not exist yet, around the value.
-fn built<'i>(
+/// Wraps a value in the tables and arrays of `path`.
+fn nested<'i>(
     at: &Key,
     path: &[Spanned<String>],
     value: Spanned<DeValue<'i>>,
@@ -344,12 +340,12 @@ fn built<'i>(
     let Some(name) = path.first() else {
         return Ok(value);
     };
-    // No key of a scenario is a number: a number is a position.
-    let mut place = if name.get_ref().parse::<usize>().is_ok() {
+    // A number is always a position: no key of a scenario is a number.
+    let mut target = if name.get_ref().parse::<usize>().is_ok() {
         Spanned::new(name.span(), DeValue::Array(DeArray::new()))
     } else {
         Spanned::new(name.span(), DeValue::Table(DeTable::new()))
     };
-    assign(&mut place, at, path, value)?;
-    Ok(place)
+    assign(&mut target, at, path, value)?;
+    Ok(target)
 }

@@ -1,7 +1,7 @@
-//! The texts that a scenario is made of, the file's and those of the `--set` arguments, and the places in them.
+//! Sources of a scenario: the text of the file and of the `--set` arguments.
 //!
-//! The texts share one range of offsets: the file comes first, each argument after it. So every value of the
-//! merged document, wherever it came from, knows its place by one span.
+//! The texts share one range of offsets, the file first and then each argument, so that one span identifies the position of
+//! any value of the merged document.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::Finding;
 use super::snippet::Lines;
 use crate::printable::{printable, printable_lines, shortened};
 
-/// The texts, each with its first offset and its name.
+/// Texts with their first offsets and names.
 #[derive(Debug)]
 pub(super) struct Sources {
     texts: Vec<(usize, String, Lines)>,
@@ -22,8 +22,8 @@ impl Sources {
         let texts = std::iter::once((file_name, file))
             .chain(argument_names)
             .map(|(name, text)| {
-                let source = (start, printable(name).into_owned(), Lines::of(text));
-                // One more than the text, so that its end is not the next one's beginning.
+                let source = (start, printable(name).into_owned(), Lines::new(text));
+                // One more than the text, so that its end differs from the start of the next one.
                 start += text.len() + 1;
                 source
             })
@@ -31,14 +31,14 @@ impl Sources {
         Self { texts }
     }
 
-    /// The arguments in their order, each with its first offset.
+    /// Returns the arguments in order, each with its first offset.
     pub(super) fn arguments(&self) -> impl Iterator<Item = (usize, &str)> {
         self.texts[1..]
             .iter()
             .map(|(start, _, lines)| (*start, lines.text()))
     }
 
-    /// Something that is wrong at a place.
+    /// Makes a finding at a span.
     pub(super) fn finding(
         &self,
         span: Range<usize>,

@@ -1,4 +1,4 @@
-//! Whether a document has the keys and types of a scenario, and the scenario that it then is.
+//! Check of a document's keys and types, and conversion to a scenario.
 
 use std::ops::Range;
 
@@ -11,11 +11,11 @@ use toml::de::{DeArray, DeFloat, DeInteger, DeString, DeTable, DeValue, Deserial
 use super::sources::Sources;
 use super::{Finding, document, keys};
 
-/// Most mistakes that are told: a text that has more is something else than a scenario.
-const MOST_FINDINGS: usize = 20;
+/// Maximum number of reported findings: a text with more is probably not a scenario.
+const MAX_FINDINGS: usize = 20;
 
-/// The scenario of a document, if it can be made out at all, and what is wrong with the document's structure.
-/// Unknown keys are removed from it, so that the rest can be judged all the same.
+/// Returns the scenario of a document, if it can be read, and the findings about its structure. Removes unknown keys, so
+/// that the rest can be checked.
 pub(super) fn read(
     sources: &Sources,
     document: &mut Spanned<DeTable<'_>>,
@@ -32,7 +32,7 @@ pub(super) fn read(
         mut findings,
         ..
     } = walk;
-    if findings.len() > unknown.len() || findings.len() == MOST_FINDINGS {
+    if findings.len() > unknown.len() || findings.len() == MAX_FINDINGS {
         return (None, findings);
     }
     for key in &unknown {
@@ -49,17 +49,17 @@ pub(super) fn read(
     }
 }
 
-/// A walk through a document beside the schema of scenarios.
+/// Walk through a document and the schema in parallel.
 struct Walk<'a> {
     sources: &'a Sources,
-    /// Keys of which there are none.
+    /// Unknown keys.
     unknown: Vec<Key>,
     findings: Vec<Finding>,
 }
 
 impl Walk<'_> {
     fn push(&mut self, span: Range<usize>, key: &Key, verdict: &str, reason: String, fix: String) {
-        if self.findings.len() < MOST_FINDINGS {
+        if self.findings.len() < MAX_FINDINGS {
             let title = format!("`{key}` {verdict}");
             self.findings.push(self.sources.finding(span, title, reason, fix));
         }
@@ -69,12 +69,12 @@ impl Walk<'_> {
         self.push(span, key, "has the wrong type", reason, keys::advice(key));
     }
 
-    /// A table with the names that belong there.
+    /// Checks a table.
     fn table(&mut self, at: &Key, table: &DeTable<'_>, span: Range<usize>, part: &Value) {
         for (name, value) in table {
             let key = at.then(name.get_ref());
-            let of_any_name = Some(&part["additionalProperties"]).filter(|part| part.is_object());
-            match part["properties"].get(name.get_ref().as_ref()).or(of_any_name) {
+            let any_name = Some(&part["additionalProperties"]).filter(|part| part.is_object());
+            match part["properties"].get(name.get_ref().as_ref()).or(any_name) {
                 Some(part) => self.value(&key, value, part),
                 None => self.unknown_key(name, &key, part),
             }
@@ -91,7 +91,7 @@ impl Walk<'_> {
     }
 
     fn unknown_key(&mut self, name: &Spanned<DeString<'_>>, key: &Key, table: &Value) {
-        let fix = place_in_enclosing_table(key).unwrap_or_else(|| {
+        let fix = advice_on_table(key).unwrap_or_else(|| {
             let known = table["properties"].as_object().into_iter().flatten();
             let mut known: Vec<_> = known.map(|(name, _)| name).collect();
             known.sort();
@@ -104,12 +104,12 @@ impl Walk<'_> {
 
     fn value(&mut self, key: &Key, written: &Spanned<DeValue<'_>>, part: &Value) {
         let part = resolved(part);
-        let (wanted, span) = (wanted(part), written.span());
-        match (written.get_ref(), wanted) {
-            (DeValue::Table(table), Wanted::Table) => self.table(key, table, span, part),
-            (DeValue::Table(table), Wanted::Choice(choices)) => self.choice(key, table, span, choices),
-            (DeValue::Array(elements), Wanted::Array) => self.array(key, elements, span, part),
-            (DeValue::String(word), Wanted::Word(choices)) => {
+        let (expected, span) = (expected(part), written.span());
+        match (written.get_ref(), expected) {
+            (DeValue::Table(table), Expected::Table) => self.table(key, table, span, part),
+            (DeValue::Table(table), Expected::Choice(choices)) => self.choice(key, table, span, choices),
+            (DeValue::Array(elements), Expected::Array) => self.array(key, elements, span, part),
+            (DeValue::String(word), Expected::Word(choices)) => {
                 let known: Vec<_> = choices
                     .iter()
                     .filter_map(|choice| choice["const"].as_str())
@@ -118,31 +118,31 @@ impl Walk<'_> {
                     self.unknown_choice(span, key, word, &known);
                 }
             }
-            (DeValue::Float(number), Wanted::Number) if overflows(number) => {
+            (DeValue::Float(number), Expected::Number) if overflows(number) => {
                 let reason = "floating-point number overflowed".to_owned();
                 self.push(span, key, "cannot be read", reason, keys::advice(key));
             }
-            (DeValue::Float(_) | DeValue::Integer(_), Wanted::Number)
-            | (DeValue::Boolean(_), Wanted::Boolean)
-            | (DeValue::String(_), Wanted::Text) => {}
-            (DeValue::Integer(number), Wanted::Integer) if is_natural(number, part) => {}
-            (found, wanted) => {
-                let wanted = match wanted {
-                    Wanted::Table | Wanted::Choice(_) => "a table",
-                    Wanted::Word(_) => "a word",
-                    Wanted::Array => array_in_words(part),
-                    Wanted::Number => "a number",
-                    Wanted::Integer => "a whole number of 0 or more",
-                    Wanted::Boolean => "`true` or `false`",
-                    Wanted::Text => "a text",
+            (DeValue::Float(_) | DeValue::Integer(_), Expected::Number)
+            | (DeValue::Boolean(_), Expected::Boolean)
+            | (DeValue::String(_), Expected::Text) => {}
+            (DeValue::Integer(number), Expected::Integer) if is_natural(number, part) => {}
+            (found, expected) => {
+                let expected = match expected {
+                    Expected::Table | Expected::Choice(_) => "a table",
+                    Expected::Word(_) => "a word",
+                    Expected::Array => array_in_words(part),
+                    Expected::Number => "a number",
+                    Expected::Integer => "a whole number of 0 or more",
+                    Expected::Boolean => "`true` or `false`",
+                    Expected::Text => "a string",
                 };
-                let reason = format!("{wanted} is wanted here, not {}", in_words(found));
+                let reason = format!("{expected} is expected here, not {}", in_words(found));
                 self.push_wrong_type(span, key, reason);
             }
         }
     }
 
-    /// A table with one of the names that may be in it.
+    /// Checks a table that must contain exactly one of the choices.
     fn choice(&mut self, key: &Key, table: &DeTable<'_>, span: Range<usize>, choices: &[Value]) {
         let choices = choices
             .iter()
@@ -161,7 +161,7 @@ impl Walk<'_> {
             }
         }
         if all_known && table.len() != 1 {
-            let reason = "exactly one choice is wanted here".to_owned();
+            let reason = "exactly one choice is expected here".to_owned();
             let fix = format!("state one of {}, and no other", keys::names_at(key).join(", "));
             self.push(span, key, "is not one choice", reason, fix);
         }
@@ -175,14 +175,14 @@ impl Walk<'_> {
 
     fn array(&mut self, key: &Key, elements: &DeArray<'_>, span: Range<usize>, part: &Value) {
         let count = elements.len();
-        if let Some(wanted) = part["maxItems"].as_u64().map(|wanted| wanted as usize) {
-            let unread = elements.get(wanted);
+        if let Some(expected) = part["maxItems"].as_u64().map(|expected| expected as usize) {
+            let unread = elements.get(expected);
             if let Some(unread) = unread {
-                let reason = format!("{wanted} elements are wanted here, not {count}");
+                let reason = format!("{expected} elements are expected here, not {count}");
                 self.push_wrong_type(unread.span(), key, reason);
-            } else if count < wanted {
+            } else if count < expected {
                 let reason = format!(
-                    "{} is wanted here, not one of length {count}",
+                    "{} is expected here, not one of length {count}",
                     array_in_words(part)
                 );
                 self.push_wrong_type(span, key, reason);
@@ -194,9 +194,9 @@ impl Walk<'_> {
     }
 }
 
-/// The schema's demand in a place.
+/// Form of a value that the schema requires.
 #[derive(Clone, Copy)]
-enum Wanted<'a> {
+enum Expected<'a> {
     Table,
     /// A table with one of these.
     Choice(&'a [Value]),
@@ -209,21 +209,21 @@ enum Wanted<'a> {
     Text,
 }
 
-fn wanted(part: &Value) -> Wanted<'_> {
+fn expected(part: &Value) -> Expected<'_> {
     if let Some(choices) = part["oneOf"].as_array() {
         return if keys::is_table(part) {
-            Wanted::Choice(choices)
+            Expected::Choice(choices)
         } else {
-            Wanted::Word(choices)
+            Expected::Word(choices)
         };
     }
     match type_name(part) {
-        Some("array") => Wanted::Array,
-        Some("number") => Wanted::Number,
-        Some("integer") => Wanted::Integer,
-        Some("boolean") => Wanted::Boolean,
-        Some("string") => Wanted::Text,
-        _ => Wanted::Table,
+        Some("array") => Expected::Array,
+        Some("number") => Expected::Number,
+        Some("integer") => Expected::Integer,
+        Some("boolean") => Expected::Boolean,
+        Some("string") => Expected::Text,
+        _ => Expected::Table,
     }
 }
 
@@ -255,7 +255,7 @@ fn in_words(found: &DeValue<'_>) -> String {
     match found {
         DeValue::Table(_) => "a table".to_owned(),
         DeValue::Array(_) => "an array".to_owned(),
-        DeValue::String(text) => format!("the text {text:?}"),
+        DeValue::String(text) => format!("the string {text:?}"),
         DeValue::Integer(number) => format!("integer `{number}`"),
         DeValue::Float(number) => format!("floating point `{number}`"),
         DeValue::Boolean(value) => format!("boolean `{value}`"),
@@ -263,8 +263,8 @@ fn in_words(found: &DeValue<'_>) -> String {
     }
 }
 
-/// Advice for an unknown key that belongs to a table around its own: in TOML a key belongs to the last header above it.
-fn place_in_enclosing_table(key: &Key) -> Option<String> {
+/// Returns advice for an unknown key that belongs to an enclosing table: in TOML a key belongs to the last header above it.
+fn advice_on_table(key: &Key) -> Option<String> {
     let (name, table) = key.segments().split_last()?;
     let below = |owner: &str| format!("`{name}` belongs to `{owner}`: write it directly below `[{owner}]`");
     let moved = MOVED_KEYS

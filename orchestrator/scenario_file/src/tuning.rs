@@ -1,6 +1,6 @@
-//! Changes of a scenario in flight: of the keys that its schema marks as tunable (`x-tunable`).
+//! Changes of a scenario in flight, for the keys that its schema marks as tunable (`x-tunable`).
 //!
-//! What is asked for is checked as a whole, as the scenario itself was: with the same rules, reasons and fixes.
+//! The changed scenario is checked as a whole, with the same rules, reasons and fixes as any scenario.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::setting::path_of;
 use super::{ScenarioError, keys, load_text};
 use crate::printable::printable;
 
-/// A scenario as it is flown after a change.
+/// Scenario after a change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The scenario.
@@ -22,7 +22,7 @@ pub struct Tuned {
 /// Reason why a key cannot be changed in flight.
 #[derive(Debug, thiserror::Error)]
 pub enum TuningError {
-    /// The key is none of those that may change.
+    /// The key may not change.
     #[error(
         "`{key}` cannot change in flight: {reason}; {}; tunable are {}",
         "state it in the scenario before the flight",
@@ -34,8 +34,8 @@ pub enum TuningError {
         /// Reason why.
         reason: &'static str,
     },
-    /// With the change the scenario cannot be flown, or the change is none.
-    #[error("{}", .0.without_places())]
+    /// The change is invalid, or the scenario cannot be flown with it.
+    #[error("{}", .0.without_positions())]
     Scenario(#[source] ScenarioError),
     /// The scenario cannot be written.
     #[error("the scenario cannot be written: {0}")]
@@ -48,13 +48,13 @@ pub fn tunable_keys() -> Vec<String> {
     keys::tunable().map(|key| key.to_string()).collect()
 }
 
-/// Changes a key of a scenario that is flown: `setting` is as that of `--set`, such as `controller.k1=3`.
+/// Changes a key of a scenario in flight; `setting` has the form of `--set`, such as `controller.k1=3`.
 ///
 /// # Errors
 /// [`TuningError`].
 pub fn tune(scenario: &Scenario, setting: &str) -> Result<Tuned, TuningError> {
     let (name, _) = setting.split_once('=').unwrap_or((setting, ""));
-    // What is no key, or none of a scenario, is refused below with its reason.
+    // Invalid and unknown keys are refused below with their reason.
     let key = path_of(name).unwrap_or_default();
     if keys::is_tunable(&key) == Some(false) {
         return Err(TuningError::NotTunable {
@@ -68,8 +68,8 @@ pub fn tune(scenario: &Scenario, setting: &str) -> Result<Tuned, TuningError> {
     Ok(Tuned { scenario, key })
 }
 
-/// Returns the settings by which one scenario becomes another one: of the tunable keys whose values differ, also of those
-/// that follow from others, and of those that are `stated`.
+/// Returns the settings that change one scenario to another: those of the tunable keys whose values differ, including
+/// derived ones, and of those that are `stated`.
 #[must_use]
 pub fn settings_between(before: &Scenario, after: &Scenario, stated: &[Key]) -> Vec<String> {
     let is_stated = |key: &Key| {
@@ -79,14 +79,14 @@ pub fn settings_between(before: &Scenario, after: &Scenario, stated: &[Key]) -> 
     };
     let [before, after] = [before, after].map(Values::new);
     let changed = keys::tunable().filter_map(|key| {
-        let now = after.of(&key)?;
-        let is_new = is_stated(&key) || before.of(&key).as_ref() != Some(&now);
+        let now = after.get(&key)?;
+        let is_new = is_stated(&key) || before.get(&key).as_ref() != Some(&now);
         is_new.then(|| format!("{key}={now}"))
     });
     changed.collect()
 }
 
-/// Values of a scenario's keys.
+/// Values of the keys of a scenario.
 struct Values {
     stated: toml::Value,
     /// The gains, which follow from others where they are not stated.
@@ -103,8 +103,8 @@ impl Values {
         }
     }
 
-    /// Returns the value of a key as TOML: the stated one, or the one that follows.
-    fn of(&self, key: &Key) -> Option<String> {
+    /// Returns the value of a key as TOML: stated or derived.
+    fn get(&self, key: &Key) -> Option<String> {
         let inside = |value: &toml::Value, segment: &String| match value {
             toml::Value::Array(elements) => elements.get(segment.parse::<usize>().ok()?).cloned(),
             value => value.get(segment).cloned(),
@@ -119,13 +119,13 @@ impl Values {
     }
 }
 
-/// Returns the value of a key, with the key: `controller.k1=3.0`.
+/// Returns key and value as a setting: `controller.k1=3.0`.
 ///
 /// # Errors
-/// In words, if the scenario has nothing there.
+/// A message if the scenario has no such value.
 pub fn setting_of(scenario: &Scenario, name: &str) -> Result<String, String> {
     let key = path_of(name);
-    let value = key.as_ref().and_then(|key| Values::new(scenario).of(key));
+    let value = key.as_ref().and_then(|key| Values::new(scenario).get(key));
     let setting = key.zip(value).map(|(key, value)| format!("{key}={value}"));
     setting.ok_or_else(|| {
         format!(
@@ -135,13 +135,13 @@ pub fn setting_of(scenario: &Scenario, name: &str) -> Result<String, String> {
     })
 }
 
-/// Writes a change as the text of an event: a change may be of several keys, each with its event.
+/// Formats a setting of a change as the text of an event. A change of several keys has an event for each.
 #[must_use]
 pub fn event_text(setting: &str, number: u64) -> String {
     format!("{setting} (change {number})")
 }
 
-/// Reads the text of an event that [`event_text`] has written.
+/// Parses the text of an event from [`event_text`].
 #[must_use]
 pub fn from_event_text(text: &str) -> Option<(&str, u64)> {
     let (setting, rest) = text.strip_suffix(')')?.rsplit_once(" (change ")?;
@@ -200,7 +200,7 @@ mod tests {
             ),
             ("vehicle.mass=1.0", "cannot change in flight"),
             ("controller.kk=3", "did you mean `k1`?"),
-            ("controller.k1=fast", "a number is wanted here"),
+            ("controller.k1=fast", "a number is expected here"),
             ("controller.k1", "there is no `=`"),
             ("", "there is no `=`"),
             ("=3", "this is not a key"),

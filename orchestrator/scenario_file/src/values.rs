@@ -5,14 +5,14 @@ use std::borrow::Cow;
 /// Reason why a value is refused, with the accepted values.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ValueError {
-    #[error("this is no number")]
+    #[error("this is not a number")]
     NoNumber,
     /// The value violates a condition; the message names it.
     #[error("{0}")]
     Unfit(Cow<'static, str>),
     #[error("there is no such {what}; {there_is}")]
     Unknown {
-        /// What the name was to name.
+        /// Kind of the named object.
         what: &'static str,
         /// The known names, as part of a sentence.
         there_is: String,
@@ -34,7 +34,7 @@ pub fn plain_name(name: &str) -> Result<(), ValueError> {
     let is_plain = |letter: char| letter.is_alphanumeric() || " ,.+-_()=".contains(letter);
     if name.is_empty() || name.starts_with(['.', ' ']) || !name.chars().all(is_plain) {
         return Err(ValueError::unfit(format!(
-            "its name {name:?} cannot be that of a file and stand in a table: use letters, digits and blanks"
+            "the name {name:?} is not valid for a file and a table: use letters, digits and blanks"
         )));
     }
     Ok(())

@@ -1,10 +1,10 @@
-//! Warnings about scenarios that can be flown and in which the vehicle does not come back.
+//! Warnings about valid scenarios in which the vehicle probably does not return safely.
 
 use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::{ServiceId, Topic};
 
-/// Depth below the ground that no warning is due for, m: the points of a path are rounded.
+/// Depth below the ground without a warning, m: the points of a path are rounded.
 const WITHIN: f64 = 1e-3;
 
 /// Returns the warnings about the flight of a checked scenario along the points of its path, in {I}, m.
@@ -14,18 +14,18 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(fence_warning(scenario, path))
         .chain(duration_warning(scenario, path))
         .chain(landing_warning(scenario, path))
-        .chain(sight_warning(scenario))
+        .chain(tracking_loss_warning(scenario))
         .collect()
 }
 
-/// What is below the ground has often the sign of another frame.
-const UPWARDS: &str = "z points down: what is above the ground has a smaller z";
+/// Fix for points below the ground, which often have the sign of another frame.
+const UPWARDS: &str = "z points down: points above the ground have a smaller z";
 
-/// Warns of a vehicle or a path below the ground, and of a path that begins far from the vehicle.
+/// Warns of a vehicle or a path below the ground, and of a path that starts far from the vehicle.
 fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item = Problem> + use<> {
     let [.., z] = scenario.vehicle.initial.position;
     let at = Key::root().then("path").then("curve");
-    // Without `[flight]` the vehicle may start in the air; then the ground is taken to be at z = 0.
+    // Without `[flight]` the vehicle may start in the air; the ground is then assumed at z = 0.
     let ground = if scenario.flight.is_some() { z } else { z.max(0.0) };
     let lowest = points
         .iter()
@@ -38,7 +38,7 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
         );
         Problem::new(at.clone(), reason, UPWARDS)
     });
-    let begins_below = (scenario.flight.is_none() && z > WITHIN).then(|| {
+    let starts_below = (scenario.flight.is_none() && z > WITHIN).then(|| {
         let at = ["vehicle", "initial", "position"].into_iter().collect();
         let reason = format!("the vehicle starts at z = {z:.2} m, below the ground, which is at z = 0");
         Problem::new(at, reason, UPWARDS)
@@ -51,33 +51,33 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
     let limit = scenario.path.alpha2;
     let far = (away > limit && scenario.capture_system().is_none()).then(|| {
         let reason =
-            format!("the path begins {away:.2} m from the vehicle, farther away than α2 = {limit:?} m");
-        let fix = "let the vehicle start nearer by `vehicle.initial.position`, or move the curve";
+            format!("the path starts {away:.2} m from the vehicle, farther away than α2 = {limit:?} m");
+        let fix = "start the vehicle closer by `vehicle.initial.position`, or move the curve";
         Problem::new(at, reason, fix)
     });
-    begins_below.into_iter().chain(below).chain(far)
+    starts_below.into_iter().chain(below).chain(far)
 }
 
-/// Returns where the take-off of a simulated vehicle leads it first, in {I}, m.
+/// Returns the position of a simulated vehicle after its climb, in {I}, m.
 fn top_of_rise(scenario: &Scenario) -> Vector {
     let [x, y, z] = scenario.vehicle.initial.position;
     let flight = scenario.flight.as_ref();
     [x, y, z - flight.map_or(0.0, |flight| flight.takeoff_height)]
 }
 
-/// Warns of a path, or of a simulated start, outside of the box that the vehicle may not leave.
+/// Warns of a path, or of a simulated start, outside of the box of the envelope.
 fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
     let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
-    // In a laboratory the vehicle starts where a person puts it.
+    // In a laboratory the start position is not known.
     let is_simulated = scenario.capture_system().is_none();
     let start = [scenario.vehicle.initial.position, top_of_rise(scenario)];
     let start = start.into_iter().filter(|_| is_simulated);
-    let places = path.iter().map(|point| point.map(f64::from)).chain(start);
-    let beyond = |place: &Vector| {
-        let by = |axis: usize| (fence.min[axis] - place[axis]).max(place[axis] - fence.max[axis]);
+    let positions = path.iter().map(|point| point.map(f64::from)).chain(start);
+    let beyond = |position: &Vector| {
+        let by = |axis: usize| (fence.min[axis] - position[axis]).max(position[axis] - fence.max[axis]);
         by(0).max(by(1)).max(by(2))
     };
-    let farthest = places.max_by(|one, other| beyond(one).total_cmp(&beyond(other)))?;
+    let farthest = positions.max_by(|one, other| beyond(one).total_cmp(&beyond(other)))?;
     (beyond(&farthest) > WITHIN).then(|| {
         let [x, y, z] = farthest;
         let reason = format!(
@@ -93,7 +93,7 @@ fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
     })
 }
 
-/// Warns of a flight whose `duration` is over before the vehicle stands on the ground again.
+/// Warns of a flight whose `duration` ends before the vehicle has landed.
 fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
     let flight = scenario.flight.as_ref()?;
     let duration = scenario.duration;
@@ -105,13 +105,13 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
         let needed = flight.shortest_time();
         if duration < needed {
             return warning(format!(
-                "to take off and land takes {needed:.0} s: the vehicle will not be armed"
+                "take-off and landing take {needed:.0} s: the vehicle will not be armed"
             ));
         }
         let after_loss = scenario.real_time.unwrap_or_default().orchestrator_loss;
         return (after_loss == OrchestratorLoss::Continue).then(|| {
             let at = Key::root().then("real_time").then("orchestrator_loss");
-            let reason = "without an orchestrator nobody lands the vehicle before the end of `duration`, \
+            let reason = "without an orchestrator the vehicle does not land before the end of `duration`, \
                           which stops its motors in the air";
             Problem::new(
                 at,
@@ -124,7 +124,7 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
         return None;
     }
     let Some(land_at) = flight.land_at else {
-        return warning("nothing asks the vehicle to land: it flies at the end".to_owned());
+        return warning("no landing is requested: the vehicle flies at the end".to_owned());
     };
     let needed = longest_landing(scenario, points)?;
     (duration < land_at + needed)
@@ -134,20 +134,20 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
         .and_then(warning)
 }
 
-/// Warns of a landing that the envelope takes for one that fails.
+/// Warns of a landing that takes longer than the envelope permits.
 fn landing_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
     let land_within = scenario.envelope.as_ref()?.land_within;
     let needed = longest_landing(scenario, points)?;
     (land_within < needed).then(|| {
         let reason = format!(
-            "a landing takes up to {needed:.0} s: one that the envelope demands may be killed in the air after {land_within:?} s"
+            "a landing takes up to {needed:.0} s: when the envelope requests one, the vehicle may be killed in the air after {land_within:?} s"
         );
         let at = Key::root().then("envelope").then("land_within");
         Problem::new(at, reason, "state a longer time, or a larger `flight.landing_speed`")
     })
 }
 
-/// Returns the longest time that a landing takes from a point of the path, s.
+/// Returns the maximum duration of a landing from a point of the path, s.
 fn longest_landing(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
     let flight = scenario.flight.as_ref()?;
     let ground = scenario.vehicle.initial.position[2];
@@ -155,20 +155,19 @@ fn longest_landing(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
     Some(flight.landing_time(heights.fold(flight.takeoff_height, f64::max)))
 }
 
-/// Warns of a law that leaves the vehicle level before the path has slowed it down: without sight it keeps the velocity that it
-/// then has.
-fn sight_warning(scenario: &Scenario) -> Option<Problem> {
+/// Warns of a law that levels the vehicle before the path has decelerated: without tracking the vehicle keeps its velocity.
+fn tracking_loss_warning(scenario: &Scenario) -> Option<Problem> {
     scenario.flight.as_ref()?;
     let coast = scenario.estimator.as_ref()?.kalman.coast;
     let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller)?;
     safety.level.or(safety.descend)?;
-    let (flies_for, needed) = (coast + safety.max_age, BRAKE_AFTER + 0.5 * BRAKE);
-    (flies_for < needed - 1e-9).then(|| {
+    let (continues_for, needed) = (coast + safety.max_age, BRAKE_AFTER + 0.5 * BRAKE);
+    (continues_for < needed - 1e-9).then(|| {
         let reason = format!(
-            "with `estimator.kalman.coast` the law flies on for {flies_for:.2} s without sight, and the vehicle then keeps \
-             the velocity that it has: to lose half of it takes {needed:.2} s"
+            "with `estimator.kalman.coast` the law continues for {continues_for:.2} s without tracking, and the vehicle then \
+             keeps its velocity: halving it takes {needed:.2} s"
         );
         let at = Key::root().then("safety").then("vehicle/state -> controller").then("max_age");
-        Problem::new(at, reason, "state longer times, as far as the estimate is good for")
+        Problem::new(at, reason, "state longer times, as far as the estimate permits")
     })
 }

@@ -493,7 +493,7 @@ mod tests {
             ),
             (
                 &format!("{head}[[compare]]\nname = \"../a\"\n"),
-                "cannot be that of a file",
+                "is not valid for a file",
             ),
             (
                 &format!("{head}[[compare]]\nname = \"a b\"\n[[compare]]\nname = \"a_b\"\n"),

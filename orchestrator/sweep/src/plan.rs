@@ -293,7 +293,7 @@ impl Plan {
                 let sample = self.sample(index);
                 let unmet = sample.unmet.as_ref();
                 let unmet = unmet.map(|unmet| format!("it does not meet `{unmet}`"));
-                let refusal = || Some(self.scenario(&sample, entry).err()?.without_places());
+                let refusal = || Some(self.scenario(&sample, entry).err()?.without_positions());
                 let refused = unmet.or_else(refusal);
                 let is_flyable = refused.is_none();
                 first = first.take().or(refused);

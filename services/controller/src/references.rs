@@ -41,7 +41,7 @@ impl References {
         let (topic, service) = (Topic::PathReference, ServiceId::Controller);
         Self {
             age_limits: scenario.path_continues_for().map(|continues_for| AgeLimits {
-                ordinary: EdgeName::of(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
+                ordinary: EdgeName::between(topic, service).map_or(0, |edge| scenario.ordinary_age_ns(edge)),
                 continues_for,
             }),
             validator: InputValidator::default(),

@@ -57,7 +57,7 @@ impl Safety {
     #[must_use]
     pub fn new(scenario: &Scenario, stated: &InputSafety) -> Self {
         let dead_reckoning = DeadReckoning::new(scenario);
-        let edge = EdgeName::of(Topic::VehicleState, ServiceId::Controller);
+        let edge = EdgeName::between(Topic::VehicleState, ServiceId::Controller);
         Self {
             stages: FailsafeStages::new(stated),
             recover_ns: stated.recover_ns(),

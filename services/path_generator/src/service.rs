@@ -147,7 +147,7 @@ impl PathGeneratorService {
                     .safety_of(Topic::VehicleState, ServiceId::PathGenerator)
                     .map(scenario::InputSafety::policy),
             ),
-            ordinary_age_ns: EdgeName::of(Topic::VehicleState, ServiceId::PathGenerator)
+            ordinary_age_ns: EdgeName::between(Topic::VehicleState, ServiceId::PathGenerator)
                 .map_or(0, |edge| scenario.ordinary_age_ns(edge)),
             longest_gap_ns: scenario
                 .safety_of(Topic::PathReference, ServiceId::Controller)

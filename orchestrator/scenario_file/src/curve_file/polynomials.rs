@@ -1,42 +1,41 @@
-//! Polynomials of the time, one after another, as points at equal times.
+//! Sampling of piecewise polynomials in time at equal intervals.
 //!
-//! The curve through the points is C⁴ also where polynomials meet, which are rarely so smooth there, and starts and ends
-//! at rest.
+//! The curve through the points is C⁴ everywhere, also at the joints of polynomials, which are rarely so smooth, and starts
+//! and ends at rest.
 
 use std::ops::Range;
 
 use scenario::{Vector, Waypoints};
 
 use super::table::{Row, Table};
-use super::{MOST_POINTS, Points, Wrong};
+use super::{FileProblem, MAX_POINTS, Points};
 
-/// Largest time from one point to the next, s.
+/// Maximum time between points, s.
 const SPACING: f64 = 0.1;
 
-/// Largest jump of the position, m, and of the velocity, m/s, where polynomials meet: files round.
+/// Maximum jump of the position, m, and of the velocity, m/s, at joints, for rounding.
 const JUMP: f64 = 1e-3;
 const VELOCITY_JUMP: f64 = 1e-2;
 
-/// Polynomials of the three coordinates for some time.
+/// Polynomials of the three coordinates over an interval.
 struct Piece {
-    /// Its time, s.
+    /// Length of the interval, s.
     duration: f64,
-    /// Coefficients by axis, those of the highest power first.
+    /// Coefficients by axis, highest power first.
     coefficients: [Vec<f64>; 3],
-    /// Its line.
+    /// Position of its line in the file.
     span: Range<usize>,
 }
 
-/// Returns points of the polynomials of a table; of closed ones without the last, which is the first.
-pub(super) fn points(table: &Table, is_closed: bool) -> Result<Points, Wrong> {
+/// Returns points of the polynomials of a table. A closed path omits the last point, which equals the first.
+pub(super) fn points(table: &Table, is_closed: bool) -> Result<Points, FileProblem> {
     let pieces = pieces(table)?;
     refuse_jumps(&pieces)?;
     let whole: f64 = pieces.iter().map(|piece| piece.duration).sum();
     let count = whole / SPACING;
-    if count > (MOST_POINTS - 1) as f64 {
-        let reason =
-            format!("the path takes {whole:?} s, and {MOST_POINTS} points every {SPACING} s are the most");
-        return Err(Wrong::new(&(0..0), reason, "cut it into several paths"));
+    if count > (MAX_POINTS - 1) as f64 {
+        let reason = format!("the path takes {whole:?} s, more than {MAX_POINTS} points every {SPACING} s");
+        return Err(FileProblem::new(&(0..0), reason, "split it into several paths"));
     }
     let count = (count.ceil() as usize).max(2);
     let interval = whole / count as f64;
@@ -51,26 +50,26 @@ pub(super) fn points(table: &Table, is_closed: bool) -> Result<Points, Wrong> {
 }
 
 /// Returns the points at the times 0, `interval`, …, `count` times that.
-fn sampled(pieces: &[Piece], interval: f64, count: usize) -> Result<Vec<Vector>, Wrong> {
+fn sampled(pieces: &[Piece], interval: f64, count: usize) -> Result<Vec<Vector>, FileProblem> {
     let mut points = Vec::with_capacity(count + 1);
-    let (mut at, mut begin) = (0, 0.0);
+    let (mut index_of_piece, mut start) = (0, 0.0);
     for index in 0..=count {
         let time = interval * index as f64;
-        while at + 1 < pieces.len() && time > begin + pieces[at].duration {
-            begin += pieces[at].duration;
-            at += 1;
+        while index_of_piece + 1 < pieces.len() && time > start + pieces[index_of_piece].duration {
+            start += pieces[index_of_piece].duration;
+            index_of_piece += 1;
         }
-        let piece = &pieces[at];
-        let point = piece.position((time - begin).min(piece.duration));
+        let piece = &pieces[index_of_piece];
+        let point = piece.position((time - start).min(piece.duration));
         if points
             .last()
             .is_some_and(|last| Waypoints::coincide(last, &point))
         {
-            let reason = format!("the path stands still at {time:.2} s");
-            return Err(Wrong::new(
+            let reason = format!("the path stops at {time:.2} s");
+            return Err(FileProblem::new(
                 &piece.span,
                 reason,
-                "leave this part out; stops are not part of a path",
+                "remove this part; stops are not part of a path",
             ));
         }
         points.push(point);
@@ -78,7 +77,7 @@ fn sampled(pieces: &[Piece], interval: f64, count: usize) -> Result<Vec<Vector>,
     Ok(points)
 }
 
-fn pieces(table: &Table) -> Result<Vec<Piece>, Wrong> {
+fn pieces(table: &Table) -> Result<Vec<Piece>, FileProblem> {
     let names = |axis: &'static str| {
         (0..)
             .map(move |power| format!("{axis}^{power}"))
@@ -108,53 +107,53 @@ fn pieces(table: &Table) -> Result<Vec<Piece>, Wrong> {
             return Ok(piece);
         }
         let reason = format!("the duration {:?} s is not above 0", piece.duration);
-        Err(Wrong::new(
+        Err(FileProblem::new(
             &piece.span,
             reason,
-            "give the time that the polynomial is flown for",
+            "give the duration of the polynomial",
         ))
     };
     if table.rows.is_empty() {
-        return Err(Wrong::new(
+        return Err(FileProblem::new(
             &(0..0),
-            "there is no polynomial in it",
-            "write a polynomial a line",
+            "the file has no polynomials",
+            "write one polynomial per line",
         ));
     }
     table.rows.iter().map(piece).collect()
 }
 
-/// Refuses polynomials that do not begin where and as the ones before end.
-fn refuse_jumps(pieces: &[Piece]) -> Result<(), Wrong> {
+/// Refuses polynomials that do not continue the position and velocity of the previous one.
+fn refuse_jumps(pieces: &[Piece]) -> Result<(), FileProblem> {
     for pair in pieces.windows(2) {
         let [before, piece] = pair else { continue };
         let end = before.duration;
-        let way = distance(before.position(end), piece.position(0.0));
+        let gap = distance(before.position(end), piece.position(0.0));
         let change = distance(before.velocity(end), piece.velocity(0.0));
-        let found = if way > JUMP {
-            format!("this begins {way:.3} m from where the polynomial before ends")
+        let found = if gap > JUMP {
+            format!("this starts {gap:.3} m from the end of the previous polynomial")
         } else if change > VELOCITY_JUMP {
             format!("the velocity jumps by {change:.3} m/s here")
         } else {
             continue;
         };
-        return Err(Wrong::new(
+        return Err(FileProblem::new(
             &piece.span,
             found,
-            "let every polynomial go on as the one before ends",
+            "continue position and velocity from each polynomial to the next",
         ));
     }
     Ok(())
 }
 
-/// Refuses a path that is to be closed and does not end where it begins.
-fn refuse_open(first: Vector, last: Vector, end: &Piece) -> Result<(), Wrong> {
-    let way = distance(first, last);
-    if way <= JUMP {
+/// Refuses a closed path that does not end at its start.
+fn refuse_open(first: Vector, last: Vector, end: &Piece) -> Result<(), FileProblem> {
+    let gap = distance(first, last);
+    if gap <= JUMP {
         return Ok(());
     }
-    let reason = format!("it ends {way:.3} m from where it begins, and `closed` is stated");
-    Err(Wrong::new(&end.span, reason, "leave `closed` out"))
+    let reason = format!("it ends {gap:.3} m from its start, and `closed` is stated");
+    Err(FileProblem::new(&end.span, reason, "leave `closed` out"))
 }
 
 fn distance(a: Vector, b: Vector) -> f64 {
@@ -164,17 +163,17 @@ fn distance(a: Vector, b: Vector) -> f64 {
 
 impl Piece {
     fn position(&self, time: f64) -> Vector {
-        self.coefficients.each_ref().map(|of_axis| {
-            of_axis
+        self.coefficients.each_ref().map(|coefficients| {
+            coefficients
                 .iter()
                 .fold(0.0, |sum, coefficient| sum * time + coefficient)
         })
     }
 
     fn velocity(&self, time: f64) -> Vector {
-        self.coefficients.each_ref().map(|of_axis| {
-            let powers = (0..of_axis.len()).rev();
-            let slopes = of_axis.iter().zip(powers).filter(|(_, power)| *power > 0);
+        self.coefficients.each_ref().map(|coefficients| {
+            let powers = (0..coefficients.len()).rev();
+            let slopes = coefficients.iter().zip(powers).filter(|(_, power)| *power > 0);
             slopes.fold(0.0, |sum, (coefficient, power)| {
                 sum * time + coefficient * power as f64
             })

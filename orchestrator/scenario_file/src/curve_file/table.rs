@@ -1,34 +1,34 @@
-//! A CSV file of numbers whose first line names its columns.
+//! CSV file of numbers with a header line.
 
 use std::ops::Range;
 
-use super::Wrong;
+use super::FileProblem;
 
-/// The names of the columns, and the rows.
+/// Column names and rows.
 #[derive(Debug)]
 pub(super) struct Table {
-    /// Names in small letters, with their places.
+    /// Names in lower case, with their positions in the file.
     names: Vec<(String, Range<usize>)>,
-    /// The rows; each has a number a column.
+    /// Rows, each with one number per column.
     pub(super) rows: Vec<Row>,
 }
 
-/// A line of numbers.
+/// Line of numbers.
 #[derive(Debug)]
 pub(super) struct Row {
-    /// Its place in the file.
+    /// Position in the file.
     pub(super) span: Range<usize>,
-    /// Its numbers.
+    /// Numbers, one per column.
     pub(super) numbers: Vec<f64>,
     cells: Vec<Range<usize>>,
 }
 
 impl Table {
-    /// Reads a table. A comma at the end of a line is none between columns, and a `#` before the names is ignored.
-    pub(super) fn read(text: &str) -> Result<Self, Wrong> {
+    /// Reads a table. Ignores a trailing comma and a `#` before the names.
+    pub(super) fn read(text: &str) -> Result<Self, FileProblem> {
         let mut lines = lines(text);
         let Some((line, at)) = lines.next() else {
-            return Err(Wrong::new(&(0..0), "the file is empty", FORMS));
+            return Err(FileProblem::new(&(0..0), "the file is empty", FORMS));
         };
         let names = cells(
             line.strip_prefix('#').unwrap_or(line),
@@ -38,16 +38,16 @@ impl Table {
             .map(|(name, span)| (name.to_ascii_lowercase(), span))
             .collect();
         if names.iter().all(|(name, _)| name.parse::<f64>().is_ok()) {
-            return Err(Wrong::new(
+            return Err(FileProblem::new(
                 &(at..at + line.len()),
                 "the first line does not name the columns",
                 FORMS,
             ));
         }
         if names.len() == 1 {
-            return Err(Wrong::new(
+            return Err(FileProblem::new(
                 &names[0].1,
-                "there is no comma between names of columns",
+                "there is no comma between column names",
                 FORMS,
             ));
         }
@@ -61,35 +61,37 @@ impl Table {
         self.names.iter().any(|(known, _)| known == name)
     }
 
-    /// Returns the place of a column.
-    pub(super) fn column(&self, name: &str) -> Result<usize, Wrong> {
+    /// Returns the index of a column.
+    pub(super) fn column(&self, name: &str) -> Result<usize, FileProblem> {
         let found = self.names.iter().position(|(known, _)| known == name);
-        found.ok_or_else(|| Wrong::new(&self.head(), format!("there is no column `{name}`"), FORMS))
+        found.ok_or_else(|| {
+            FileProblem::new(&self.header_span(), format!("there is no column `{name}`"), FORMS)
+        })
     }
 
-    /// Refuses a column of another name than these, and one that is there twice.
-    pub(super) fn refuse_columns_but(&self, known: &[&str]) -> Result<(), Wrong> {
+    /// Refuses columns with other names than these, and duplicate ones.
+    pub(super) fn refuse_columns_but(&self, known: &[&str]) -> Result<(), FileProblem> {
         for (index, (name, span)) in self.names.iter().enumerate() {
             if !known.contains(&name.as_str()) {
-                return Err(Wrong::new(
+                return Err(FileProblem::new(
                     span,
-                    format!("there is no use for a column `{name}`"),
+                    format!("the column `{name}` is unknown"),
                     FORMS,
                 ));
             }
             if self.names[..index].iter().any(|(before, _)| before == name) {
-                return Err(Wrong::new(
+                return Err(FileProblem::new(
                     span,
                     format!("a second column `{name}`"),
-                    "leave one of them out",
+                    "remove one of them",
                 ));
             }
         }
         Ok(())
     }
 
-    /// Refuses a yaw other than 0 in the columns of such names.
-    pub(super) fn refuse_yaw(&self, is_yaw: impl Fn(&str) -> bool) -> Result<(), Wrong> {
+    /// Refuses a yaw other than 0 in the columns that `is_yaw` accepts.
+    pub(super) fn refuse_yaw(&self, is_yaw: impl Fn(&str) -> bool) -> Result<(), FileProblem> {
         let columns = self
             .names
             .iter()
@@ -101,37 +103,37 @@ impl Table {
                     "`{name}` is {:?}, and the yaw does not follow the path",
                     row.numbers[column]
                 );
-                let fix = "leave the columns of yaw out, and state it in `path.yaw` or `path.yaw_step`";
-                return Err(Wrong::new(&row.cells[column], reason, fix));
+                let fix = "remove the yaw columns, and state the yaw in `path.yaw` or `path.yaw_step`";
+                return Err(FileProblem::new(&row.cells[column], reason, fix));
             }
         }
         Ok(())
     }
 
-    /// Refuses more rows than a path has points.
-    pub(super) fn refuse_more_rows_than(&self, most: usize) -> Result<(), Wrong> {
+    /// Refuses more rows than the maximum.
+    pub(super) fn refuse_more_rows_than(&self, most: usize) -> Result<(), FileProblem> {
         match self.rows.get(most) {
-            Some(row) => Err(Wrong::new(
+            Some(row) => Err(FileProblem::new(
                 &row.span,
                 format!("a path has at most {most} points"),
-                "leave points out: a path needs some ten a second",
+                "remove points: a path needs about ten per second",
             )),
             None => Ok(()),
         }
     }
 
-    fn head(&self) -> Range<usize> {
+    fn header_span(&self) -> Range<usize> {
         let span = |name: Option<&(String, Range<usize>)>| name.map_or(0..0, |(_, span)| span.clone());
         span(self.names.first()).start..span(self.names.last()).end
     }
 }
 
 /// The fix for a file of another form.
-const FORMS: &str = "write points as `x,y,z` or `t,x,y,z`, or polynomials as `duration,x^0,…,x^7,y^0,…,z^0,…`, a line each below \
+const FORMS: &str = "write points as `x,y,z` or `t,x,y,z`, or polynomials as `duration,x^0,…,x^7,y^0,…,z^0,…`, one per line below \
                      these names";
 
 impl Row {
-    fn read(line: &str, at: usize, names: &[(String, Range<usize>)]) -> Result<Self, Wrong> {
+    fn read(line: &str, at: usize, names: &[(String, Range<usize>)]) -> Result<Self, FileProblem> {
         let span = at..at + line.len();
         let mut row = Self {
             span: span.clone(),
@@ -141,9 +143,9 @@ impl Row {
         for (cell, span) in cells(line, at) {
             let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
             let number = number.ok_or_else(|| {
-                Wrong::new(
+                FileProblem::new(
                     &span,
-                    format!("`{cell}` is no number"),
+                    format!("`{cell}` is not a number"),
                     "write a number, such as -1.25e-3",
                 )
             })?;
@@ -152,37 +154,37 @@ impl Row {
         }
         if row.numbers.len() != names.len() {
             let reason = format!("{} numbers below {} names", row.numbers.len(), names.len());
-            return Err(Wrong::new(
+            return Err(FileProblem::new(
                 &span,
                 reason,
-                "write a number a column, with commas between them",
+                "write one number per column, separated by commas",
             ));
         }
         Ok(row)
     }
 }
 
-/// Returns the lines that are not blank, each with its place.
+/// Returns the non-blank lines with their offsets.
 fn lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
-    const MARK: char = '\u{feff}';
+    const BYTE_ORDER_MARK: char = '\u{feff}';
     let mut next = 0;
     let lines = text.split('\n').map(move |line| {
         let at = next;
         next += line.len() + 1;
-        let shown = line.trim_start_matches(MARK);
+        let shown = line.trim_start_matches(BYTE_ORDER_MARK);
         (shown.trim_end(), at + line.len() - shown.len())
     });
     lines.filter(|(line, _)| !line.trim().is_empty())
 }
 
-/// Returns the cells of a line with their places.
+/// Returns the cells of a line with their positions.
 fn cells(line: &str, at: usize) -> impl Iterator<Item = (&str, Range<usize>)> {
     let line = line.strip_suffix(',').unwrap_or(line);
     let mut next = at;
     line.split(',').map(move |cell| {
-        let begin = next + cell.len() - cell.trim_start().len();
+        let start = next + cell.len() - cell.trim_start().len();
         next += cell.len() + 1;
         let cell = cell.trim();
-        (cell, begin..begin + cell.len())
+        (cell, start..start + cell.len())
     })
 }

@@ -1,26 +1,26 @@
-//! The rules, as the manual and `gerono check` show them.
+//! The rules as shown by the manual and `gerono check`.
 
-/// A relation between gains and vehicle that a good flight keeps.
+/// Relation between gains and vehicle for a stable flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// Share of z3 that one step of the sampled law takes away.
+    /// Share by which one step of the sampled law reduces z3.
     AngularVelocityStep,
-    /// Rate of the angular velocity loop beside that of the attitude loop around it.
+    /// Rate of the angular velocity loop relative to that of the attitude loop around it.
     AngularVelocityRate,
-    /// Λw beside what k3 damps in a step.
+    /// Λw relative to the damping of k3 in a step.
     InertiaLearning,
-    /// Rate of the attitude loop beside those of position and velocity.
+    /// Rate of the attitude loop relative to those of position and velocity.
     AttitudeRate,
-    /// Damping of the loop that learns b̂ and η̂.
+    /// Damping of the adaptation of b̂ and η̂.
     LearningDamping,
-    /// Share of the prediction error that one hold takes away.
+    /// Share by which one hold reduces the prediction error.
     PredictionStep,
-    /// Largest thrust beside the heaviest weight of the flight.
+    /// Maximum thrust relative to the largest weight of the flight.
     ThrustReserve,
 }
 
 impl Rule {
-    /// All rules, from the inner loop to the outer.
+    /// All rules, innermost loop first.
     pub const ALL: [Self; 7] = [
         Self::AngularVelocityStep,
         Self::AngularVelocityRate,
@@ -31,7 +31,7 @@ impl Rule {
         Self::ThrustReserve,
     ];
 
-    /// Name of the rule's left side.
+    /// Returns the name of the rule's left side.
     #[must_use]
     pub fn quantity(self) -> &'static str {
         match self {
@@ -45,7 +45,7 @@ impl Rule {
         }
     }
 
-    /// The rule as a formula, with the limit as a number or a symbol.
+    /// Returns the rule as a formula, with the limit as a number or a symbol.
     #[must_use]
     pub fn relation(self) -> &'static str {
         match self {
@@ -59,7 +59,7 @@ impl Rule {
         }
     }
 
-    /// Unit of both sides, with a space before it; empty for a ratio.
+    /// Returns the unit of both sides after a space; empty for a ratio.
     #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
@@ -68,7 +68,7 @@ impl Rule {
         }
     }
 
-    /// Effect of breaking the rule.
+    /// Returns the effect of violating the rule.
     #[must_use]
     pub fn consequence(self) -> &'static str {
         match self {
@@ -86,7 +86,7 @@ impl Rule {
         }
     }
 
-    /// Returns whether the left side must not exceed the right one, rather than reach it.
+    /// Returns whether the limit is an upper one.
     #[must_use]
     pub fn is_upper_limit(self) -> bool {
         matches!(
@@ -96,7 +96,7 @@ impl Rule {
     }
 }
 
-/// The rules as a Markdown table.
+/// Returns the rules as a Markdown table.
 #[must_use]
 pub fn table() -> String {
     let mut table = "| quantity | rule | otherwise |\n| --- | --- | --- |\n".to_owned();

@@ -131,11 +131,7 @@ fn an_argument_without_a_sign_is_refused() {
 
 #[test]
 fn an_argument_without_a_key_is_refused() {
-    refused(
-        "=5",
-        1,
-        &["this is not a key", "write the names with dots between them"],
-    );
+    refused("=5", 1, &["this is not a key", "write names separated by dots"]);
     refused("controller k1=5", 12, &["this is not a key"]);
     refused("controller.=5", 12, &["this is not a key"]);
 }
@@ -176,12 +172,12 @@ fn a_value_of_another_type_is_refused_as_in_a_file() {
     refused(
         "controller.k1=many",
         15,
-        &["a number is wanted here, not the text \"many\""],
+        &["a number is expected here, not the string \"many\""],
     );
     refused(
         "vehicle.change=3",
         16,
-        &["`vehicle.change` has the wrong type", "an array is wanted here"],
+        &["`vehicle.change` has the wrong type", "an array is expected here"],
     );
 }
 

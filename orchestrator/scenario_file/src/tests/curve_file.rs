@@ -148,7 +148,7 @@ fn a_closed_path_of_polynomials_has_no_point_twice() {
         "closed = true",
         &[
             "flown.csv:2",
-            "it ends 1.000 m from where it begins",
+            "it ends 1.000 m from its start",
             "leave `closed` out",
         ],
     );
@@ -163,7 +163,11 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
             "",
             &["flown.csv:1", "does not name the columns"],
         ),
-        ("x;y;z\n0;0;1\n", "", &["flown.csv:1", "no comma between names"]),
+        (
+            "x;y;z\n0;0;1\n",
+            "",
+            &["flown.csv:1", "no comma between column names"],
+        ),
         ("x,y\n0,0\n", "", &["there is no column `z`"]),
         (
             "x,y,z,x\n0,0,1,0\n",
@@ -173,12 +177,12 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
         (
             "x,y,z\n0,0,1\n1,eins,1\n",
             "",
-            &["flown.csv:3:3", "`eins` is no number"],
+            &["flown.csv:3:3", "`eins` is not a number"],
         ),
         (
             "x,y,z\n0,0,1\n1,inf,1\n",
             "",
-            &["flown.csv:3:3", "`inf` is no number"],
+            &["flown.csv:3:3", "`inf` is not a number"],
         ),
         (
             "x,y,z\n0,0,1\n1,0\n",
@@ -190,7 +194,7 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
             "",
             &[
                 "flown.csv:4",
-                "the point of the line before",
+                "equals that of the previous line",
                 "stops are not part of a path",
             ],
         ),
@@ -216,15 +220,19 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
         (
             "t,x,y,z\n0,0,0,1\n1,1,0,1\n",
             "interval = 2.0",
-            &["`path.curve.waypoints.interval`", "states times", "`path.speed`"],
+            &[
+                "`path.curve.waypoints.interval`",
+                "follows from the times",
+                "`path.speed`",
+            ],
         ),
         ("x,y,z\n0,0,1\n", "", &["an open curve through 1 points"]),
         ("x,y,z\n", "", &["an open curve through 0 points"]),
-        ("duration,x^0,y^0,z^0\n", "", &["there is no polynomial in it"]),
+        ("duration,x^0,y^0,z^0\n", "", &["the file has no polynomials"]),
         (
             "duration,x^0,x^2,y^0,z^0\n1,0,1,0,1\n",
             "",
-            &["flown.csv:1:14", "no use for a column `x^2`"],
+            &["flown.csv:1:14", "the column `x^2` is unknown"],
         ),
         (
             "duration,x^0,x^1,y^0,z^0\n0,0,1,0,1\n",
@@ -234,7 +242,7 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
         (
             "duration,x^0,x^1,y^0,z^0\n1,0,1,0,1\n1,1.2,1,0,1\n",
             "",
-            &["flown.csv:3", "begins 0.200 m from where"],
+            &["flown.csv:3", "starts 0.200 m from the end"],
         ),
         (
             "duration,x^0,x^1,y^0,z^0\n1,0,1,0,1\n1,1,2,0,1\n",
@@ -244,12 +252,12 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
         (
             "duration,x^0,x^1,x^2,y^0,z^0\n1,0,2,-1,0,1\n1,1,0,0,0,1\n",
             "",
-            &["flown.csv:3", "stands still at 1.10 s"],
+            &["flown.csv:3", "stops at 1.10 s"],
         ),
         (
             "duration,x^0,x^1,y^0,z^0\n2000,0,1,0,1\n",
             "",
-            &["takes 2000.0 s", "cut it into several paths"],
+            &["takes 2000.0 s", "split it into several paths"],
         ),
         (
             "duration,x^0,x^1,y^0,z^0,yaw^0\n1,0,1,0,1,0.1\n",

@@ -63,7 +63,7 @@ fn a_file_that_is_not_utf8_is_refused_at_its_first_bad_byte() {
     let shown = load_error(&path);
     for piece in [
         "label at line 2, column 6",
-        "byte 0xb5 at offset 21 is no UTF-8 text",
+        "byte 0xb5 at offset 21 is not UTF-8 text",
         "help: save the file as UTF-8",
     ] {
         assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");

@@ -86,7 +86,7 @@ fn what_no_machine_could_do_is_refused_at_its_line() {
         (
             "priority = 30",
             "priority = -1",
-            ["a whole number of 0 or more is wanted here", "help: "],
+            ["a whole number of 0 or more is expected here", "help: "],
         ),
         (
             "hang_limit = 0.1",

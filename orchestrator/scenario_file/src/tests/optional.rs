@@ -95,43 +95,43 @@ fn a_value_of_another_type_is_refused_with_the_wanted_one() {
             "prediction = false",
             "prediction = 0",
             "estimator.kalman.prediction",
-            "`true` or `false` is wanted here, not integer `0`",
+            "`true` or `false` is expected here, not integer `0`",
         ),
         (
             "resolution = 12",
             "resolution = 12.5",
             "rc_output.resolution",
-            "a whole number of 0 or more is wanted here, not floating point `12.5`",
+            "a whole number of 0 or more is expected here, not floating point `12.5`",
         ),
         (
             "resolution = 12",
             "resolution = -12",
             "rc_output.resolution",
-            "a whole number of 0 or more is wanted here, not integer `-12`",
+            "a whole number of 0 or more is expected here, not integer `-12`",
         ),
         (
             "thrust_range = [-1.0, 1.0]",
             "thrust_range = [-1.0]",
             "rc_output.thrust_range",
-            "an array of two numbers is wanted here, not one of length 1",
+            "an array of two numbers is expected here, not one of length 1",
         ),
         (
             "thrust_range = [-1.0, 1.0]",
             "thrust_range = [-1.0, 0.0, 1.0]",
             "rc_output.thrust_range",
-            "2 elements are wanted here, not 3",
+            "2 elements are expected here, not 3",
         ),
         (
             "off_at = 25.0",
             "off_at = \"never\"",
             "vehicle.fan.off_at",
-            "a number is wanted here, not the text \"never\"",
+            "a number is expected here, not the string \"never\"",
         ),
         (
             "drag = [0.05, 0.05, 0.0]",
             "drag = 0.05",
             "vehicle.drag",
-            "an array of three numbers is wanted here, not floating point `0.05`",
+            "an array of three numbers is expected here, not floating point `0.05`",
         ),
     ] {
         let text = with(LABORATORY, part, replacement);
@@ -154,7 +154,7 @@ fn a_fourth_number_after_three_zeros_is_refused() {
         line_of(&text, "drag = "),
         &[
             "`vehicle.drag` has the wrong type",
-            "3 elements are wanted here, not 4",
+            "3 elements are expected here, not 4",
         ],
     );
 }
@@ -166,22 +166,22 @@ fn something_else_in_place_of_a_table_is_refused_with_what_the_table_holds() {
         (
             "cameras=true",
             "cameras",
-            "a table is wanted here, not boolean `true`",
+            "a table is expected here, not boolean `true`",
         ),
         (
             "estimator=kalman",
             "estimator",
-            "a table is wanted here, not the text \"kalman\"",
+            "a table is expected here, not the string \"kalman\"",
         ),
         (
             "model=[0.2, [0.1, 0.1, 0.1]]",
             "model",
-            "a table is wanted here, not an array",
+            "a table is expected here, not an array",
         ),
         (
             "vehicle.fan=1",
             "vehicle.fan",
-            "a table is wanted here, not integer `1`",
+            "a table is expected here, not integer `1`",
         ),
     ] {
         let shown = refusal(&ideal, &[set]);

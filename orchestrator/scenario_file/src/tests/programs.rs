@@ -56,8 +56,8 @@ fn what_names_no_program_is_refused_at_its_line() {
         (
             "\"controller.py\"",
             [
-                "an array is wanted here, not the text",
-                "`programs.controller` is an array, each element a text",
+                "an array is expected here, not the string",
+                "`programs.controller` is an array, each element a string",
             ],
         ),
     ] {

@@ -143,7 +143,7 @@ fn two_curves_are_refused() {
         &text,
         line_of(&text, "[path.curve.tilted_eight]"),
         &[
-            "exactly one choice is wanted here",
+            "exactly one choice is expected here",
             "state one of `tilted_eight`, `hover`",
         ],
     );
@@ -179,25 +179,25 @@ fn a_value_of_another_type_is_refused_with_the_wanted_one() {
             "mass = 0.245",
             "mass = \"heavy\"",
             "vehicle.change.0.mass",
-            "a number is wanted here, not the text \"heavy\"",
+            "a number is expected here, not the string \"heavy\"",
         ),
         (
             "seed = 1 ",
             "seed = -1 ",
             "seed",
-            "a whole number of 0 or more is wanted here, not integer `-1`",
+            "a whole number of 0 or more is expected here, not integer `-1`",
         ),
         (
             "k3 = 13.0",
             "k3 = [13.0]",
             "controller.k3",
-            "a number is wanted here, not an array",
+            "a number is expected here, not an array",
         ),
         (
             "k3 = 13.0",
             "k3 = true",
             "controller.k3",
-            "a number is wanted here, not boolean `true`",
+            "a number is expected here, not boolean `true`",
         ),
         (
             "k3 = 13.0",
@@ -209,19 +209,19 @@ fn a_value_of_another_type_is_refused_with_the_wanted_one() {
             "position = [0.0, 0.0, 0.0]",
             "position = [0.0, 0.0]",
             "vehicle.initial.position",
-            "an array of three numbers is wanted here, not one of length 2",
+            "an array of three numbers is expected here, not one of length 2",
         ),
         (
             "position = [0.0, 0.0, 0.0]",
             "position = [0.0, 0.0, 0.0, 0.0]",
             "vehicle.initial.position",
-            "3 elements are wanted here, not 4",
+            "3 elements are expected here, not 4",
         ),
         (
             "position = [0.0, 0.0, 0.0]",
             "position = 0.0",
             "vehicle.initial.position",
-            "an array of three numbers is wanted",
+            "an array of three numbers is expected",
         ),
     ] {
         let text = with(&fig1(), part, replacement);
@@ -240,7 +240,7 @@ fn an_array_in_place_of_a_table_is_refused() {
         2,
         &[
             "`vehicle` has the wrong type",
-            "a table is wanted here, not an array",
+            "a table is expected here, not an array",
         ],
     );
 }
@@ -279,8 +279,8 @@ fn all_that_is_missing_and_of_a_wrong_type_is_told_at_once() {
     for piece in [
         "3 problems in flight.toml",
         "`vehicle.mass` is missing",
-        "a number is wanted here, not the text \"13\"",
-        "a word is wanted here, not integer `1`",
+        "a number is expected here, not the string \"13\"",
+        "a word is expected here, not integer `1`",
     ] {
         assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");
     }

@@ -18,7 +18,7 @@ use crate::adaptive::evaluation::Evaluation;
 use crate::adaptive::repeating::{InertiaTimesDisturbance, Repeating};
 
 /// Largest number of harmonics N.
-pub const MAX_COUNT: usize = scenario::Harmonics::MOST as usize;
+pub const MAX_COUNT: usize = scenario::Harmonics::MAX as usize;
 
 /// Largest number of the functions φ.
 pub const FUNCTIONS: usize = 2 * MAX_COUNT;

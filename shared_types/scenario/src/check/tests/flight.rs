@@ -72,7 +72,7 @@ fn refused(
 #[test]
 fn a_flight_with_phases_and_an_envelope_is_accepted() {
     assert_eq!(problems(|_, _, _| ()), []);
-    assert_eq!(phased().unasked(), None);
+    assert_eq!(phased().missing_arm_request(), None);
 }
 
 #[test]
@@ -106,14 +106,14 @@ fn a_simulated_flight_without_arming_is_refused() {
     let mut scenario = phased();
     scenario.flight.as_mut().unwrap().arm_at = None;
     assert_eq!(scenario.problems(), []);
-    let problem = scenario.unasked().unwrap();
+    let problem = scenario.missing_arm_request().unwrap();
     assert_eq!(problem.key.to_string(), "flight.arm_at");
     assert!(problem.fix.contains("arm_at = 1.0"), "{}", problem.fix);
 }
 
 #[test]
 fn in_a_laboratory_people_arm() {
-    assert_eq!(rig().unattended(), None);
+    assert_eq!(rig().unattended_arming(), None);
     let seen = |scenario: &mut Scenario| {
         scenario.motion_capture = Some(MotionCapture::new(
             CaptureSystem::Vrpn,
@@ -127,12 +127,12 @@ fn in_a_laboratory_people_arm() {
     for connect in [&seen as &dyn Fn(&mut Scenario), &heard] {
         let mut scenario = rig();
         connect(&mut scenario);
-        let problem = scenario.unattended().unwrap();
+        let problem = scenario.unattended_arming().unwrap();
         assert_eq!(problem.key.to_string(), "flight");
         scenario.flight = Some(Flight::default());
-        assert_eq!(scenario.unattended(), None);
+        assert_eq!(scenario.unattended_arming(), None);
         scenario.flight.as_mut().unwrap().arm_at = Some(1.0);
-        let problem = scenario.unattended().unwrap();
+        let problem = scenario.unattended_arming().unwrap();
         assert_eq!(problem.key.to_string(), "flight.arm_at");
     }
 }

@@ -158,7 +158,11 @@ fn channels_that_no_receiver_would_understand_are_refused() {
             "is not a travel",
         ),
         (|stated| stated.others = Some(-2.0), ".others", "is not a travel"),
-        (|stated| stated.arming = [1.0, 1.0], ".arming", "have the same travel"),
+        (
+            |stated| stated.arming = [1.0, 1.0],
+            ".arming",
+            "have the same travel",
+        ),
         (
             |stated| stated.switch = vec![switch(6, 2.0)],
             ".switch.0.travel",

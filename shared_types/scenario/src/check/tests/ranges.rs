@@ -44,7 +44,7 @@ fn whole(part: &Schema, choice: usize, at: &[String], numbers: &mut Vec<Number>)
         "boolean" => true.into(),
         "string" => "text".into(),
         _ => {
-            let range = Range::of(part);
+            let range = Range::from_schema(part);
             numbers.push((at.to_vec(), range));
             number(part, just_inside(&range)[0])
         }
@@ -206,7 +206,7 @@ fn a_refusal_says_what_is_wrong_and_what_is_right() {
             "give a finite number of at most 1e9 in magnitude",
         ),
     ] {
-        let range = Range::of(&range);
+        let range = Range::from_schema(&range);
         assert!(!range.allows(value), "{reason}");
         assert_eq!(range.refusal("k", value), (reason.to_owned(), fix.to_owned()));
     }
