@@ -315,7 +315,7 @@ mod tests {
         );
         assert_eq!(
             advice(&key("path.mode")),
-            "`path.mode` is \"following\" or \"trajectory_tracking\": Following, in which the path waits for the vehicle, or the paper's comparison"
+            "`path.mode` is \"following\" or \"trajectory_tracking\": Path following, in which the path waits for the vehicle, or the paper's trajectory tracking"
         );
     }
 
@@ -353,11 +353,11 @@ mod tests {
         );
         assert_eq!(
             advice(&key("rc_output.thrust_range")),
-            "`rc_output.thrust_range` is 2 numbers from -1 to 1: Range of the thrust channel; the paper says [0, 1], with which its vehicle could not hover"
+            "`rc_output.thrust_range` is 2 numbers from -1 to 1: Range of the thrust channel; the paper states [0, 1], with which its vehicle could not hover"
         );
         assert_eq!(
             advice(&key("vehicle.fan.off_at")),
-            "`vehicle.fan.off_at` is a number of 0 or more: Time at which it is switched off, s; never unless stated"
+            "`vehicle.fan.off_at` is a number of 0 or more: Time at which the fan is switched off, s; never unless stated"
         );
         assert_eq!(
             advice(&key("vehicle.turbulence")),
@@ -369,7 +369,7 @@ mod tests {
                     .into_iter()
                     .collect()
             ),
-            "`safety.\"vehicle/state -> controller\".jump` is a number above 0: Largest distance of a state from the continuation of the last good one, m; any unless stated"
+            "`safety.\"vehicle/state -> controller\".jump` is a number above 0: Maximum distance of a state from the prediction of the last valid one, m; unlimited unless stated"
         );
         assert_eq!(
             advice(&key("estimator")),

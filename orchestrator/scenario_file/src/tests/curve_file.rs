@@ -172,7 +172,7 @@ fn a_file_that_is_no_path_is_refused_with_place_reason_and_fix() {
         (
             "x,y,z,x\n0,0,1,0\n",
             "",
-            &["flown.csv:1:7", "a second column `x`", "leave one of them out"],
+            &["flown.csv:1:7", "a second column `x`", "remove one of them"],
         ),
         (
             "x,y,z\n0,0,1\n1,eins,1\n",

@@ -40,7 +40,7 @@ fn a_table_of_a_process_that_does_not_fly_is_refused() {
     assert_only(
         &deployed(of_cameras),
         "deployment.motion_capture",
-        "no process is called `motion_capture`",
+        "this flight has no process `motion_capture`",
         "name the table `deployment.plant`",
     );
 }

@@ -48,7 +48,7 @@ fn a_link_without_a_transmitter_and_a_transmitter_without_a_link_are_refused() {
     assert_only(
         &without,
         "rc_output.link",
-        "where frames of `crsf` go",
+        "the destination of the frames of `crsf` is not stated",
         "[rc_output.transmitter]",
     );
     let simulated = spoilt(RadioProtocol::Simulated, Some(Transmitter::default()));
@@ -56,7 +56,7 @@ fn a_link_without_a_transmitter_and_a_transmitter_without_a_link_are_refused() {
         &simulated,
         "rc_output.transmitter",
         "no transmitter",
-        "which `link` it is",
+        "state the `link`",
     );
 }
 

@@ -99,7 +99,7 @@ fn place<'a>(value: &'a mut Value, way: &[String]) -> &'a mut Value {
 
 /// The keys of numbers out of their ranges. That times are whole ticks is another rule.
 fn keys_out_of_range(scenario: &Scenario) -> Vec<String> {
-    let mut problems = Findings::of_ranges(scenario).problems;
+    let mut problems = Findings::from_ranges(scenario).problems;
     problems.retain(|problem| !problem.reason.contains("is not a time") && !problem.reason.contains("ticks"));
     problems.iter().map(|problem| problem.key.to_string()).collect()
 }

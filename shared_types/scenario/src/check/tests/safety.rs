@@ -99,7 +99,7 @@ fn values_that_an_input_has_no_use_for_are_refused() {
         recover,
         ".recover",
         "does not use it",
-        "state of `max_age`",
+        "state only `max_age`",
     );
 }
 
@@ -171,7 +171,7 @@ fn an_age_at_which_nothing_has_failed_is_refused() {
     assert_only(
         &problems,
         &format!("safety.{STATE:?}.max_age"),
-        "grows 0.01 s old",
+        "is up to 0.01 s old",
         "0.01 s or more",
     );
 }
