@@ -4,8 +4,9 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
-use crate::common;
-use crate::external_service;
+mod common;
+#[path = "common/external_service.rs"]
+mod external_service;
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;

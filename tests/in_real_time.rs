@@ -5,8 +5,6 @@
 #[path = "common/adversary/mod.rs"]
 mod adversary;
 mod common;
-#[path = "common/external_service.rs"]
-mod external_service;
 #[path = "../orchestrator/fuzz/src/lib.rs"]
 mod fuzz;
 
@@ -14,7 +12,6 @@ mod camera_storm;
 mod containers;
 mod damage;
 mod hangs;
-mod hostile_external_services;
 mod isolation;
 mod kill_switch;
 mod laboratory;

@@ -33,9 +33,7 @@ pub(crate) fn external_service(service: ServiceId, conduct: &str) -> String {
         &format!("{CONDUCT}={conduct}"),
         test.to_str().unwrap(),
         "--exact",
-        // Of this program, in which it is a test of the root or of a module.
         "an_external_service",
-        "hostile_external_services::an_external_service",
     ];
     program(service, &words)
 }

@@ -83,7 +83,7 @@ pub fn key_table(section: &str) -> String {
 }
 
 /// Units in the descriptions of keys, before an explanation or at the end.
-const UNITS: [&str; 25] = [
+const UNITS: [&str; 26] = [
     "s",
     "m",
     "kg",
@@ -109,6 +109,7 @@ const UNITS: [&str; 25] = [
     "(m/s³)²/Hz",
     "(m/s)²/Hz",
     "(rad/s)²/Hz",
+    "(rad/s²)²/Hz",
 ];
 
 /// Returns the unit of a key, or of a number inside its value; `None` without a unit.
