@@ -6,7 +6,7 @@
 use crate::common;
 
 use std::collections::BTreeMap;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use common::{Place, complaint, output, scenario, succeed};
 
@@ -73,7 +73,10 @@ fn faults_are_flown_judged_and_told_and_the_same_again() {
     }
     let first = files(&place, "first");
     assert_eq!(first, files(&place, "second"));
-    assert_eq!(first.keys().collect::<Vec<_>>(), ["faults.json", "faults.md"]);
+    assert_eq!(
+        first.keys().collect::<Vec<_>>(),
+        ["faults.json", "faults.md", "flights.rows"]
+    );
     assert!(first["faults.md"].contains("| controller | off-cold | "));
 
     let report = json(&place, "first");
@@ -100,6 +103,42 @@ fn faults_are_flown_judged_and_told_and_the_same_again() {
             assert!(cell["report"]["peak_error"].as_f64().unwrap() < 0.5);
         }
     }
+    assert_eq!(place.leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn a_matrix_that_is_killed_resumes_and_ends_with_the_same_bytes() {
+    let place = Place::new();
+    let all_at_once = ["--moments", "1.0", "--after", "0.3"];
+    succeed(&mut faults(&place, "whole", &all_at_once));
+
+    let partial = place.path("killed/flights.rows.partial");
+    let mut command = faults(&place, "killed", &all_at_once);
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while std::fs::metadata(&partial).map_or(0, |metadata| metadata.len()) < 4096 {
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "it ended before it was killed"
+        );
+        std::thread::yield_now();
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(partial.exists(), "it was killed too late");
+
+    let other = output(&mut faults(
+        &place,
+        "killed",
+        &["--moments", "1.0", "--after", "0.4"],
+    ));
+    assert_eq!(other.status.code(), Some(2));
+    assert!(complaint(&other).contains("it is of other flights"), "{other:?}");
+    succeed(&mut faults(&place, "killed", &all_at_once));
+    assert_eq!(files(&place, "killed"), files(&place, "whole"));
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 

@@ -5,10 +5,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use host::in_process::TickSink;
 use scenario::Scenario;
+use serde::{Deserialize, Serialize};
 use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 
 use super::plan::MatrixCell;
+use super::report::CellReport;
+use super::survival::judge;
 use super::undisturbed::{NotFlown, Undisturbed};
 use command_line::progress::Messages;
 use flight::in_process;
@@ -22,9 +25,18 @@ use supervisor::supervision::Supervisor;
 use supervisor::{Ending, Outcome, RunFailure, lock_step};
 
 /// Result of a cell's flight.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FlightResult {
-    /// The effect of the fault; `None` if the flight ended before it.
+    /// Verdict and effect of the fault.
+    pub cell: CellReport,
+    /// Digest of all samples, if requested.
+    pub digest: Option<String>,
+}
+
+/// Effect of a fault, by which its flight is judged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaultEffect {
+    /// The report on the fault; `None` if the flight ended before it.
     pub report: Option<FaultReport>,
     /// The loss of the vehicle, if it was lost.
     pub loss: Option<Loss>,
@@ -32,8 +44,6 @@ pub struct FlightResult {
     pub stands_disarmed: bool,
     /// Reason why the fault ended the flight early, if it did.
     pub ended: Option<Ended>,
-    /// Digest of all samples, if requested.
-    pub digest: Option<String>,
 }
 
 /// Failure of the flight other than a loss of the vehicle.
@@ -93,7 +103,7 @@ pub fn fly(
         None | Some(Outcome::Failed(_)) => Some(Ended::Died),
         Some(Outcome::Interrupted { signal }) => return Err(NotFlown::Interrupted(signal)),
     };
-    Ok(observer.finish(&schedule, ended))
+    Ok(observer.finish(cell.moment, &schedule, ended))
 }
 
 /// Returns the outcome; `None` if a service panicked, which would kill its process.
@@ -137,15 +147,24 @@ impl Observer {
         self.watch.observe_moment(moment, undisturbed);
     }
 
-    fn finish(mut self, schedule: &Schedule, ended: Option<Ended>) -> FlightResult {
+    fn finish(mut self, moment: f64, schedule: &Schedule, ended: Option<Ended>) -> FlightResult {
         if let Some(moment) = self.tracker.last() {
             self.observe(&moment);
         }
-        FlightResult {
+        let effect = FaultEffect {
             report: self.watch.finish(schedule, self.loss.loss()).pop(),
             loss: self.loss.loss().cloned(),
             stands_disarmed: self.loss.stands_disarmed(),
             ended,
+        };
+        let (verdict, why) = judge(&effect);
+        FlightResult {
+            cell: CellReport {
+                moment,
+                verdict,
+                why,
+                report: effect.report,
+            },
             digest: self.digest.map(ExperimentDigest::finish),
         }
     }

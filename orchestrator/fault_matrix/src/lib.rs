@@ -4,10 +4,12 @@
 //! * [`injection_times`]: default injection times;
 //! * [`plan`]: the cells, each with its scenario;
 //! * [`flight`]: flies a cell; its result depends on its scenario alone;
+//! * [`campaign`]: flies all cells, and resumes after an interrupt;
 //! * [`undisturbed`]: the flight without a fault, as the reference of the verdicts;
 //! * [`survival`]: the verdicts;
 //! * [`report`], [`table`]: the report as JSON and as a table.
 
+pub mod campaign;
 pub mod fault_kind;
 pub mod flight;
 pub mod injection_times;

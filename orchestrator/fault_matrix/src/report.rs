@@ -2,11 +2,11 @@
 //!
 //! It contains nothing of the machine: equal programs and scenarios write equal reports.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::flight::FlightResult;
 use super::plan::{MatrixCell, Times};
-use super::survival::{MatrixLoss, Survival, judge};
+use super::survival::{MatrixLoss, Survival};
 use super::{BESIDE, DELAY, FRACTION, RANGE, SURVIVES};
 use metrics::SETTLED;
 use metrics::summary::faults::FaultReport;
@@ -84,7 +84,7 @@ pub struct Row {
 }
 
 /// Result of a cell.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellReport {
     /// Injection time, s.
     pub moment: f64,
@@ -122,18 +122,7 @@ pub fn report(
 
 fn row(cells: &[(&MatrixCell, &FlightResult)]) -> Row {
     let case = cells.first().and_then(|(cell, _)| cell.case);
-    let reports: Vec<CellReport> = cells
-        .iter()
-        .map(|(cell, flown)| {
-            let (verdict, why) = judge(flown);
-            CellReport {
-                moment: cell.moment,
-                verdict,
-                why,
-                report: flown.report.clone(),
-            }
-        })
-        .collect();
+    let reports: Vec<_> = cells.iter().map(|(_, flown)| flown.cell.clone()).collect();
     let worst = reports.iter().map(|cell| cell.verdict).max();
     Row {
         target: case.map(|case| case.target.to_string()),
@@ -152,8 +141,8 @@ fn count(rows: &[Row]) -> Counts {
             Survival::Degraded => &mut counts.degraded,
             Survival::Lost => &mut counts.lost,
         } += 1;
-        let detection = cell.report.as_ref().and_then(|report| report.detection);
-        counts.noticed += usize::from(detection.is_some());
+        let report = cell.report.as_ref();
+        counts.noticed += usize::from(report.is_some_and(|report| report.detection.is_some()));
     }
     counts
 }

@@ -1,13 +1,15 @@
 //! Verdicts on the flights of the matrix.
 
-use serde::Serialize;
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
 
 use super::SURVIVES;
-use super::flight::{Ended, FlightResult};
+use super::flight::{Ended, FaultEffect};
 use metrics::loss::Reason;
 
 /// Verdict on the vehicle, from best to worst.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Survival {
     /// The distance stayed within [`SURVIVES`] times the bound.
@@ -34,9 +36,9 @@ impl Survival {
 }
 
 /// Reason of a loss.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MatrixLoss {
-    pub reason: &'static str,
+    pub reason: Cow<'static, str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub details: Option<String>,
 }
@@ -44,7 +46,7 @@ pub struct MatrixLoss {
 impl MatrixLoss {
     fn new(reason: &'static str) -> Self {
         Self {
-            reason,
+            reason: reason.into(),
             details: None,
         }
     }
@@ -52,11 +54,11 @@ impl MatrixLoss {
 
 /// Returns the verdict on a flight, with the reason of a loss.
 #[must_use]
-pub fn judge(flown: &FlightResult) -> (Survival, Option<MatrixLoss>) {
-    if let Some(loss) = loss(flown) {
+pub fn judge(effect: &FaultEffect) -> (Survival, Option<MatrixLoss>) {
+    if let Some(loss) = loss(effect) {
         return (Survival::Lost, Some(loss));
     }
-    let share = flown.report.as_ref().and_then(|report| report.largest_share);
+    let share = effect.report.as_ref().and_then(|report| report.largest_share);
     let verdict = if share.is_some_and(|share| share <= SURVIVES) {
         Survival::Survived
     } else {
@@ -65,18 +67,18 @@ pub fn judge(flown: &FlightResult) -> (Survival, Option<MatrixLoss>) {
     (verdict, None)
 }
 
-fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
-    match &flown.ended {
+fn loss(effect: &FaultEffect) -> Option<MatrixLoss> {
+    match &effect.ended {
         Some(Ended::NotFinite(words)) => {
             return Some(MatrixLoss {
-                reason: "not finite",
+                reason: "not finite".into(),
                 details: Some(words.clone()),
             });
         }
         Some(Ended::Died) => return Some(MatrixLoss::new("a service died")),
         None => {}
     }
-    if let Some(loss) = &flown.loss {
+    if let Some(loss) = &effect.loss {
         return Some(MatrixLoss {
             reason: match loss.reason {
                 Reason::LeftPath => "left the path",
@@ -85,15 +87,16 @@ fn loss(flown: &FlightResult) -> Option<MatrixLoss> {
                 Reason::MotorsStopped => "motors stopped",
                 Reason::Unseen => "not seen",
                 Reason::NotFinite => "not finite",
-            },
+            }
+            .into(),
             details: Some(format!("lost at {} s: {loss}", loss.time)),
         });
     }
     // On the ground there is no path to return to: only the limits judge a touch-down.
-    if flown.stands_disarmed {
+    if effect.stands_disarmed {
         return None;
     }
-    let report = flown.report.as_ref();
+    let report = effect.report.as_ref();
     let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
         return Some(MatrixLoss::new("it is not known where the vehicle was"));
     };
@@ -107,8 +110,8 @@ mod tests {
     use metrics::summary::faults::{FaultReport, Reactions};
 
     /// A flight whose error was 4 cm at most before the fault.
-    fn flown(peak: f64, back_after: Option<f64>) -> FlightResult {
-        FlightResult {
+    fn flown(peak: f64, back_after: Option<f64>) -> FaultEffect {
+        FaultEffect {
             report: Some(FaultReport {
                 fault: String::new(),
                 begins: 1.0,
@@ -126,7 +129,6 @@ mod tests {
             loss: None,
             stands_disarmed: false,
             ended: None,
-            digest: None,
         }
     }
 
@@ -149,7 +151,7 @@ mod tests {
     fn a_vehicle_that_has_landed_need_not_come_back_to_its_path() {
         for report in [flown(0.2, None).report, flown(0.01, None).report, None] {
             let strays = report.as_ref().and_then(|report| report.peak_error) != Some(0.01);
-            let landed = FlightResult {
+            let landed = FaultEffect {
                 report,
                 stands_disarmed: true,
                 ..flown(0.2, None)
@@ -166,7 +168,7 @@ mod tests {
     #[test]
     fn a_vehicle_that_is_lost_or_whose_flight_the_fault_ended_is_lost_however_near_it_was() {
         let near = flown(0.01, Some(0.0));
-        let tipped = FlightResult {
+        let tipped = FaultEffect {
             loss: Some(metrics::loss::Loss {
                 reason: Reason::TippedOver,
                 time: 1.05,
@@ -182,11 +184,11 @@ mod tests {
             Ended::NotFinite("`plant` computed a number that is not finite".to_owned()),
             Ended::Died,
         ]
-        .map(|ended| FlightResult {
+        .map(|ended| FaultEffect {
             ended: Some(ended),
             ..near.clone()
         });
-        let unseen = FlightResult { report: None, ..near };
+        let unseen = FaultEffect { report: None, ..near };
         for lost in [tipped, not_finite, died, unseen] {
             assert_eq!(judge(&lost).0, Survival::Lost, "{lost:?}");
         }

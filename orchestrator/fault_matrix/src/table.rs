@@ -147,10 +147,10 @@ fn back(row: &Row) -> String {
 
 /// Formats the latest detection, with the number of cells that have one unless all have.
 fn noticed(row: &Row) -> String {
-    let notices: Vec<Detection> = row
+    let notices: Vec<&Detection> = row
         .cells
         .iter()
-        .filter_map(|cell| cell.report.as_ref()?.detection)
+        .filter_map(|cell| cell.report.as_ref()?.detection.as_ref())
         .collect();
     let latest = notices
         .iter()

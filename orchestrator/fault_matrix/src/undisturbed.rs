@@ -10,10 +10,12 @@ use shared_types::{Schedule, Topic};
 
 use super::BESIDE;
 use flight::interrupt::Interrupt;
+use flight::journal::JournalError;
 use flight::{Outcome, in_process};
 use metrics::tracker::{Moment, Tracker};
 use supervisor::RunFailure;
 
+/// Reason why a cell has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFlown {
     /// The flight failed for another reason than the fault.
@@ -22,6 +24,9 @@ pub enum NotFlown {
     /// The user interrupted it by this signal.
     #[error("ended by signal {0}")]
     Interrupted(i32),
+    /// Results cannot be kept.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
 }
 
 /// Distances of the undisturbed vehicle from its path by tick, m: the maximum within [`BESIDE`] of each. Shared by all

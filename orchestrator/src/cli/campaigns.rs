@@ -59,7 +59,8 @@ pub struct Faults {
     /// Which edges, such as "mocap/pose -> estimator", and no services unless they are named too [default: all].
     #[arg(long = "edge", value_delimiter = ',', value_name = "EDGE,…", value_parser = edge)]
     pub edges: Vec<EdgeName>,
-    /// Folder for the results; must be empty if it exists [default: the next free runs/faults-SCENARIO-N].
+    /// Folder for the results: a new or empty one, or that of an interrupted command, which resumes [default: the next free
+    /// runs/faults-SCENARIO-N].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Repeat all flights with processes that really crash, and fail unless all bytes are the same.

@@ -3,18 +3,20 @@
 use scenario::{EdgeName, Scenario};
 use shared_types::ServiceId;
 
-use super::{Failure, load, print, scenario_name, write, write_json};
+use super::{Failure, load, print, resumes, scenario_name, write, write_json};
 use crate::cli::Faults;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
+use fault_matrix::campaign::Matrix;
 use fault_matrix::fault_kind::MatrixFault;
-use fault_matrix::flight::{FlightResult, Way, fly};
+use fault_matrix::flight::{FlightResult, Way};
 use fault_matrix::plan::{self, MatrixCase, MatrixCell, Times};
-use fault_matrix::undisturbed::{NotFlown, Undisturbed};
+use fault_matrix::undisturbed::NotFlown;
 use fault_matrix::{injection_times, report, table};
 use flight::interrupt::Interrupt;
 use flight::many;
+use reproduce::flight::FLIGHTS;
 use run_log::run_folder::RunFolder;
 
 /// `gerono faults`.
@@ -37,14 +39,33 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
         .map_err(|problem| Failure::bad_input(problem.to_string()))?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
-    let folder = RunFolder::create(arguments.out.as_deref(), &format!("faults-{name}"))
-        .map_err(Failure::not_written)?;
-
-    let flown = fly_all(arguments, &scenario, &cells, &interrupt);
+    let out = arguments.out.as_deref();
+    let folder =
+        RunFolder::resume(out, &format!("faults-{name}"), &[FLIGHTS]).map_err(Failure::not_written)?;
+    let matrix = Matrix::new(&scenario, &cells);
+    let bar = progress::flights(cells.len());
+    let set_bar = |flights: usize| bar.set_position(flights as u64);
+    let flown = matrix.fly(
+        arguments.processes,
+        many::cores(),
+        folder.path(),
+        &interrupt,
+        set_bar,
+    );
+    bar.finish_and_clear();
+    let flown = flown.map_err(|reason| match reason {
+        NotFlown::Journal(error) => Failure::from(error),
+        reason => Failure::new(Exit::FlightFailed, reason),
+    })?;
+    let differences = match &flown {
+        Some(flown) if arguments.processes => compare(&matrix, &cells, flown, &interrupt),
+        _ => Vec::new(),
+    };
     if let Some(signal) = interrupt.signal() {
+        resumes(folder.path());
         return Ok(Exit::Signal(signal));
     }
-    let (flown, differences) = flown.map_err(|reason| Failure::new(Exit::FlightFailed, reason))?;
+    let flown = flown.expect("a matrix that was not interrupted is whole");
     let mut report = report::report(&name, scenario.seed, times, &cells, &flown);
     report.compared_with_processes = arguments.processes;
     report.differences = differences;
@@ -126,47 +147,12 @@ fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
     Ok(cases)
 }
 
-/// Flies the scenario without a fault and then all cells, with `--processes` twice. Returns the results, and descriptions of
-/// where the processes differ.
-fn fly_all(
-    arguments: &Faults,
-    scenario: &Scenario,
-    cells: &[MatrixCell],
-    interrupt: &Interrupt,
-) -> Result<(Vec<FlightResult>, Vec<String>), NotFlown> {
-    let ends = cells.iter().map(|cell| cell.scenario.duration);
-    let undisturbed = Undisturbed::fly(scenario, ends.fold(0.0, f64::max), interrupt)?;
-    let flown = fly_in_process(cells, arguments.processes, &undisturbed, interrupt)?;
-    let differences = if arguments.processes {
-        compare(cells, &flown, &undisturbed, interrupt)
-    } else {
-        Vec::new()
-    };
-    Ok((flown, differences))
-}
-
-/// Flies all cells on all cores, with a progress bar on a terminal.
-fn fly_in_process(
-    cells: &[MatrixCell],
-    with_digest: bool,
-    undisturbed: &Undisturbed,
-    interrupt: &Interrupt,
-) -> Result<Vec<FlightResult>, NotFlown> {
-    let bar = progress::flights(cells.len());
-    let flown = many::map(cells, many::cores(), |cell| {
-        let flown = fly(cell, Way::InProcess { with_digest }, undisturbed, interrupt);
-        bar.inc(1);
-        flown
-    });
-    bar.finish_and_clear();
-    flown.into_iter().collect()
-}
-
-/// Flies all cells as processes, one after the other. Returns descriptions of the differences.
+/// Flies all cells as processes, one after the other, and returns those that differ from the flights in this process, as
+/// sentences.
 fn compare(
+    matrix: &Matrix<'_>,
     cells: &[MatrixCell],
     expected: &[FlightResult],
-    undisturbed: &Undisturbed,
     interrupt: &Interrupt,
 ) -> Vec<String> {
     let bar = progress::flights(cells.len());
@@ -180,7 +166,7 @@ fn compare(
             cell.watched.words.replace('`', ""),
             cell.moment
         );
-        match fly(cell, Way::Processes, undisturbed, interrupt) {
+        match matrix.fly_cell(cell, Way::Processes, interrupt) {
             Ok(flown) if flown == *expected => {}
             Ok(_) => differences.push(format!(
                 "DIFFERENT: {name}: the processes published other bytes than the in-process flight"

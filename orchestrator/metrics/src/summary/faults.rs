@@ -7,8 +7,10 @@ mod record;
 mod signs;
 mod table;
 
+use std::borrow::Cow;
+
 use scenario::Scenario;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -34,7 +36,7 @@ pub struct PlannedFault {
 }
 
 /// The effect of a planned fault.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultReport {
     /// Target and effect, in words.
     pub fault: String,
@@ -65,14 +67,14 @@ pub struct FaultReport {
 }
 
 /// First sign of the detection of a fault by a service.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
     /// Time since the beginning of the fault, s.
     pub after: f64,
     /// Name of the service.
-    pub by: &'static str,
+    pub by: Cow<'static, str>,
     /// The sign.
-    pub sign: &'static str,
+    pub sign: Cow<'static, str>,
 }
 
 impl FaultReport {
@@ -178,8 +180,11 @@ impl FaultWatch {
 
 impl Detection {
     fn new(after: f64, by: ServiceId, sign: &'static str) -> Self {
-        let by = by.name();
-        Self { after, by, sign }
+        Self {
+            after,
+            by: by.name().into(),
+            sign: sign.into(),
+        }
     }
 }
 

@@ -84,7 +84,7 @@ impl FaultRecord {
     pub(super) fn observe_look(&mut self, tick: u64, look: &Look) {
         if (self.fault.from..self.watched_until).contains(&tick) {
             self.tally.add(look);
-            if let (None, Some((service, sign))) = (self.detection, look.sign) {
+            if let (None, Some((service, sign))) = (&self.detection, look.sign) {
                 self.detection = Some(Detection::new(self.time_since_begin(tick), service, sign));
             }
         }
@@ -105,7 +105,7 @@ impl FaultRecord {
                     .min(last_tick)
                     .min(self.landing_from.unwrap_or(u64::MAX)),
             ),
-            detection: self.detection,
+            detection: self.detection.clone(),
             bound: self.bound(),
             peak_error: self.peak,
             largest_share: self.peak.map(|_| self.largest_share),

@@ -1,6 +1,6 @@
 //! Signs of detection and reaction in the samples of the services.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState};
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -205,7 +205,7 @@ impl Tally {
 }
 
 /// The reactions of the services while a fault was watched. Times in s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reactions {
     /// Time for which the estimator did not track the body.
     pub untracked: f64,

@@ -18,7 +18,7 @@ fn in_words(fault: &FaultReport) -> String {
         fault.begins,
         fault.fault.replace('`', "")
     );
-    let noticed = fault.detection.map_or_else(
+    let noticed = fault.detection.as_ref().map_or_else(
         || "by nobody".to_owned(),
         |detection| format!("after {} s: {} {}", detection.after, detection.by, detection.sign),
     );

@@ -208,7 +208,7 @@ fn every_sign_of_every_service_is_a_detection_with_its_time_and_its_service() {
             }
         });
         let detection = report.detection.unwrap();
-        assert_eq!((detection.by, detection.sign), (by, words));
+        assert_eq!((&*detection.by, &*detection.sign), (by, words));
         assert_close(Some(detection.after), 0.03);
     }
 }
@@ -290,7 +290,8 @@ fn a_fault_is_watched_until_the_next_begins() {
     assert_close(reports[0].peak_error, 0.01);
     assert_eq!(reports[0].watched_until, 10.0);
     for report in &reports[1..] {
-        assert_close(report.detection.map(|detection| detection.after), 0.02);
+        let detection = report.detection.as_ref();
+        assert_close(detection.map(|detection| detection.after), 0.02);
         assert_close(report.peak_error, 0.3);
         assert_eq!(report.watched_until, 15.0);
     }
