@@ -89,7 +89,7 @@ fn check_says_that_a_path_lies_below_the_ground_or_begins_far_away() {
         below.contains("goes down to z = 1.00 m, 1.00 m below the ground"),
         "{below}"
     );
-    assert!(below.contains("begins 2.50 m from the vehicle"), "{below}");
+    assert!(below.contains("starts 2.50 m from the vehicle"), "{below}");
 }
 
 #[test]

@@ -196,7 +196,7 @@ fn what_cannot_be_flown_is_refused_with_what_to_do_and_nothing_is_written() {
     let planned = "fault=[{at=1.0, service=\"controller\", kind=\"off\", for=0.1}]";
     for (arguments, piece) in [
         (&["--set", planned][..], "--set fault=[]"),
-        (&["--service", "plant"], "flies on"),
+        (&["--service", "plant"], "cannot fail"),
         (&["--service", "controler"], "did you mean `controller`?"),
         (
             &["--edge", "mocap/pose -> estimatr"],

@@ -216,7 +216,7 @@ fn outages_that_cannot_be_are_refused_with_the_place() {
     for (faults, pieces) in [
         (
             fault(ServiceId::Plant, 0.5, 0.1, OFF_WARM),
-            ["fault.0.service", "flies on"],
+            ["fault.0.service", "cannot fail"],
         ),
         (
             "{at = 0.5, edge = \"vehicle/state -> controler\", kind = \"stuck\"}".to_owned(),

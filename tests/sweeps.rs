@@ -234,7 +234,7 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ("[vary]\na = \"b\"\nb = \"a\"\n", "is part of a cycle"),
         (
             "[vary]\nmass = { uniform = [0.16, 0.22] }\n",
-            "has no effect; did you mean",
+            "no expression uses it",
         ),
         (
             "[vary]\nmass = { uniform = [0.16, 0.22] }\n\"vehicle.mass\" = \"mass\"\n",

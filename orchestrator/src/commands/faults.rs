@@ -3,7 +3,7 @@
 use scenario::{EdgeName, Scenario};
 use shared_types::ServiceId;
 
-use super::{Failure, load, print, resumes, scenario_name, write, write_json};
+use super::{Failure, load, print, print_resume_hint, scenario_name, write, write_json};
 use crate::cli::Faults;
 use command_line::exit::Exit;
 use command_line::interrupt;
@@ -62,7 +62,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
         _ => Vec::new(),
     };
     if let Some(signal) = interrupt.signal() {
-        resumes(folder.path());
+        print_resume_hint(folder.path());
         return Ok(Exit::Signal(signal));
     }
     let flown = flown.expect("a matrix that was not interrupted is whole");
