@@ -13,6 +13,7 @@ use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::print;
+use flight::interrupt::Interrupt;
 use identification::link::STICKS;
 
 /// Period at which the sticks are updated, s.
@@ -38,26 +39,21 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
 
     let moved = moved_sticks(transmitter.arming_channel.is_some() || propellers_off);
     print(introduction(link, moved));
-    for &stick in moved {
-        let steps = nanoseconds(seconds) / nanoseconds(STEP);
-        for step in 0..=steps {
-            let travel = StickTravel::new(sweep(step as f64 / steps.max(1) as f64));
-            let sticks = one_stick(&map, stick, travel);
-            sender.set(&sticks);
-            if step % SHOWN_EVERY == 0 {
-                print(if transmitter.has_channels(link.link) {
-                    let (channel, travels) = (map.stick_channels()[stick], map.travels(&sticks));
-                    let sent = travels[channel].map_or(f64::NAN, SentTravel::value);
-                    line(units.unit, stick, channel, sent, units.codes(&travels)[channel])
-                } else {
-                    attitude_line(link, &map, stick, &sticks)
-                });
-            }
-            if interrupt.signal().is_some() {
-                break;
-            }
-            std::thread::sleep(Duration::from_secs_f64(STEP));
+    let steps = nanoseconds(seconds) / nanoseconds(STEP);
+    for (stick, step) in positions(moved, steps, &interrupt) {
+        let travel = StickTravel::new(sweep(step as f64 / steps.max(1) as f64));
+        let sticks = one_stick(&map, stick, travel);
+        sender.set(&sticks);
+        if step % SHOWN_EVERY == 0 {
+            print(if transmitter.has_channels(link.link) {
+                let (channel, travels) = (map.stick_channels()[stick], map.travels(&sticks));
+                let sent = travels[channel].map_or(f64::NAN, SentTravel::value);
+                line(units.unit, stick, channel, sent, units.codes(&travels)[channel])
+            } else {
+                attitude_line(link, &map, stick, &sticks)
+            });
         }
+        std::thread::sleep(Duration::from_secs_f64(STEP));
     }
     sender.set(&Sticks::MOTORS_OFF);
     let report = sender
@@ -81,6 +77,14 @@ fn no_link() -> Failure {
 /// Returns the sticks to move, thrust last. Without an arming switch the thrust stick could start the motors.
 fn moved_sticks(with_thrust: bool) -> &'static [usize] {
     if with_thrust { &[1, 2, 3, 0] } else { &[1, 2, 3] }
+}
+
+/// Returns the sticks with their steps, in turn. After an interrupt there are no more, of any stick.
+fn positions(moved: &[usize], steps: u64, interrupt: &Interrupt) -> impl Iterator<Item = (usize, u64)> {
+    let all = moved
+        .iter()
+        .flat_map(move |&stick| (0..=steps).map(move |step| (stick, step)));
+    all.take_while(|_| interrupt.signal().is_none())
 }
 
 /// Returns the travel of a stick at a share of its time: from the middle to one end, to the other, and back.
@@ -169,6 +173,17 @@ mod tests {
         assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(sweep), [0.0, 1.0, 0.0, -1.0, 0.0]);
         let travels: Vec<f64> = (0..=1000).map(|step| sweep(f64::from(step) / 1000.0)).collect();
         assert!(travels.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.0041));
+    }
+
+    #[test]
+    fn an_interrupt_ends_the_movement_of_all_sticks() {
+        let interrupt = Interrupt::never();
+        let moved = moved_sticks(true);
+        assert_eq!(positions(moved, 10, &interrupt).count(), 4 * 11);
+        let mut positions = positions(moved, 10, &interrupt);
+        assert_eq!(positions.nth(2), Some((1, 2)));
+        interrupt.raise(2);
+        assert_eq!(positions.next(), None);
     }
 
     #[test]
