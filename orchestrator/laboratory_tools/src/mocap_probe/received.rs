@@ -115,9 +115,8 @@ pub(super) struct ReceivedPackets {
     last_ns: u64,
     /// Times between frames, s.
     intervals: Moments,
-    /// Time from stamp to arrival in excess of the minimum, s.
-    delays: Vec<f64>,
-    min_delay_ns: Option<i64>,
+    /// Times from stamp to arrival, ns, up to the unknown offset of the clocks.
+    delays_ns: Vec<i64>,
     /// Bodies by id, if the system has ids, or else by name and sensor.
     pub(super) bodies: BTreeMap<(Vec<u8>, i32), Body>,
     has_ids: bool,
@@ -140,16 +139,10 @@ impl ReceivedPackets {
         }
         self.frames += 1;
         self.last_ns = now_ns;
-        if let Some(stamp) = frame.stamp {
-            let delay = now_ns.cast_signed().saturating_sub(stamp.sent_ns);
-            let min_delay = *self.min_delay_ns.get_or_insert(delay);
-            self.min_delay_ns = Some(min_delay.min(delay));
-            #[expect(clippy::cast_precision_loss, reason = "ms in ns are exact")]
-            let delay = delay.saturating_sub(min_delay) as f64 * 1e-9;
-            // Limits memory: a server may send any number of frames and names.
-            if self.delays.len() < DELAYS {
-                self.delays.push(delay);
-            }
+        // Limits memory: a server may send any number of frames and names.
+        if let Some(stamp) = frame.stamp.filter(|_| self.delays_ns.len() < DELAYS) {
+            let delay_ns = now_ns.cast_signed().saturating_sub(stamp.sent_ns);
+            self.delays_ns.push(delay_ns);
         }
         for body in frame.bodies() {
             let key = self.key(body);
@@ -214,7 +207,7 @@ impl ReceivedPackets {
             )
             .expect("a String takes all");
         }
-        if let ([p50, p99, max], true) = (&self.delay_percentiles()[..], has_time) {
+        if let (Some([p50, p99, max]), true) = (self.excess_delays(), has_time) {
             writeln!(
                 text,
                 "delay in excess of the minimum, by the stamps: p50 {:.3} ms, p99 {:.3} ms, at most {:.3} ms",
@@ -233,16 +226,14 @@ impl ReceivedPackets {
         text
     }
 
-    fn delay_percentiles(&self) -> Vec<f64> {
-        let Some(min_delay) = self.delays.iter().copied().reduce(f64::min) else {
-            return Vec::new();
-        };
-        let mut delays: Vec<f64> = self.delays.iter().map(|delay| delay - min_delay).collect();
-        delays.sort_by(f64::total_cmp);
-        let last = delays.len() - 1;
-        [last / 2, last - last / 100, last]
-            .map(|index| delays[index])
-            .to_vec()
+    /// Returns the median, the 99th percentile and the maximum of the delays in excess of the minimum, s; `None` without
+    /// stamps.
+    fn excess_delays(&self) -> Option<[f64; 3]> {
+        let mut delays_ns = self.delays_ns.clone();
+        delays_ns.sort_unstable();
+        let (first_ns, last) = (*delays_ns.first()?, delays_ns.len() - 1);
+        let indices = [last / 2, last - last / 100, last];
+        Some(indices.map(|index| seconds(delays_ns[index].abs_diff(first_ns))))
     }
 
     /// Returns warnings about a body.
@@ -324,6 +315,7 @@ fn seconds(ns: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motion_capture::wire::Stamp;
 
     /// Returns the warnings about the bodies after a hundred frames with each at its position, with this noise.
     fn warnings(system: CaptureSystem, bodies: &[(&[u8], f64)], noise: f64) -> String {
@@ -352,6 +344,21 @@ mod tests {
             .values()
             .map(|body| received.warnings(body))
             .collect()
+    }
+
+    #[test]
+    fn delays_are_in_excess_of_the_least_also_of_a_later_one() {
+        let mut received = ReceivedPackets::new(CaptureSystem::Natnet);
+        assert_eq!(received.excess_delays(), None);
+        let mut frame = Frame::new();
+        for (sent_ns, delay_ns) in [(0, 10_000_000), (20_000_000, 2_000_000), (40_000_000, 5_000_000)] {
+            frame.stamp = Some(Stamp {
+                exposed_ns: sent_ns,
+                sent_ns,
+            });
+            received.add(&frame, sent_ns.unsigned_abs() + delay_ns);
+        }
+        assert_eq!(received.excess_delays(), Some([3e-3, 8e-3, 8e-3]));
     }
 
     #[test]
