@@ -79,7 +79,8 @@ struct NormalEquations {
     gradients: Vec<SVector<f64, PARAMETERS>>,
     /// Change of the mass: per change of the parameters, and independent of it.
     mass: (SMatrix<f64, 1, PARAMETERS>, f64),
-    mean_square: f64,
+    /// `None` without a used capture.
+    mean_square: Option<f64>,
 }
 
 /// Marker offset and delay with the half-widths of their intervals, m and s.
@@ -315,7 +316,8 @@ impl Estimate {
 struct Deviance {
     /// −2 times the log-likelihood, up to a constant.
     sum: f64,
-    mean_square: f64,
+    /// `None` without a capture.
+    mean_square: Option<f64>,
 }
 
 impl Deviance {
@@ -332,17 +334,18 @@ impl Deviance {
         }
         Self {
             sum: squares + determinants * all / f64::max(used, 1.0),
-            mean_square: squares / f64::max(all, 1.0),
+            mean_square: (all > 0.0).then(|| squares / all),
         }
     }
 }
 
-/// Returns for each block whether it is no outlier.
-fn usable(mean_squares: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
-    let mut sizes: Vec<f64> = mean_squares.clone().collect();
+/// Returns for each block whether it has captures and is no outlier.
+fn usable(mean_squares: impl Iterator<Item = Option<f64>> + Clone) -> Vec<bool> {
+    let mut sizes: Vec<f64> = mean_squares.clone().flatten().collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN);
-    mean_squares.map(|size| size <= OUTLIER * median).collect()
+    let is_usable = |size: f64| size <= OUTLIER * median;
+    mean_squares.map(|size| size.is_some_and(is_usable)).collect()
 }
 
 impl Block {
@@ -425,11 +428,10 @@ impl NormalEquations {
                 - information.fixed_view::<PARAMETERS, 1>(0, PARAMETERS) * cross,
             gradients: Vec::new(),
             mass: (-cross, -gradient[PARAMETERS] / mass_information),
-            mean_square: rows
-                .iter()
-                .map(|(_, residual, _)| residual.norm_squared())
-                .sum::<f64>()
-                / rows.len().max(1) as f64,
+            mean_square: (!rows.is_empty()).then(|| {
+                let squares = rows.iter().map(|(_, residual, _)| residual.norm_squared());
+                squares.sum::<f64>() / rows.len() as f64
+            }),
         };
         let cluster_of = |time_ns: u64| (time_ns - from_ns) / CLUSTER_NS;
         for cluster in rows.chunk_by(|(one, ..), (other, ..)| cluster_of(*one) == cluster_of(*other)) {
@@ -456,4 +458,22 @@ pub fn beside(stated: &FilterSettings, refined: &Refined) -> ([Quantity; 3], Qua
     };
     let offset = [0, 1, 2].map(|axis| quantity(axis, stated.model.marker_offset[axis]));
     (offset, quantity(3, stated.model.radio_latency))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_without_captures_is_not_usable_and_does_not_lower_the_median() {
+        let empty = NormalEquations::new(&[], 0);
+        assert!(empty.mean_square.is_none());
+        assert!(Deviance::new(std::iter::empty(), 25.0).mean_square.is_none());
+        let squares = [Some(6.0), None, None, None, Some(7.0), Some(20.0)];
+        assert_eq!(
+            usable(squares.into_iter()),
+            [true, false, false, false, true, false]
+        );
+        assert_eq!(usable([None, None].into_iter()), [false, false]);
+    }
 }
