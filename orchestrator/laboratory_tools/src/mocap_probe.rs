@@ -2,7 +2,8 @@
 
 mod received;
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
 use motion_capture::conventions::axes;
@@ -18,9 +19,10 @@ use shared_types::rotation::roll_pitch_yaw;
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
-use command_line::output::{print, write};
+use command_line::output::{not_written, print};
 use flight::interrupt::Interrupt;
 use received::{Body, ReceivedPackets};
+use result_file::ResultFile;
 
 /// Maximum sleep, ns.
 const SLEEP_NS: u64 = 50_000_000;
@@ -29,7 +31,7 @@ const SLEEP_NS: u64 = 50_000_000;
 const AT_REST: f64 = 2e-3;
 
 /// Receives for some seconds and prints the packets; with a stated object, also the result of the feed. Writes the sections of a
-/// scenario to the file `calibration`, which define the body's pose as that of the vehicle at the origin.
+/// scenario to the new file `calibration`, which define the body's pose as that of the vehicle at the origin.
 ///
 /// # Errors
 /// [`Failure`] if a socket cannot be opened, nothing was received, or no pose of the object was accepted.
@@ -50,6 +52,13 @@ pub fn probe(
         Some((feed, Diagnosis::new(system, stated).map_err(bad)?))
     } else {
         None
+    };
+    let calibration = match calibration {
+        Some(path) => {
+            let file = ResultFile::create_new(path).map_err(|error| not_written(path, &error))?;
+            Some((path, file))
+        }
+        None => None,
     };
     let mut source = address.open().map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
@@ -86,7 +95,7 @@ pub fn probe(
         return Err(Failure::trouble(reason));
     }
     print(paragraph(&findings));
-    if let Some(path) = calibration {
+    if let Some((path, mut file)) = calibration {
         let name = stated.name_and_number().map_or("", |(name, _)| name);
         let body = received.bodies.values().find(|body| {
             (name.is_empty() || body.name.as_bytes() == name.as_bytes())
@@ -99,7 +108,9 @@ pub fn probe(
             let reason = "the body moves: put the vehicle level at the origin of {I}, its nose along x, and do not touch it";
             Failure::trouble(reason)
         })?;
-        write(path, &sections(system, stated, body, received.rate()))?;
+        let text = sections(system, stated, body, received.rate());
+        let written = file.write_all(text.as_bytes()).and_then(|()| file.finish());
+        written.map_err(|error| not_written(path, &error))?;
         print(format!("calibration written to {}\n", path.display()));
     }
     Ok(Exit::Success)

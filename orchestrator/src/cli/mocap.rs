@@ -72,7 +72,7 @@ pub struct MocapProbe {
     /// Duration, s.
     #[arg(long, default_value_t = 5.0, value_parser = between(0.1, 3600.0, "s"))]
     pub seconds: f64,
-    /// Write the sections of a scenario to this file; the vehicle must be level at the origin of {I}, with its nose along x.
+    /// Write the sections of a scenario to this new file; the vehicle must be level at the origin of {I}, with its nose along x.
     #[arg(long, value_name = "FILE", requires = "object")]
     pub calibrate: Option<PathBuf>,
 }
