@@ -108,6 +108,44 @@ fn no_command_overwrites_a_file_that_it_reads() {
 }
 
 #[test]
+fn no_command_overwrites_a_file_of_another_kind() {
+    let (place, log) = flown(&[]);
+    fs::create_dir(place.path("other")).unwrap();
+    let others = ["other/run.mcap", "other/summary.json", "other/fig1.toml"];
+    let scenario = fs::read(common::scenario("fig1")).unwrap();
+    let contents = [log, fs::read(place.path("out/summary.json")).unwrap(), scenario];
+    for (other, content) in others.iter().zip(&contents) {
+        fs::write(place.path(other), content).unwrap();
+    }
+    let results = [
+        (
+            "f.csv",
+            &["export", "out", "--csv", "--topic", "vehicle/truth", "-o"][..],
+        ),
+        ("f.jsonl", &["export", "out", "--every", "100", "-o"]),
+        ("f.view.mcap", &["export", "out", "--view", "-o"]),
+        ("f.svg", &["plot", "out", "-o"]),
+    ];
+    for (own, command) in results {
+        for other in others.iter().filter(|_| command[0] != "plot") {
+            let refused = output(&mut place.gerono(&[command, &[other]].concat()));
+            assert_eq!(refused.status.code(), Some(4), "{command:?} {other}");
+            assert!(
+                complaint(&refused).contains("name another file"),
+                "{}",
+                complaint(&refused)
+            );
+        }
+        for _ in 0..2 {
+            succeed(&mut place.gerono(&[command, &[own]].concat()));
+        }
+    }
+    for (other, content) in others.iter().zip(&contents) {
+        assert!(&fs::read(place.path(other)).unwrap() == content, "{other}");
+    }
+}
+
+#[test]
 fn a_command_that_fails_leaves_the_earlier_result() {
     let (place, log) = flown(&[]);
     let table = place.path("p.csv");

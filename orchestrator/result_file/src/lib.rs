@@ -3,7 +3,8 @@
 //! A file is written under a temporary name in the folder of its target, and renamed when it is complete and on the
 //! disk. Until then the target stays as it is, so a failed command, a full disk or a killed process costs no earlier
 //! result. A file that the command reads is refused as a target. Files are compared by inode, so other names, links and
-//! spellings of the path are recognised.
+//! spellings of the path are recognised. A file that begins unlike the result is no earlier result of the same command,
+//! and is refused as well: it may be the log of another flight, or a scenario.
 //!
 //! A symbolic link at the target is replaced, not followed: in a folder that other users can write, they choose where
 //! it leads. A device, a FIFO or an open descriptor (`/dev/stdout`) cannot be replaced and is written directly.
@@ -13,12 +14,15 @@
 use std::fs::{self, File, Permissions};
 use std::io::{self, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 use rustix::io::Errno;
+
+/// Maximum number of bytes that tell the kind of a file.
+const HEAD: usize = 64;
 
 /// Result file being written. If it is dropped before [`Self::finish`], its temporary file is removed.
 #[derive(Debug)]
@@ -37,8 +41,8 @@ struct Rename {
 }
 
 impl ResultFile {
-    /// Creates the file `target`; on [`Self::finish`] it replaces a file of that name. `inputs` are all files that are
-    /// read for it.
+    /// Creates the file `target`; on [`Self::finish`] it replaces a file of that name and kind. `inputs` are all files that
+    /// are read for it.
     ///
     /// # Errors
     /// The system's error, or that `target` is one of the inputs.
@@ -59,7 +63,7 @@ impl ResultFile {
     /// The system's error.
     pub fn create_new(target: &Path) -> io::Result<Self> {
         if fs::symlink_metadata(target).is_ok() {
-            return Err(io::ErrorKind::AlreadyExists.into());
+            return Err(taken("it exists already"));
         }
         Self::begin(target, false)
     }
@@ -108,11 +112,14 @@ impl ResultFile {
     /// rename could leave an empty file under the target's name.
     ///
     /// # Errors
-    /// The system's error; the target is unchanged then.
+    /// The system's error, or that a file of another kind has the name; the target is unchanged then.
     pub fn finish(mut self) -> io::Result<()> {
         let Some(rename) = &self.rename else {
             return self.file.flush();
         };
+        if rename.replaces && !may_replace(&rename.target, &self.file)? {
+            return Err(taken("it holds something else"));
+        }
         self.file.sync_all()?;
         rename.execute()?;
         self.rename = None;
@@ -181,6 +188,43 @@ pub fn is_one_of(path: &Path, files: &[PathBuf]) -> bool {
     };
     let own = identity(path);
     own.is_some() && files.iter().any(|file| identity(file) == own)
+}
+
+fn taken(because: &str) -> io::Error {
+    let reason = format!("{because} and is not overwritten; name another file, or remove it");
+    io::Error::new(io::ErrorKind::AlreadyExists, reason)
+}
+
+/// Returns whether a result may replace its target: a link, an empty file, or a file of the same kind.
+fn may_replace(target: &Path, result: &File) -> io::Result<bool> {
+    let replaced = fs::symlink_metadata(target).is_ok_and(|found| found.is_file() && found.len() > 0);
+    Ok(!replaced || kind(&head(&File::open(target)?)?) == kind(&head(result)?))
+}
+
+/// Returns the first bytes of a file.
+fn head(file: &File) -> io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    let mut buffer = [0; HEAD];
+    while head.len() < HEAD {
+        let count = file.read_at(&mut buffer[head.len()..], head.len() as u64)?;
+        if count == 0 {
+            break;
+        }
+        head.extend_from_slice(&buffer[head.len()..][..count]);
+    }
+    Ok(head)
+}
+
+/// Returns the part of a file's first bytes that tells its kind: up to the end of the first word, such as `<svg` or
+/// `{ "rates`. In an MCAP file it is the first word of the header: the profile of a log, which copies for viewers lack.
+fn kind(head: &[u8]) -> &[u8] {
+    // The magic, and the code and length of the header.
+    let before = if head.starts_with(b"\x89MCAP0\r\n") { 17 } else { 0 };
+    let is_letter = |byte: &u8| byte.is_ascii_alphabetic();
+    let bytes = head.iter().skip(before);
+    let word = before + bytes.clone().take_while(|byte| !is_letter(byte)).count();
+    let letters = head.iter().skip(word).take_while(|byte| is_letter(byte)).count();
+    &head[..head.len().min(word + letters)]
 }
 
 /// Creates a file that did not exist.
@@ -269,17 +313,17 @@ mod tests {
     fn a_result_replaces_the_earlier_one_only_when_it_is_whole() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("plot.svg");
-        write(&target, "first", &[]).unwrap();
+        write(&target, "<svg 1>", &[]).unwrap();
         let mut second = ResultFile::create(&target, &[]).unwrap();
-        second.write_all(b"second").unwrap();
-        assert_eq!(fs::read(&target).unwrap(), b"first");
+        second.write_all(b"<svg 2>").unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"<svg 1>");
         drop(second);
-        assert_eq!(fs::read(&target).unwrap(), b"first");
+        assert_eq!(fs::read(&target).unwrap(), b"<svg 1>");
         assert_eq!(names(folder.path()), ["plot.svg"]);
-        write(&target, "third", &[]).unwrap();
-        assert_eq!(fs::read(&target).unwrap(), b"third");
+        write(&target, "<svg 3>", &[]).unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"<svg 3>");
         fs::set_permissions(&target, Permissions::from_mode(0o640)).unwrap();
-        write(&target, "fourth", &[]).unwrap();
+        write(&target, "<svg 4>", &[]).unwrap();
         assert_eq!(fs::metadata(&target).unwrap().mode() & 0o777, 0o640);
         assert_eq!(names(folder.path()), ["plot.svg"]);
     }
@@ -301,6 +345,54 @@ mod tests {
         assert!(write(&through_another_folder, "new", &inputs).is_err());
         assert_eq!(fs::read(path("log")).unwrap(), b"flight");
         assert_eq!(names(folder.path()), ["hard", "link", "log", "other"]);
+    }
+
+    /// First bytes of an MCAP file with a profile, and its content.
+    fn mcap(profile: &str, content: &str) -> Vec<u8> {
+        let header: Vec<u8> = [profile, "gerono"]
+            .iter()
+            .flat_map(|text| [&u32::try_from(text.len()).unwrap().to_le_bytes(), text.as_bytes()].concat())
+            .collect();
+        let length = (header.len() as u64).to_le_bytes();
+        [b"\x89MCAP0\r\n\x01", &length[..], &header, content.as_bytes()].concat()
+    }
+
+    #[test]
+    fn a_result_replaces_only_a_file_of_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let contents = [
+            mcap("ros2", "1 flight"),
+            mcap("", "1 view"),
+            b"# Fig. 1\n[schedule]\ntick = 0.001\n".to_vec(),
+            b"[schedule]\ntick = 0.001\n".to_vec(),
+            b"{\n  \"scenario\": \"fig1\"\n}".to_vec(),
+            b"{\n  \"rates\": []\n}".to_vec(),
+            b"header.tick,header.stamp_ns\n0,0\n".to_vec(),
+            b"{\"topic\":\"vehicle/truth\"}\n".to_vec(),
+            b"<svg xmlns".to_vec(),
+            b"0.5, 1.5\n".to_vec(),
+        ];
+        for (index, old) in contents.iter().enumerate() {
+            for (other, new) in contents.iter().enumerate() {
+                let target = folder.path().join(format!("{index}-{other}"));
+                fs::write(&target, old).unwrap();
+                let result = [new, &b" again"[..]].concat();
+                let written = write(&target, &result, &[]);
+                if index == other {
+                    written.unwrap();
+                    assert_eq!(fs::read(&target).unwrap(), result);
+                } else {
+                    let refused = written.unwrap_err();
+                    assert!(refused.to_string().contains("name another file"), "{refused}");
+                    assert_eq!(&fs::read(&target).unwrap(), old);
+                }
+            }
+        }
+        let empty = folder.path().join("empty");
+        fs::write(&empty, "").unwrap();
+        write(&empty, &contents[0], &[]).unwrap();
+        assert!(write(&empty, "", &[]).is_err(), "an empty result is of no kind");
+        assert_eq!(names(folder.path()).len(), contents.len() * contents.len() + 1);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::cli::{Digest, Export, Info, Plot, Recover};
 use command_line::exit::Exit;
 use command_line::output::note_omissions;
 use command_line::terminal::Terminal;
+use report::plot::PlotError;
 use report::{info, plot};
 use result_file::ResultFile;
 use run_log::run_folder::log_meant_by;
@@ -28,7 +29,10 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
         return Err(Failure::bad_input("--from must be before --to"));
     }
-    plot::distance(&logs, plot::Span { from, to }, &arguments.output).map_err(Failure::trouble)
+    plot::distance(&logs, plot::Span { from, to }, &arguments.output).map_err(|error| match error {
+        PlotError::Write { .. } => Failure::not_written(error),
+        _ => Failure::trouble(error),
+    })
 }
 
 /// `gerono digest`.
