@@ -24,7 +24,7 @@ mod tuning;
 use std::error::Error;
 use std::path::Path;
 
-use scenario::{Recorded, Scenario};
+use scenario::{Key, Recorded, Scenario};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -132,6 +132,9 @@ pub struct Replayed {
     pub external_services: Vec<ServiceId>,
     /// Requested services with an input that the log records only in part, each with the first such input.
     pub without_inputs: Vec<(ServiceId, Topic)>,
+    /// Keys that were set in flight, each with the time of the first change, s: from there on the replay has the values of
+    /// the flight.
+    pub set_in_flight: Vec<(Key, f64)>,
     /// Comparisons of all published topics.
     pub comparisons: Vec<Comparison>,
     /// Reason why the log ends before the flight, as a sentence, if it is incomplete or was recovered.
@@ -415,6 +418,7 @@ impl Replay<'_> {
             not_replayable: self.not_replayable,
             external_services: self.external_services,
             without_inputs: self.without_inputs,
+            set_in_flight: self.source.tuning.keys,
             comparisons: self.replays.into_iter().flat_map(ServiceReplay::finish).collect(),
         }
     }

@@ -1,6 +1,8 @@
 //! `gerono replay`: repeats the steps of a log and compares the results. `gerono diff`: compares two logs.
 
 use comfy_table::{Table, presets};
+use scenario::Key;
+use scenario_file::key_of_setting;
 use shared_types::ServiceId;
 
 use super::{Failure, log_path, print, schedule_of};
@@ -43,6 +45,7 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     progress.clear();
     let replayed = replayed.map_err(failure)?;
     print(report(&replayed, &options));
+    print(set_again(&replayed.set_in_flight, &arguments.sets));
     Ok(if replayed.is_identical() || options.changed.is_some() {
         Exit::of_logs(replayed.log_ends.is_none())
     } else {
@@ -193,6 +196,20 @@ fn report(replayed: &Replayed, options: &Options) -> String {
     text
 }
 
+/// Names the keys of `--set` that were also set in flight: the replay repeats those changes.
+fn set_again(in_flight: &[(Key, f64)], sets: &[String]) -> String {
+    let set: Vec<Key> = sets.iter().filter_map(|set| key_of_setting(set)).collect();
+    let is_set = |key: &Key| {
+        let mut set = set.iter().map(Key::segments);
+        set.any(|set| set.starts_with(key.segments()) || key.segments().starts_with(set))
+    };
+    let again = in_flight.iter().filter(|(key, _)| is_set(key));
+    let lines = again.map(|(key, time)| {
+        format!("`{key}` was set in flight at {time} s: from there on the replay has the value of the flight, not that of --set\n")
+    });
+    lines.collect()
+}
+
 /// Describes the starts of the services.
 fn starts_in_words(replayed: &Replayed, options: &Options) -> String {
     if replayed.starts.is_empty() {
@@ -263,4 +280,20 @@ fn table(comparisons: &[Comparison]) -> Table {
         ]);
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_of_a_key_that_was_set_in_flight_is_named_with_the_time() {
+        let in_flight = ["controller.k1", "controller.lambda_disturbance"]
+            .map(|key| (scenario_file::path_of(key).unwrap(), 3.5));
+        let shown = |set: &str| set_again(&in_flight, &[set.to_owned()]);
+        assert!(shown("controller.k1=9").starts_with("`controller.k1` was set in flight at 3.5 s"));
+        assert!(shown("controller.lambda_disturbance.0=9").contains("lambda_disturbance"));
+        assert_eq!(shown("controller={k1=9}").lines().count(), 2);
+        assert_eq!(shown("controller.k2=9"), "");
+    }
 }
