@@ -87,6 +87,9 @@ pub fn throughput(repetitions: u32, duration: f64, json: Option<&Path>) -> Resul
         vehicle: clipped(&flight),
         ..flight
     };
+    if let Some(problem) = flight.problems().first() {
+        return Err(Failure::bad_input(format!("--duration: {problem}")));
+    }
     let measured = measure::all(&scenario, &flight, repetitions).map_err(Failure::trouble)?;
     print(format!("{}\n", table(&measured.rates)));
     if let (Some(restart), Some(quick)) = (measured.restart_milliseconds, measured.quick_restart_milliseconds)

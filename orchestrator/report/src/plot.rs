@@ -49,6 +49,16 @@ pub enum PlotError {
          --from and --to", .0.display()
     )]
     Empty(PathBuf),
+    /// The time span is not within the flights.
+    #[error("the flights end at {ends} s, and {option} {stated} s is beyond it; ask for less")]
+    BeyondTheEnd {
+        /// Option that states the bound.
+        option: &'static str,
+        /// Stated time, s.
+        stated: f64,
+        /// End of the longest flight, s.
+        ends: f64,
+    },
     /// The scenario of a log makes no schedule.
     #[error("the scenario of the log {} makes no schedule: {source}; use the program that wrote it", .path.display())]
     Scenario {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use scenario_file::values::between;
 
 /// Arguments of `gerono bench`.
 #[derive(Debug, Args)]
@@ -15,7 +16,7 @@ pub struct Bench {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     pub repetitions: u32,
     /// Simulated seconds of each lock-step flight.
-    #[arg(long, default_value_t = 20.0)]
+    #[arg(long, default_value_t = 20.0, value_parser = between(1.0, 3600.0, "s"))]
     pub duration: f64,
     /// Also write the results as JSON to this file.
     #[arg(long)]

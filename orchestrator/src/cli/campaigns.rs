@@ -8,7 +8,7 @@ use scenario::suggest::known_names;
 use shared_types::ServiceId;
 
 use super::flight::ScenarioArguments;
-use super::values::service;
+use super::values::{duration, service, time};
 use fault_matrix::{fault_kind::MatrixFaults, plan};
 use reproduce::figures::Figure;
 use scenario_file::values::ValueError;
@@ -41,13 +41,13 @@ pub struct Faults {
     #[command(flatten)]
     pub scenario: ScenarioArguments,
     /// Time at which faults begin, s [default: three times apart from other events; with --quick one].
-    #[arg(long, value_delimiter = ',', value_name = "T,T,…")]
+    #[arg(long, value_delimiter = ',', value_name = "T,T,…", value_parser = time())]
     pub moments: Vec<f64>,
     /// Duration of the faults, s.
-    #[arg(long = "for", value_name = "T", default_value_t = fault_matrix::LASTS)]
+    #[arg(long = "for", value_name = "T", default_value_t = fault_matrix::LASTS, value_parser = duration())]
     pub lasts: f64,
     /// Flight time after a fault, s.
-    #[arg(long, value_name = "T", default_value_t = fault_matrix::AFTER)]
+    #[arg(long, value_name = "T", default_value_t = fault_matrix::AFTER, value_parser = duration())]
     pub after: f64,
     /// Which faults: off (off-warm, off-cold), freeze, delay, intermittent, stuck, wrong, garbage (garbage-in-range,
     /// garbage-any-bits) [default: all].

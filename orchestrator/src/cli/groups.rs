@@ -85,6 +85,9 @@ fn line(command: &Command, name: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::builder::ValueParser;
+    use clap::error::ErrorKind;
+
     use super::*;
 
     #[test]
@@ -94,6 +97,29 @@ mod tests {
         let visible: Vec<_> = visible.map(Command::get_name).collect();
         let grouped: Vec<_> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
         assert_eq!(visible, grouped);
+    }
+
+    /// Asserts that every number of a command and of those inside it is refused if it is not finite.
+    fn assert_numbers_are_checked(command: &Command, names: &[&str]) {
+        let number = ValueParser::from(clap::value_parser!(f64)).type_id();
+        let takes_number = |argument: &&clap::Arg| argument.get_value_parser().type_id() == number;
+        let numbers = command.get_arguments().filter(takes_number);
+        for option in numbers.map(|argument| argument.get_long().expect("a number is an option")) {
+            for value in ["nan", "inf", "-inf", "-1", "1e300"] {
+                let option = format!("--{option}={value}");
+                let line = [names, &[&option]].concat();
+                let error = super::command().try_get_matches_from(&line).unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::ValueValidation, "{line:?}: {error}");
+            }
+        }
+        for inside in command.get_subcommands() {
+            assert_numbers_are_checked(inside, &[names, &[inside.get_name()]].concat());
+        }
+    }
+
+    #[test]
+    fn every_number_of_every_command_has_limits() {
+        assert_numbers_are_checked(&Cli::command(), &["gerono"]);
     }
 
     #[test]

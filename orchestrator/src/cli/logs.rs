@@ -8,8 +8,8 @@ use scenario::suggest::known_names;
 use shared_types::ServiceId;
 use shared_types::Topic;
 
-use super::values::service;
-use scenario_file::values::{ValueError, between};
+use super::values::{service, time};
+use scenario_file::values::ValueError;
 
 /// Arguments of `gerono diff`.
 #[derive(Debug, Args)]
@@ -33,10 +33,10 @@ pub struct Replay {
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE", add = setting())]
     pub sets: Vec<String>,
     /// Compare from this time of the flight on, s. Each service starts from its newest checkpoint by then [default: the start].
-    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
+    #[arg(long, value_name = "S", value_parser = time())]
     pub from: Option<f64>,
     /// Compare up to this time of the flight, s, and stop [default: the end of the log].
-    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
+    #[arg(long, value_name = "S", value_parser = time())]
     pub to: Option<f64>,
     /// Replay each service in a separate process, with the samples in shared memory, as in the flight.
     #[arg(long)]
@@ -77,10 +77,10 @@ pub struct Plot {
     #[arg(long, short, value_name = "FILE.svg", value_parser = svg_file)]
     pub output: PathBuf,
     /// Draw from this time on, s [default: the start].
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", value_parser = time())]
     pub from: Option<f64>,
     /// Draw until this time, s [default: the end].
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", value_parser = time())]
     pub to: Option<f64>,
 }
 

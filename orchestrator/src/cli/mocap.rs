@@ -9,6 +9,7 @@ use clap::{Args, Subcommand};
 use motion_capture::natnet::Version;
 use scenario::CaptureSystem;
 
+use super::values::duration;
 use scenario_file::values::{ValueError, between};
 
 /// Arguments of `gerono mocap`.
@@ -61,7 +62,7 @@ pub struct MocapProbe {
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub server: Ipv4Addr,
     /// Port of the server; with Vicon the local port [default: the system's].
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub port: Option<u16>,
     /// IPv4 address of the local interface.
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
@@ -94,7 +95,7 @@ pub struct MocapSend {
     #[arg(long, default_value_t = Ipv4Addr::LOCALHOST)]
     pub at: Ipv4Addr,
     /// Port to serve at [default: the system's].
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     pub port: Option<u16>,
     /// Destination of the frames, with Vicon and NatNet [default: the system's port at --at].
     #[arg(long, value_name = "ADDRESS:PORT")]
@@ -109,10 +110,10 @@ pub struct MocapSend {
     #[arg(long, default_value_t = 100.0, value_parser = between(1.0, 1000.0, "Hz"))]
     pub rate: f64,
     /// Standard deviation of the noise of each coordinate, m.
-    #[arg(long, default_value_t = 1e-4)]
+    #[arg(long, default_value_t = 1e-4, value_parser = between(0.0, 1.0, "m"))]
     pub noise: f64,
     /// Duration, s [default: until Ctrl-C, or the log's end].
-    #[arg(long)]
+    #[arg(long, value_parser = duration())]
     pub seconds: Option<f64>,
     /// Send the true poses of this log, or of the folder of a run, in place of an eight.
     #[arg(long)]

@@ -1,8 +1,21 @@
 //! Arguments of several commands.
 
 use doctor::HostFacts;
-use scenario_file::values::ValueError;
+use scenario_file::values::{ValueError, between};
 use shared_types::ServiceId;
+
+/// Longest time of an argument, s.
+const LONGEST: f64 = 1e9;
+
+/// Returns a parser of times of a flight, s.
+pub(super) fn time() -> impl Fn(&str) -> Result<f64, ValueError> + Clone + Send + Sync + 'static {
+    between(0.0, LONGEST, "s")
+}
+
+/// Returns a parser of durations, s.
+pub(super) fn duration() -> impl Fn(&str) -> Result<f64, ValueError> + Clone + Send + Sync + 'static {
+    between(1e-6, LONGEST, "s")
+}
 
 pub(super) fn service_process(name: &str) -> Result<String, ValueError> {
     if name != runtime::process::SPARE {

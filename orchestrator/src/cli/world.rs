@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flight::ScenarioArguments;
+use super::values::duration;
 use scenario_file::values::between;
 
 /// Arguments of `gerono world`.
@@ -34,7 +35,7 @@ pub struct HilSimulator {
     #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = between(0.001, 10.0, "m"))]
     pub rotor_torque: f64,
     /// Duration, s [default: until Ctrl-C].
-    #[arg(long, value_name = "S", value_parser = between(0.0, 1e9, "s"))]
+    #[arg(long, value_name = "S", value_parser = duration())]
     pub seconds: Option<f64>,
     /// Folder for the results; must be empty if it exists [default: the next free runs/SCENARIO-world-N].
     #[arg(long, value_name = "DIR")]
@@ -62,7 +63,7 @@ pub struct TruthArguments {
     #[arg(long, value_name = "LOG")]
     pub world: Option<PathBuf>,
     /// Duration of the last part, at the end of the flight along the path, s.
-    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = between(0.0, 1e9, "s"))]
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = duration())]
     pub last: f64,
     /// Print JSON, for other programs; SI units.
     #[arg(long)]

@@ -108,11 +108,6 @@ fn times(arguments: &Faults, scenario: &Scenario) -> Result<Times, Failure> {
 }
 
 fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure> {
-    let is_length = name != "--moments";
-    if !time.is_finite() || time < 0.0 || (is_length && time == 0.0) {
-        let least = if is_length { "above 0" } else { "of 0 or more" };
-        return Err(Failure::bad_input(format!("{name}: {time} s is no time {least}")));
-    }
     if scenario.tick_of(time) == u64::MAX {
         let near = injection_times::on_tick(scenario, time);
         let tick = scenario.schedule.tick;

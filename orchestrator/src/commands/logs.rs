@@ -31,6 +31,7 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     }
     plot::distance(&logs, plot::Span { from, to }, &arguments.output).map_err(|error| match error {
         PlotError::Write { .. } => Failure::not_written(error),
+        PlotError::BeyondTheEnd { .. } => Failure::bad_input(error),
         _ => Failure::trouble(error),
     })
 }

@@ -20,6 +20,17 @@ pub struct Span {
 }
 
 impl Span {
+    /// Checks that the span is within flights that end at this time, s.
+    fn check(self, ends: f64) -> Result<(), PlotError> {
+        let mut bounds = [("--from", self.from), ("--to", self.to)].into_iter();
+        let beyond =
+            bounds.find_map(|(option, stated)| Some((option, stated.filter(|&stated| stated > ends)?)));
+        match beyond {
+            Some((option, stated)) => Err(PlotError::BeyondTheEnd { option, stated, ends }),
+            None => Ok(()),
+        }
+    }
+
     /// Returns the start and end of the span within a flight of this duration, s.
     pub(super) fn within(self, duration: f64) -> [f64; 2] {
         let to = self.to.unwrap_or(duration).min(duration);
@@ -118,5 +129,25 @@ pub(crate) fn label(log: &Path) -> String {
 
 /// Reads the curves of several logs.
 pub(super) fn read_all(logs: &[PathBuf], span: Span) -> Result<Vec<Curve>, PlotError> {
+    let mut ends: f64 = 0.0;
+    for log in logs {
+        ends = ends.max(LogReader::open(log)?.manifest().scenario.duration);
+    }
+    span.check(ends)?;
     logs.iter().map(|log| Curve::read(log, span)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_span_beyond_the_end_of_the_flight_is_refused() {
+        let check = |from, to| Span { from, to }.check(60.0);
+        assert!(check(None, None).is_ok() && check(Some(0.0), Some(60.0)).is_ok());
+        let refused = [check(Some(61.0), None), check(None, Some(60.5))]
+            .map(|refused| refused.unwrap_err().to_string());
+        assert!(refused[0].contains("--from 61 s is beyond"), "{}", refused[0]);
+        assert!(refused[1].contains("--to 60.5 s is beyond"), "{}", refused[1]);
+    }
 }
