@@ -67,6 +67,8 @@ pub struct Serial {
     /// A second handle of the transmitter's end: while it is open, the line does not hang up.
     transmitter: OwnedFd,
     name: PathBuf,
+    /// The device that the name leads to.
+    device: PathBuf,
     last_read_ns: u64,
 }
 
@@ -178,6 +180,7 @@ impl Serial {
             receiver,
             transmitter,
             name: path.to_owned(),
+            device,
             last_read_ns: monotonic_ns(),
         })
     }
@@ -191,7 +194,10 @@ impl Serial {
 
 impl Drop for Serial {
     fn drop(&mut self) {
-        let _removed = std::fs::remove_file(&self.name);
+        // Another process may have replaced the name.
+        if std::fs::read_link(&self.name).is_ok_and(|target| target == self.device) {
+            let _removed = std::fs::remove_file(&self.name);
+        }
     }
 }
 

@@ -102,12 +102,14 @@ pub fn write(logs: &[PathBuf], out: &Path, figures: &mut dyn Figures) -> Result<
     })
 }
 
-/// Reads a log and writes only its page into the folder `out`, for callers that drew the figures already.
+/// Reads a log and writes only its page into the folder `out`, after which the flight is named: for callers that drew the
+/// figures already, and whose log has no name.
 ///
 /// # Errors
 /// [`ReportError`].
 pub fn write_page(log: &Path, out: &Path) -> Result<PathBuf, ReportError> {
-    let flight = Flight::read(log, table::buckets(1), &mut ())?;
+    let mut flight = Flight::read(log, table::buckets(1), &mut ())?;
+    flight.label = out.file_name().unwrap_or_default().to_string_lossy().into_owned();
     write_file(out, PAGE, &page::html(&[flight], &[]), &inputs_of(log))
 }
 

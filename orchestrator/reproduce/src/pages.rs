@@ -1,6 +1,5 @@
 //! Report pages of the figures: the first flight drawn in each, as `gerono report` shows it.
 
-use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,8 +30,13 @@ pub enum PageError {
         source: std::io::Error,
     },
     /// The log cannot be written.
-    #[error(transparent)]
-    Log(#[from] LogError),
+    #[error("cannot record into {}: {source}", .path.display())]
+    Log {
+        /// The folder.
+        path: PathBuf,
+        /// The error of the log.
+        source: LogError,
+    },
     /// The page cannot be written.
     #[error(transparent)]
     ReproductionReport(#[from] ReportError),
@@ -66,8 +70,8 @@ impl FlightPage {
         format!("flight-{}", self.figure.name())
     }
 
-    /// Flies `scenario`, records it, writes the page of the log into `gallery`'s folder and removes the log, which is much
-    /// larger. Returns the traces of the flight; `None` if the flight was not completed.
+    /// Flies `scenario`, records it and writes the page of the log into a folder of `gallery`. The log is much larger and gets
+    /// no name. Returns the traces of the flight; `None` if the flight was not completed, which changes no file.
     ///
     /// # Errors
     /// [`PageError`].
@@ -77,19 +81,15 @@ impl FlightPage {
         gallery: &Path,
         interrupt: &Interrupt,
     ) -> Result<Option<Traces>, PageError> {
-        let folder = gallery.join(self.folder());
-        let failed = |source| PageError::Folder {
-            path: folder.clone(),
-            source,
+        let path = gallery.to_owned();
+        let file = match result_file::scratch_file(gallery) {
+            Ok(file) => file,
+            Err(source) => return Err(PageError::Folder { path, source }),
         };
-        fs::create_dir_all(&folder).map_err(failed)?;
-        let log = folder.join("run.mcap");
-        let traces = record(scenario, &log, interrupt)?;
+        let log = result_file::descriptor_path(&file);
+        let traces = record(scenario, &log, interrupt).map_err(|source| PageError::Log { path, source })?;
         if traces.is_some() {
-            report::write_page(&log, &folder)?;
-            fs::remove_file(&log).map_err(failed)?;
-        } else {
-            fs::remove_dir_all(&folder).map_err(failed)?;
+            report::write_page(&log, &gallery.join(self.folder()))?;
         }
         Ok(traces)
     }
@@ -137,8 +137,40 @@ impl TickSink for Both<'_> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
 mod tests {
+    use std::fs;
+
     use super::*;
+    use crate::flight::ScenarioSource;
+
+    #[test]
+    fn only_the_page_is_written_and_an_interrupt_keeps_the_earlier_one() {
+        let gallery = tempfile::tempdir().unwrap();
+        let page = FlightPage::for_figure(Figure::Fig7).unwrap();
+        let folder = gallery.path().join("flight-7");
+        fs::create_dir(&folder).unwrap();
+        for name in ["notes", "run.mcap", "summary.json", "report.html"] {
+            fs::write(folder.join(name), "mine").unwrap();
+        }
+        let settings = ["duration=0.5".to_owned(), "vehicle.change=[]".to_owned()];
+        let scenario = ScenarioSource::FIG7.load(&settings, 1).unwrap();
+        let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+
+        let interrupt = Interrupt::never();
+        interrupt.raise(2);
+        assert!(page.fly(&scenario, gallery.path(), &interrupt).unwrap().is_none());
+        assert_eq!(read("report.html"), "mine");
+
+        let flown = page.fly(&scenario, gallery.path(), &Interrupt::never());
+        assert!(flown.unwrap().is_some());
+        assert!(read("report.html").contains("flight-7"));
+        for name in ["notes", "run.mcap", "summary.json"] {
+            assert_eq!(read(name), "mine", "{name}");
+        }
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 4);
+        assert_eq!(fs::read_dir(gallery.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn every_figure_has_a_page_of_one_of_its_own_flights() {

@@ -1,10 +1,11 @@
 //! Atomic writing of result files.
 //!
-//! A file is written under a temporary name in the folder of its target, and renamed when it is complete and on the
-//! disk. Until then the target stays as it is, so a failed command, a full disk or a killed process costs no earlier
-//! result. A file that the command reads is refused as a target. Files are compared by inode, so other names, links and
-//! spellings of the path are recognised. A file that begins unlike the result is no earlier result of the same command,
-//! and is refused as well: it may be the log of another flight, or a scenario.
+//! A file is written without a name in the folder of its target, and named when it is complete and on the disk. Until
+//! then the target stays as it is, so a failed command, a full disk or a killed process costs no earlier result and
+//! leaves nothing behind. On a file system without unnamed files, such as NFS, the file has a temporary name, which a
+//! killed process leaves. A file that the command reads is refused as a target. Files are compared by inode, so other
+//! names, links and spellings of the path are recognised. A file that begins unlike the result is no earlier result of the
+//! same command, and is refused as well: it may be the log of another flight, or a scenario.
 //!
 //! A symbolic link at the target is replaced, not followed: in a folder that other users can write, they choose where
 //! it leads. A device, a FIFO or an open descriptor (`/dev/stdout`) cannot be replaced and is written directly.
@@ -13,18 +14,18 @@
 
 use std::fs::{self, File, Permissions};
 use std::io::{self, Write};
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, AsRawFd};
 use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
+use rustix::fs::{Access, AtFlags, CWD, Mode, OFlags, RenameFlags, access, linkat, openat, renameat_with};
 use rustix::io::Errno;
 
 /// Maximum number of bytes that tell the kind of a file.
 const HEAD: usize = 64;
 
-/// Result file being written. If it is dropped before [`Self::finish`], its temporary file is removed.
+/// Result file being written. If it is dropped before [`Self::finish`], nothing of it remains.
 #[derive(Debug)]
 pub struct ResultFile {
     file: File,
@@ -35,7 +36,8 @@ pub struct ResultFile {
 /// Pending rename of a finished file.
 #[derive(Debug)]
 struct Rename {
-    temporary: PathBuf,
+    /// `None` while the file has no name.
+    temporary: Option<PathBuf>,
     target: PathBuf,
     replaces: bool,
 }
@@ -70,26 +72,18 @@ impl ResultFile {
 
     fn begin(target: &Path, replaces: bool) -> io::Result<Self> {
         let folder = folder_of(target);
-        loop {
-            let temporary = folder.join(next_name());
-            match new_file(&temporary) {
-                // Left by an earlier process with the same PID. It is not ours, so it stays.
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                created => {
-                    let rename = Some(Rename {
-                        temporary,
-                        target: target.to_owned(),
-                        replaces,
-                    });
-                    let result = Self {
-                        file: created?,
-                        rename,
-                    };
-                    copy_permissions(target, &result.file)?;
-                    return Ok(result);
-                }
-            }
-        }
+        let (temporary, file) = match unnamed_file(folder) {
+            Some(file) => (None, file),
+            None => with_new_name(folder, new_file).map(|(name, file)| (Some(name), file))?,
+        };
+        let rename = Some(Rename {
+            temporary,
+            target: target.to_owned(),
+            replaces,
+        });
+        let result = Self { file, rename };
+        copy_permissions(target, &result.file)?;
+        Ok(result)
     }
 
     /// Returns another descriptor of the file, for a writer that owns one.
@@ -114,14 +108,14 @@ impl ResultFile {
     /// # Errors
     /// The system's error, or that a file of another kind has the name; the target is unchanged then.
     pub fn finish(mut self) -> io::Result<()> {
-        let Some(rename) = &self.rename else {
+        let Some(rename) = &mut self.rename else {
             return self.file.flush();
         };
         if rename.replaces && !may_replace(&rename.target, &self.file)? {
             return Err(taken("it holds something else"));
         }
         self.file.sync_all()?;
-        rename.execute()?;
+        rename.execute(&self.file)?;
         self.rename = None;
         Ok(())
     }
@@ -139,20 +133,25 @@ impl Write for ResultFile {
 
 impl Drop for ResultFile {
     fn drop(&mut self) {
-        if let Some(rename) = &self.rename {
+        if let Some(temporary) = self.rename.as_ref().and_then(|rename| rename.temporary.as_ref()) {
             // This process created it, under a name that no other file had.
-            let _ = fs::remove_file(&rename.temporary);
+            let _ = fs::remove_file(temporary);
         }
     }
 }
 
 impl Rename {
-    fn execute(&self) -> io::Result<()> {
+    fn execute(&mut self, file: &File) -> io::Result<()> {
         let Self {
             temporary,
             target,
             replaces,
         } = self;
+        let temporary = match temporary {
+            Some(name) => name,
+            // No call links a file in place of another one.
+            None => temporary.insert(with_new_name(folder_of(target), |name| link(file, name))?.0),
+        };
         if *replaces {
             return fs::rename(temporary, target);
         }
@@ -237,6 +236,56 @@ fn kind(head: &[u8]) -> &[u8] {
 )]
 pub fn new_file(path: &Path) -> io::Result<File> {
     File::options().read(true).write(true).create_new(true).open(path)
+}
+
+/// Creates a file without a name in a folder, for data that are read again before the process ends.
+///
+/// # Errors
+/// The system's error.
+pub fn scratch_file(folder: &Path) -> io::Result<File> {
+    if let Some(file) = unnamed_file(folder) {
+        return Ok(file);
+    }
+    let (name, file) = with_new_name(folder, new_file)?;
+    fs::remove_file(name)?;
+    Ok(file)
+}
+
+/// Returns the path by which this process opens its own file, which needs no name.
+#[must_use]
+pub fn descriptor_path(file: &File) -> PathBuf {
+    Path::new("/proc/self/fd").join(file.as_raw_fd().to_string())
+}
+
+/// Creates a file without a name that can get one. `None` if the system has no such files here.
+fn unnamed_file(folder: &Path) -> Option<File> {
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let file = File::from(openat(CWD, folder, flags, Mode::from_raw_mode(0o666)).ok()?);
+    // The name is given through `/proc`, which a container may lack.
+    descriptor_path(&file).exists().then_some(file)
+}
+
+/// Gives an unnamed file a name that no other file has.
+fn link(file: &File, name: &Path) -> io::Result<()> {
+    Ok(linkat(
+        CWD,
+        descriptor_path(file),
+        CWD,
+        name,
+        AtFlags::SYMLINK_FOLLOW,
+    )?)
+}
+
+/// Creates something under a temporary name in a folder.
+fn with_new_name<T>(folder: &Path, create: impl Fn(&Path) -> io::Result<T>) -> io::Result<(PathBuf, T)> {
+    loop {
+        let name = folder.join(next_name());
+        match create(&name) {
+            // Left by an earlier process with the same PID. It is not ours, so it stays.
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            created => return Ok((name, created?)),
+        }
+    }
 }
 
 /// Opens a target that cannot be replaced: a device, a FIFO, or a descriptor of this process.
@@ -424,6 +473,42 @@ mod tests {
         symlink("nowhere", folder.path().join("link")).unwrap();
         let refused = ResultFile::create_new(&folder.path().join("link")).unwrap_err();
         assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
+    }
+
+    #[test]
+    fn a_killed_process_leaves_nothing_and_a_file_with_a_temporary_name_is_written_alike() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("plot.svg");
+        fs::write(&target, "first").unwrap();
+        assert!(
+            unnamed_file(folder.path()).is_some(),
+            "folders of tests have unnamed files"
+        );
+        let mut killed = ResultFile::create(&target, &[]).unwrap();
+        killed.write_all(b"second").unwrap();
+        let scratch = scratch_file(folder.path()).unwrap();
+        fs::write(descriptor_path(&scratch), "log").unwrap();
+        assert_eq!(fs::read(descriptor_path(&scratch)).unwrap(), b"log");
+        assert_eq!(names(folder.path()), ["plot.svg"]);
+        std::mem::forget(killed);
+
+        for (replaces, kind) in [(true, None), (false, Some(io::ErrorKind::AlreadyExists))] {
+            let (temporary, file) = with_new_name(folder.path(), new_file).unwrap();
+            let rename = Rename {
+                temporary: Some(temporary),
+                target: target.clone(),
+                replaces,
+            };
+            let mut result = ResultFile {
+                file,
+                rename: Some(rename),
+            };
+            result.write_all(b"third").unwrap();
+            assert_eq!(names(folder.path()).len(), 2);
+            assert_eq!(result.finish().err().map(|error| error.kind()), kind);
+            assert_eq!(fs::read(&target).unwrap(), b"third");
+            assert_eq!(names(folder.path()), ["plot.svg"]);
+        }
     }
 
     #[test]
