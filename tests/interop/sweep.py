@@ -34,10 +34,10 @@ TOLERANCE = 1e-12
 
 
 def rows_of(shard):
-    """Names of the columns, and the rows of a complete shard's file: JSON between a header and a footer."""
+    """Names of the columns, and the rows of a complete shard's file: JSON between a header and a footer, each after its checksum."""
     header, *rows, footer = shard.read_text(encoding="utf-8").splitlines()
     require(json.loads(footer)["rows"] == len(rows), f"{shard.name} has {len(rows)} rows, its footer says {footer}")
-    return json.loads(header)["columns"], list(map(json.loads, rows))
+    return json.loads(header)["columns"], [row for _, row in map(json.loads, rows)]
 
 
 def with_pandas(path):

@@ -78,7 +78,7 @@ impl Campaign {
             let flown = fly(usize::try_from(index).expect("an index of a list"))?;
             Some(flown.map(|result| (result, ())))
         };
-        journal.fill(self.flights, threads, fly, |_, result, ()| {
+        journal.fill(threads, fly, |_, result, ()| {
             results.push(result);
             flown(results.len());
         })?;
@@ -97,6 +97,10 @@ impl Campaign {
 }
 
 impl Header for Campaign {
+    fn flights(&self) -> u64 {
+        self.flights
+    }
+
     fn difference(&self, other: &Self) -> Option<String> {
         let reason = if self.kind != other.kind {
             "it is of another command"

@@ -58,7 +58,7 @@ pub fn fly_shard(
     let fly = |row: u64| fly_row(prepared, rows.start + row, folder, interrupt);
     let mut steps = 0;
     let begun = Instant::now();
-    let rows = journal.fill(total, threads, fly, |rows, _, row_steps| {
+    let rows = journal.fill(threads, fly, |rows, _, row_steps| {
         steps += row_steps;
         progress(rows, total);
     })?;

@@ -98,16 +98,20 @@ pub struct Header {
     pub scenario_text: String,
     /// Names of the columns.
     pub columns: Vec<String>,
+    /// Number of rows of the complete shard; 0 in files of earlier versions.
+    #[serde(default)]
+    pub rows: u64,
 }
 
 /// Version of the file format that this program writes.
-const FORM: u32 = 2;
+const FORM: u32 = 3;
 
 impl Header {
     /// Makes the header of a shard.
     #[must_use]
     pub(crate) fn new(shard: Shard, prepared: &Prepared) -> Self {
         let (source, columns) = (&prepared.plan.source, &prepared.layout.columns);
+        let samples = shard.samples(prepared.plan.samples);
         Self {
             form: FORM,
             shard,
@@ -118,11 +122,16 @@ impl Header {
             scenario_path: source.scenario_path.clone(),
             scenario_text: source.scenario_text.clone(),
             columns: columns.iter().map(|column| column.name.clone()).collect(),
+            rows: (samples.end - samples.start) * prepared.plan.entries.len() as u64,
         }
     }
 }
 
 impl journal::Header for Header {
+    fn flights(&self) -> u64 {
+        self.rows
+    }
+
     fn difference(&self, other: &Self) -> Option<String> {
         let fixed = if self.form != other.form {
             Some("it has the form of another version of gerono")

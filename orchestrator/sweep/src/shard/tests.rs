@@ -14,8 +14,9 @@ proptest! {
     }
 }
 
-fn header() -> Header {
+fn header(rows: u64) -> Header {
     Header {
+        rows,
         form: FORM,
         shard: Shard { index: 3, count: 20 },
         sweep: "s".to_owned(),
@@ -38,8 +39,8 @@ fn row(sample: u64) -> Row {
     ]
 }
 
-fn written(folder: &Path, rows: Range<u64>) -> Journal {
-    let mut writer = open(folder, &header()).unwrap();
+fn written(folder: &Path, rows: Range<u64>, total: u64) -> Journal {
+    let mut writer = open(folder, &header(total)).unwrap();
     assert_eq!(writer.results, rows.start);
     for sample in rows {
         writer.write(&row(sample)).unwrap();
@@ -50,9 +51,9 @@ fn written(folder: &Path, rows: Range<u64>) -> Journal {
 #[test]
 fn a_shard_goes_on_after_its_last_whole_row_and_has_the_bytes_of_one_that_was_never_stopped() {
     let (whole, broken) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let path = written(whole.path(), 0..10).complete().unwrap();
-    written(broken.path(), 0..6).pause().unwrap();
-    let partial = header().shard.partial_path(broken.path());
+    let path = written(whole.path(), 0..10, 10).complete().unwrap();
+    written(broken.path(), 0..6, 10).pause().unwrap();
+    let partial = header(10).shard.partial_path(broken.path());
     let bytes = std::fs::read(&partial).unwrap();
     let end_of_row_3 = bytes
         .iter()
@@ -64,7 +65,7 @@ fn a_shard_goes_on_after_its_last_whole_row_and_has_the_bytes_of_one_that_was_ne
     // Killed within the fifth row.
     for cut in [end_of_row_3 + 1, end_of_row_3 + 2, end_of_row_3 + 9] {
         std::fs::write(&partial, &bytes[..cut]).unwrap();
-        let resumed = written(broken.path(), 4..10).complete().unwrap();
+        let resumed = written(broken.path(), 4..10, 10).complete().unwrap();
         assert_eq!(std::fs::read(resumed).unwrap(), std::fs::read(&path).unwrap());
     }
 }
@@ -72,7 +73,7 @@ fn a_shard_goes_on_after_its_last_whole_row_and_has_the_bytes_of_one_that_was_ne
 #[test]
 fn rows_are_read_as_they_were_written_and_damage_is_found() {
     let folder = tempfile::tempdir().unwrap();
-    let path = written(folder.path(), 0..5).complete().unwrap();
+    let path = written(folder.path(), 0..5, 5).complete().unwrap();
     let mut reader = ShardReader::open(&path).unwrap();
     for sample in 0..5 {
         assert_eq!(reader.next_row().unwrap(), Some(row(sample)));
@@ -94,24 +95,24 @@ fn rows_are_read_as_they_were_written_and_damage_is_found() {
 #[test]
 fn a_shard_of_another_sweep_or_program_and_one_in_use_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let writer = written(folder.path(), 0..2);
+    let writer = written(folder.path(), 0..2, 2);
     assert!(matches!(
-        open(folder.path(), &header()),
+        open(folder.path(), &header(2)),
         Err(JournalError::Locked { .. })
     ));
     writer.pause().unwrap();
     for other in [
         Header {
             sweep: "other".to_owned(),
-            ..header()
+            ..header(2)
         },
         Header {
             program: "other".to_owned(),
-            ..header()
+            ..header(2)
         },
         Header {
             files: BTreeMap::from([("the plug-in".to_owned(), "other".to_owned())]),
-            ..header()
+            ..header(2)
         },
     ] {
         let refused = open(folder.path(), &other);
@@ -125,11 +126,11 @@ fn a_shard_of_another_sweep_or_program_and_one_in_use_are_refused() {
 #[test]
 fn a_complete_shard_is_compared_with_what_would_be_flown() {
     let folder = tempfile::tempdir().unwrap();
-    let path = written(folder.path(), 0..2).complete().unwrap();
-    check_complete(folder.path(), &header()).unwrap();
+    let path = written(folder.path(), 0..2, 2).complete().unwrap();
+    check_complete(folder.path(), &header(2)).unwrap();
     let other = Header {
         scenario_text: "other".to_owned(),
-        ..header()
+        ..header(2)
     };
     let refused = check_complete(folder.path(), &other).unwrap_err().to_string();
     assert!(refused.contains("it is of another scenario"), "{refused}");
@@ -137,8 +138,11 @@ fn a_complete_shard_is_compared_with_what_would_be_flown() {
     std::fs::rename(path, other.path(folder.path())).unwrap();
     let expected = Header {
         shard: other,
-        ..header()
+        ..header(2)
     };
     let refused = check_complete(folder.path(), &expected).unwrap_err().to_string();
-    assert!(refused.contains("its name is that of another shard"), "{refused}");
+    assert!(
+        refused.contains("its name does not match the shard that it holds"),
+        "{refused}"
+    );
 }
