@@ -212,30 +212,26 @@ impl FlightResult {
     /// Returns the result of a flight; `None` if it was interrupted.
     fn fly(scenario: &Scenario, interrupt: &Interrupt) -> Option<Result<Self, GridError>> {
         let seed = scenario.seed;
-        let lost = |reason: NotMeasured| Self {
-            seed,
-            rms: None,
-            peak: None,
-            body_rate: None,
-            lost: Some(reason.to_string()),
-        };
-        match measure(scenario, interrupt) {
+        let result = |flown| match flown {
             Ok(Measured {
                 steady, transient, ..
-            }) => Some(Ok(Self {
+            }) => Self {
                 seed,
                 rms: steady.map(|steady| steady.rmse),
                 peak: transient.map(|transient| transient.max),
                 body_rate: steady.map(|steady| steady.body_rate_rms),
                 lost: None,
-            })),
-            Err(NotMeasured::Interrupted(_)) => None,
-            Err(reason) => Some(
-                reason
-                    .into_setup_failure()
-                    .map_or_else(|reason| Ok(lost(reason)), |failure| Err(failure.into())),
-            ),
-        }
+            },
+            Err(reason) => Self {
+                seed,
+                rms: None,
+                peak: None,
+                body_rate: None,
+                lost: Some(NotMeasured::to_string(&reason)),
+            },
+        };
+        let flown = measure(scenario, interrupt)?;
+        Some(flown.map(result).map_err(GridError::from))
     }
 }
 

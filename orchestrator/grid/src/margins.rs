@@ -138,13 +138,12 @@ fn first_failure(
 ) -> Result<Option<LostFlight>, GridError> {
     for &seed in seeds {
         let scenario = base.scenario(settings, seed)?;
-        let reason = match measure(&scenario, interrupt) {
-            Ok(measured) if measured.error.rmse() <= SURVIVED => continue,
-            Ok(measured) => format!("{:.1} cm from the path", 100.0 * measured.error.rmse()),
-            Err(reason) => match reason.into_setup_failure() {
-                Ok(failure) => return Err(failure.into()),
-                Err(reason) => reason.to_string(),
-            },
+        let reason = match measure(&scenario, interrupt).transpose()? {
+            // The interrupted search has no margin.
+            None => return Ok(None),
+            Some(Ok(measured)) if measured.error.rmse() <= SURVIVED => continue,
+            Some(Ok(measured)) => format!("{:.1} cm from the path", 100.0 * measured.error.rmse()),
+            Some(Err(reason)) => reason.to_string(),
         };
         return Ok(Some(LostFlight { seed, reason }));
     }

@@ -124,34 +124,29 @@ pub struct Job {
 #[derive(Debug, Default)]
 pub struct FlightResults(BTreeMap<(Column, u64, String), Result<Measured, String>>);
 
-/// Reason why a flight has no result.
+/// Reason why a campaign ends without results.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The folder holds the results of other flights, or results cannot be stored.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// A flight could not begin.
+    #[error(transparent)]
+    Flight(#[from] FlightFailure),
+}
+
+/// Reason why a flight has no measured values.
 #[derive(Debug, thiserror::Error)]
 pub enum NotMeasured {
     /// The flight failed.
     #[error(transparent)]
-    Failed(#[from] FlightFailure),
-    /// The user interrupted the flight with this signal.
-    #[error("ended by signal {0}")]
-    Interrupted(i32),
+    Failed(FlightFailure),
     /// The vehicle was lost.
     #[error("the vehicle was lost at {time} s: {0}", time = .0.time)]
     Lost(Loss),
     /// The path waited for the vehicle: the path variable advanced only by this share of the nominal distance, in per cent.
     #[error("the path variable advanced only {0:.0} % of its nominal distance")]
     Waited(f64),
-}
-
-impl NotMeasured {
-    /// Returns the failure if the flight failed before it began, which says nothing about a control law.
-    ///
-    /// # Errors
-    /// `self` if the flight had begun.
-    pub fn into_setup_failure(self) -> Result<FlightFailure, Self> {
-        match self {
-            Self::Failed(failure) if failure.is_of_setup() => Ok(failure),
-            reason => Err(reason),
-        }
-    }
 }
 
 impl FlightResults {
@@ -161,21 +156,22 @@ impl FlightResults {
     /// Every flight is a function of its scenario alone, independent of the number of threads and the order.
     ///
     /// # Errors
-    /// [`JournalError`] if the folder holds the results of other flights, or results cannot be stored.
+    /// [`CampaignError`].
     pub fn fly(
         jobs: &[Job],
         threads: usize,
         folder: &Path,
         interrupt: &Interrupt,
         flown: impl FnMut(usize),
-    ) -> Result<Option<Self>, JournalError> {
+    ) -> Result<Option<Self>, CampaignError> {
         let scenarios = jobs.iter().map(|job| &job.scenario);
         let campaign = Campaign::new("reproduce", scenarios)?;
-        let fly = |index: usize| match measure(&jobs[index].scenario, interrupt) {
-            Err(NotMeasured::Interrupted(_)) => None,
-            result => Some(Ok(result.map_err(|reason| reason.to_string()))),
+        let fly = |index: usize| {
+            let measured = measure(&jobs[index].scenario, interrupt)?;
+            let result = measured.map(|result| result.map_err(|reason| reason.to_string()));
+            Some(result.map_err(CampaignError::from))
         };
-        let results = campaign.fly::<_, JournalError>(&folder.join(FLIGHTS), threads, fly, flown)?;
+        let results = campaign.fly(&folder.join(FLIGHTS), threads, fly, flown)?;
         let is_whole = results.len() == jobs.len();
         let entries = jobs
             .iter()
@@ -218,18 +214,29 @@ impl SeedResults<'_> {
     }
 }
 
-/// Flies and measures a scenario.
+/// Flies and measures a scenario. Returns `None` if the flight was interrupted.
 ///
 /// # Errors
-/// [`NotMeasured`] if the flight has no result.
-pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, NotMeasured> {
-    let schedule = flight::schedule_of(scenario).map_err(FlightFailure::from)?;
+/// The failure of a flight that did not begin: it says nothing about a control law, so it is no result of a campaign.
+pub fn measure(
+    scenario: &Scenario,
+    interrupt: &Interrupt,
+) -> Option<Result<Result<Measured, NotMeasured>, FlightFailure>> {
+    let schedule = match flight::schedule_of(scenario) {
+        Ok(schedule) => schedule,
+        Err(unflyable) => return Some(Err(unflyable.into())),
+    };
     let mut meter = Meter::new(scenario, &schedule);
-    match in_process::fly(scenario, &mut meter, interrupt)?.outcome {
-        Outcome::Completed => {}
-        Outcome::Interrupted { signal } => return Err(NotMeasured::Interrupted(signal)),
-        Outcome::Failed(failure) => return Err(failure.into()),
+    let ending = in_process::fly(scenario, &mut meter, interrupt);
+    match ending.map_or_else(Outcome::Failed, |ending| ending.outcome) {
+        Outcome::Completed => Some(Ok(judged(meter))),
+        Outcome::Interrupted { .. } => None,
+        Outcome::Failed(failure) if failure.is_of_setup() => Some(Err(failure)),
+        Outcome::Failed(failure) => Some(Ok(Err(NotMeasured::Failed(failure)))),
     }
+}
+
+fn judged(meter: Meter) -> Result<Measured, NotMeasured> {
     let measured = meter.finish().map_err(NotMeasured::Lost)?;
     if measured.progress >= MIN_PROGRESS {
         Ok(measured)
@@ -240,6 +247,8 @@ pub fn measure(scenario: &Scenario, interrupt: &Interrupt) -> Result<Measured, N
 
 #[cfg(test)]
 mod tests {
+    use scenario::Plugins;
+
     use super::*;
 
     fn jobs() -> Vec<Job> {
@@ -275,6 +284,22 @@ mod tests {
     }
 
     #[test]
+    fn a_flight_that_cannot_begin_is_no_result_and_is_tried_again_when_the_campaign_resumes() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut jobs = jobs();
+        jobs[1].scenario.plugins = Some(Plugins {
+            controller: Some("nothere.so".into()),
+            ..Plugins::default()
+        });
+        for _ in 0..2 {
+            let failed = FlightResults::fly(&jobs, 1, folder.path(), &Interrupt::never(), |_| ());
+            assert!(matches!(failed, Err(CampaignError::Flight(_))), "{failed:?}");
+            let kept = std::fs::read_to_string(folder.path().join("flights.rows.partial")).unwrap();
+            assert_eq!(kept.lines().count(), 2, "a header and the flight before: {kept}");
+        }
+    }
+
+    #[test]
     fn a_flight_that_was_not_flown_says_so() {
         let results = FlightResults::default();
         let reason = results.flown(Column::Baseline, 7).result("fig9").unwrap_err();
@@ -290,7 +315,8 @@ mod tests {
             &["duration=21.0", "vehicle.change=[]"],
         );
         let scenario = specification.load(Column::Baseline, 1).unwrap();
-        let reason = measure(&scenario, &Interrupt::never()).unwrap_err().to_string();
+        let flown = measure(&scenario, &Interrupt::never()).unwrap().unwrap();
+        let reason = flown.unwrap_err().to_string();
         assert!(reason.contains("% of its nominal distance"), "{reason}");
     }
 }

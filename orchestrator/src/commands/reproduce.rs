@@ -12,7 +12,7 @@ use flight::many;
 use flight::{Outcome, in_process};
 use reproduce::drawings::{DRAWINGS, Drawing, TraceBook};
 use reproduce::figures::Figure;
-use reproduce::flight::{FLIGHTS, FlightResults, Job};
+use reproduce::flight::{CampaignError, FLIGHTS, FlightResults, Job};
 use reproduce::judgement::{self, ReproductionReport};
 use reproduce::known_gaps::KnownGaps;
 use reproduce::pages::{FlightPage, PageError};
@@ -141,7 +141,10 @@ fn fly(jobs: &[Job], folder: &RunFolder, interrupt: &Interrupt) -> Result<Option
     let flown = |flights: usize| bar.set_position(flights as u64);
     let results = FlightResults::fly(jobs, many::cores(), folder.path(), interrupt, flown);
     bar.finish_and_clear();
-    Ok(results?)
+    results.map_err(|error| match error {
+        CampaignError::Journal(error) => error.into(),
+        CampaignError::Flight(error) => error.into(),
+    })
 }
 
 /// Returns the exit code of an interrupted command.
