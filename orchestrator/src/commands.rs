@@ -29,6 +29,7 @@ pub mod world;
 
 use std::cell::RefCell;
 use std::fmt::Display;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use scenario::Scenario;
@@ -39,6 +40,7 @@ use crate::cli::{RecordingArguments, ScenarioArguments};
 pub use command_line::failure::Failure;
 use command_line::output::{log_path, not_written, note, print, print_as_it_is, write, write_json};
 use plugin::library_file;
+use report::text_table::{TextTable, latex_file};
 use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
 use supervisor::host_record::HostRecord;
@@ -92,6 +94,25 @@ fn host_record(
     ))
 }
 
+/// Writes tables as LaTeX if it is asked for, or if an earlier command wrote them: all files of a folder show the same results.
+fn write_latex(path: &Path, is_asked: bool, tables: &[TextTable]) -> Result<(), Failure> {
+    if is_asked || path.exists() {
+        write(path, &latex_file(tables))?;
+    }
+    Ok(())
+}
+
+/// Writes a result, or removes that of an earlier command, which belongs to other results.
+fn write_or_remove(path: &Path, text: Option<String>) -> Result<(), Failure> {
+    match text {
+        Some(text) => write(path, &text),
+        None => match std::fs::remove_file(path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(not_written(path, &error)),
+            _ => Ok(()),
+        },
+    }
+}
+
 /// Prints how to resume an interrupted campaign.
 fn print_resume_hint(folder: &Path) {
     note(format_args!(
@@ -109,4 +130,25 @@ fn schedule_of(scenario: &Scenario) -> Result<Schedule, Failure> {
 fn scenario_name(path: &Path) -> String {
     path.file_stem()
         .map_or_else(|| "flight".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_earlier_results_do_not_stay_beside_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let [drawing, tables] = ["pareto.svg", "grid.tex"].map(|name| folder.path().join(name));
+        for (text, is_left) in [(None, false), (Some("drawing"), true), (None, false)] {
+            write_or_remove(&drawing, text.map(str::to_owned)).unwrap();
+            assert_eq!(drawing.exists(), is_left);
+        }
+        write_latex(&tables, false, &[]).unwrap();
+        assert!(!tables.exists(), "nothing is written unasked");
+        std::fs::write(&tables, "earlier").unwrap();
+        write_latex(&tables, false, &[]).unwrap();
+        assert_eq!(std::fs::read_to_string(&tables).unwrap(), latex_file(&[]));
+    }
 }

@@ -7,11 +7,10 @@ use grid::error::GridError;
 use grid::flights::{self, Base};
 use grid::report::GridReport;
 use grid::{margins, page};
-use report::text_table::latex_file;
 use reproduce::flight::FLIGHTS;
 use run_log::run_folder::RunFolder;
 
-use super::{Failure, print, print_resume_hint, write, write_json};
+use super::{Failure, print, print_resume_hint, write, write_json, write_latex, write_or_remove};
 use crate::cli::Grid;
 
 /// `gerono grid`.
@@ -66,13 +65,9 @@ pub fn grid(arguments: &Grid) -> Result<Exit, Failure> {
     let report = GridReport::new(&base, &laws, &conditions, &seeds, cells, margins);
     write_json(&folder.path().join("grid.json"), &report)?;
     write(&folder.path().join("grid.md"), &report.markdown())?;
-    if arguments.latex {
-        write(&folder.path().join("grid.tex"), &latex_file(&report.tables()))?;
-    }
+    write_latex(&folder.path().join("grid.tex"), arguments.latex, &report.tables())?;
     write(&folder.path().join("index.html"), &page::page(&report))?;
-    if let Some(drawing) = page::pareto(&report) {
-        write(&folder.path().join("pareto.svg"), &drawing)?;
-    }
+    write_or_remove(&folder.path().join("pareto.svg"), page::pareto(&report))?;
     print(format!("{report}results: {}\n", folder.path().display()));
     Ok(Exit::Success)
 }

@@ -7,13 +7,12 @@ mod run;
 use std::path::Path;
 
 use command_line::exit::Exit;
-use report::text_table::latex_file;
 use sweep::definition::Source;
 use sweep::error::SweepError;
 use sweep::merge::merge_folder;
 use sweep::prepared::Prepared;
 
-use super::{Failure, note, print, write};
+use super::{Failure, note, print, write_latex};
 use crate::cli::{Sweep, SweepCommand, SweepMerge};
 
 /// `gerono sweep`.
@@ -56,9 +55,7 @@ fn merge(arguments: &SweepMerge) -> Result<Exit, Failure> {
 /// Merges the shards of a folder and prints the report.
 fn merge_and_print(folder: &Path, mixed_builds: bool, latex: bool) -> Result<Exit, Failure> {
     let (report, refused) = merge_folder(folder, mixed_builds).map_err(failure)?;
-    if latex {
-        write(&folder.join("sweep.tex"), &latex_file(&report.tables()))?;
-    }
+    write_latex(&folder.join("sweep.tex"), latex, &report.tables())?;
     print(format!("{report}results: {}\n", folder.display()));
     if refused > 0 {
         note(format_args!(
