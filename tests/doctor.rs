@@ -5,7 +5,7 @@ use crate::common;
 use std::path::PathBuf;
 use std::process::Command;
 
-use common::processes::{services_of, shared_memory_of, signal};
+use common::processes::{await_catching, services_of, shared_memory_of, signal};
 use common::{Begun, Place, begin, finish, output, until};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -115,13 +115,7 @@ fn a_wrong_scenario_is_refused_before_anything_is_measured() {
 fn a_signal_ends_the_measuring_and_nothing_is_said_or_left() {
     let place = Place::new();
     let child = begin(&mut place.gerono(&["doctor", "--seconds", "3600"]));
-    let is_caught = || {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
-        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
-        let caught = u64::from_str_radix(caught.trim(), 16).ok()?;
-        (caught >> (Signal::INT.as_raw() - 1) & 1 == 1).then_some(())
-    };
-    until("a doctor that listens", is_caught);
+    await_catching(child.id(), Signal::INT);
     signal(child.id(), Signal::INT);
     let ended = finish(child);
     assert_eq!(ended.status.code(), Some(130));

@@ -7,11 +7,13 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use ::flight::interrupt::Interrupt;
+use rustix::process::Signal;
 use sweep::definition::Source;
 use sweep::flight;
 use sweep::plan::Plan;
 
-use crate::common::{Place, scenario, succeed};
+use crate::common::processes::{await_catching, signal};
+use crate::common::{Place, begin, finish, scenario, succeed};
 use crate::plugins::{ROOT, compile};
 
 /// Twelve short flights of two laws; one of the vehicles is too heavy for any law.
@@ -164,11 +166,13 @@ fn every_row_can_be_repeated_with_its_log() {
 #[test]
 fn a_flight_whose_law_does_not_use_a_varied_gain_can_be_repeated_by_a_command() {
     let place = Place::new();
+    // Its path is to be one word of the command.
+    let own = place.path("what's flown.toml");
+    std::fs::copy(scenario("fig3_6"), &own).unwrap();
     let text = format!(
-        "scenario = {:?}\nsamples = 1\nset = [\"duration=1.5\", \"vehicle.change=[]\"]\n\
+        "scenario = {own:?}\nsamples = 1\nset = [\"duration=1.5\", \"vehicle.change=[]\"]\n\
          [vary]\n\"controller.k1\" = {{ uniform = [3.0, 5.0] }}\n\
-         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"INDI\"\nset = [\"controller.law=indi\"]\n",
-        scenario("fig3_6")
+         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"INDI\"\nset = [\"controller.law=indi\"]\n"
     );
     std::fs::write(place.path("sweep.toml"), text).unwrap();
     succeed(&mut place.gerono(&["sweep", "run", "sweep.toml", "--out", "results"]));
@@ -185,6 +189,20 @@ fn a_flight_whose_law_does_not_use_a_varied_gain_can_be_repeated_by_a_command() 
         succeed(Command::new("sh").args(["-c", &run]).current_dir(place.path("")));
         succeed(&mut place.gerono(&["diff", law, &format!("same-{law}")]));
     }
+}
+
+#[test]
+fn ctrl_c_ends_the_trial_flights_of_a_plan_with_its_exit_code() {
+    let place = Place::new();
+    let text = format!(
+        "scenario = {:?}\nsamples = 4\nset = [\"duration=30000.0\", \"vehicle.change=[]\"]\n",
+        scenario("fig1")
+    );
+    std::fs::write(place.path("sweep.toml"), text).unwrap();
+    let child = begin(&mut place.gerono(&["sweep", "plan", "sweep.toml"]));
+    await_catching(child.id(), Signal::INT);
+    signal(child.id(), Signal::INT);
+    assert_eq!(finish(child).status.code(), Some(130));
 }
 
 #[test]

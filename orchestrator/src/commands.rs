@@ -37,10 +37,13 @@ use serde::Serialize;
 use shared_types::Schedule;
 
 use crate::cli::{RecordingArguments, ScenarioArguments};
+use ::report::text_table::{TextTable, latex_file};
+use ::sweep::slurm::quoted;
+use command_line::exit::Exit;
 pub use command_line::failure::Failure;
 use command_line::output::{log_path, not_written, note, print, print_as_it_is, write, write_json};
+use flight::interrupt::Interrupt;
 use plugin::library_file;
-use report::text_table::{TextTable, latex_file};
 use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
 use supervisor::host_record::HostRecord;
@@ -94,6 +97,11 @@ fn host_record(
     ))
 }
 
+/// Returns the exit of an interrupted command.
+fn ended(interrupt: &Interrupt) -> Exit {
+    interrupt.signal().map_or(Exit::Success, Exit::Signal)
+}
+
 /// Writes tables as LaTeX if it is asked for, or if an earlier command wrote them: all files of a folder show the same results.
 fn write_latex(path: &Path, is_asked: bool, tables: &[TextTable]) -> Result<(), Failure> {
     if is_asked || path.exists() {
@@ -116,8 +124,9 @@ fn write_or_remove(path: &Path, text: Option<String>) -> Result<(), Failure> {
 /// Prints how to resume an interrupted campaign.
 fn print_resume_hint(folder: &Path) {
     note(format_args!(
-        "the results so far are stored in {0}; the same command with `--out {0}` resumes from there",
-        folder.display()
+        "the results so far are stored in {}; the same command with `--out {}` resumes from there",
+        folder.display(),
+        quoted(&folder.display().to_string())
     ));
 }
 

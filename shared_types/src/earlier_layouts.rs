@@ -18,7 +18,7 @@ struct EarlierLayout {
 }
 
 const EARLIER_LAYOUTS: [EarlierLayout; 1] = [
-    // Until 2026-11-25 a reference had no cause.
+    // Until the evening of 2026-11-25 a reference had no cause.
     EarlierLayout {
         topic: Topic::PathReference,
         hash: "d1bf73622e0a7c719d576dc2f73d1130",

@@ -87,6 +87,16 @@ pub(crate) fn signal(pid: u32, signal: rustix::process::Signal) {
     rustix::process::kill_process(pid, signal).unwrap();
 }
 
+/// Waits until a process catches a signal.
+pub(crate) fn await_catching(pid: u32, signal: rustix::process::Signal) {
+    until("a process that catches the signal", || {
+        let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+        let caught = u64::from_str_radix(caught.trim(), 16).ok()?;
+        (caught >> (signal.as_raw() - 1) & 1 == 1).then_some(())
+    });
+}
+
 /// Returns whether a process lives (a zombie does not).
 pub(crate) fn is_alive(pid: u32) -> bool {
     std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {

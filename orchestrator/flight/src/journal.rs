@@ -336,7 +336,7 @@ fn line_of(before: &Sha256, result: &[u8]) -> Vec<u8> {
 
 /// Returns the result in a line behind lines with this hash; `None` if the line is not the one that was written there.
 fn result_in<'a>(before: &Sha256, line: &'a [u8]) -> Option<&'a [u8]> {
-    let result = line.get(2 * CHECKSUM_BYTES + 5..)?.strip_suffix(b"]\n")?;
+    let result = line.get(2 * CHECKSUM_BYTES + 4..)?.strip_suffix(b"]\n")?;
     (line_of(before, result) == line).then_some(result)
 }
 

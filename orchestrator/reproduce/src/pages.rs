@@ -154,7 +154,7 @@ mod tests {
             fs::write(folder.join(name), "mine").unwrap();
         }
         let settings = ["duration=0.5".to_owned(), "vehicle.change=[]".to_owned()];
-        let scenario = ScenarioSource::FIG7.load(&settings, 1).unwrap();
+        let scenario = ScenarioSource::FIG3_6.load(&settings, 1).unwrap();
         let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
 
         let interrupt = Interrupt::never();

@@ -147,7 +147,8 @@ impl Rename {
             target,
             replaces,
         } = self;
-        let temporary = match temporary {
+        let target: &Path = target;
+        let temporary: &Path = match temporary {
             Some(name) => name,
             // No call links a file in place of another one.
             None => temporary.insert(with_new_name(folder_of(target), |name| link(file, name))?.0),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Failure, print, print_resume_hint, write, write_json};
+use super::{Failure, ended, print, print_resume_hint, write, write_json};
 use crate::cli::Reproduce;
 use command_line::exit::Exit;
 use command_line::interrupt;
@@ -145,11 +145,6 @@ fn fly(jobs: &[Job], folder: &RunFolder, interrupt: &Interrupt) -> Result<Option
         CampaignError::Journal(error) => error.into(),
         CampaignError::Flight(error) => error.into(),
     })
-}
-
-/// Returns the exit code of an interrupted command.
-fn ended(interrupt: &Interrupt) -> Exit {
-    interrupt.signal().map_or(Exit::Success, Exit::Signal)
 }
 
 /// Draws the figures from the first seed in the first laboratory, and writes a page about the first flight of each. Returns the

@@ -21,7 +21,7 @@ use crate::cli::{Sweep, SweepCommand, SweepMerge};
 /// [`Failure`].
 pub fn sweep(arguments: &Sweep) -> Result<Exit, Failure> {
     match &arguments.command {
-        SweepCommand::Plan(arguments) => plan::plan(arguments).map(|()| Exit::Success),
+        SweepCommand::Plan(arguments) => plan::plan(arguments),
         SweepCommand::Run(arguments) => run::run(arguments),
         SweepCommand::Merge(arguments) => merge(arguments),
         SweepCommand::Fly(arguments) => fly::fly(arguments),

@@ -489,7 +489,7 @@ mod tests {
             (&format!("{head}[judge]\n\"a b\" = \"max < 1\"\n"), "is no name"),
             (
                 &format!("{head}[[compare]]\nname = \"a\"\n[[compare]]\nname = \"a\"\n"),
-                "a `name` of its own",
+                "a unique `name`",
             ),
             (
                 &format!("{head}[[compare]]\nname = \"../a\"\n"),
@@ -497,7 +497,7 @@ mod tests {
             ),
             (
                 &format!("{head}[[compare]]\nname = \"a b\"\n[[compare]]\nname = \"a_b\"\n"),
-                "files of one name",
+                "file names would equal",
             ),
         ] {
             let refusal = refused(text);

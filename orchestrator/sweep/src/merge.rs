@@ -13,6 +13,7 @@ use crate::prepared::Prepared;
 use crate::report::{Report, Results};
 use crate::row::Row;
 use crate::shard::{Shard, ShardReader, shards_in};
+use crate::slurm::quoted;
 use crate::table::TableWriter;
 
 /// Merges the shards of a folder; returns the report and the number of refused flights.
@@ -117,7 +118,7 @@ fn complete_shards(folder: &Path) -> Result<Vec<Shard>, SweepError> {
         return Err(SweepError::bad_input(format!(
             "there are no shards in {}; `gerono sweep run SWEEP --out {}` flies them",
             folder.display(),
-            folder.display()
+            quoted(&folder.display().to_string())
         )));
     };
     if let Some((other, _)) = shards.iter().find(|(shard, _)| shard.count != first.count) {
@@ -148,7 +149,7 @@ fn complete_shards(folder: &Path) -> Result<Vec<Shard>, SweepError> {
             missing.join(", "),
             missing[0],
             first.count,
-            folder.display()
+            quoted(&folder.display().to_string())
         )));
     }
     Ok((0..first.count)

@@ -81,6 +81,11 @@ fn spans(values: impl Iterator<Item = f64>) -> bool {
     range[0] > 0.0 && range[1] > 1.01 * range[0]
 }
 
+/// Returns whether numbers have more than one value.
+fn varies(values: &[f64]) -> bool {
+    values.iter().any(|value| *value != values[0])
+}
+
 fn figure(plots: Vec<Plot>, layout: DrawingLayout) -> String {
     let figure = Figure::new(1, 1)
         .with_cell_size(860.0, 420.0)
@@ -144,10 +149,10 @@ fn scatters(prepared: &Prepared, results: &Results) -> Vec<String> {
     if !spans(all.filter(|value| !value.is_nan())) {
         return Vec::new();
     }
-    let varied = plan.columns().enumerate().filter(|(column, _)| {
-        let values = results.varied(*column);
-        values.first() != values.last() && plan.is_drawn(*column)
-    });
+    let varied = plan
+        .columns()
+        .enumerate()
+        .filter(|(column, _)| varies(results.varied(*column)) && plan.is_drawn(*column));
     let drawn = varied.take(SCATTERED).map(|(column, name)| {
         let plots =
             plan.entries
@@ -231,6 +236,9 @@ fn drawings_of(map: &Map, prepared: &Prepared, results: &Results) -> Option<Vec<
 
 /// Draws a criterion over two values with a dot for each sample.
 fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> Option<String> {
+    let is_log = map.log && spans(xs.iter().copied()) && spans(ys.iter().copied());
+    // A logarithmic axis has only positive numbers.
+    let fits = |x: f64, y: f64| x.is_finite() && y.is_finite() && (!is_log || x > 0.0 && y > 0.0);
     let mut plots = Vec::new();
     for (meets, color, words) in [(true, COLORS[0], "yes"), (false, COLORS[1], "no")] {
         let points = xs.iter().zip(ys).zip(met).zip(is_flown);
@@ -253,7 +261,7 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
     for (name, text) in &map.line {
         let line = Expression::parse(text, |name| (name == "x" || name == map.x).then_some(0)).ok()?;
         let at = |share: f64| {
-            if map.log {
+            if is_log {
                 libm::exp(libm::log(low) + share * libm::log(high / low))
             } else {
                 low + share * (high - low)
@@ -263,16 +271,18 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
             .map(|step| at(f64::from(step) / 100.0))
             .map(|x| (x, line.value(&[x])));
         let plot = LinePlot::new()
-            .with_data(points.filter(|(_, y)| y.is_finite()).collect::<Vec<_>>())
+            .with_data(points.filter(|&(x, y)| fits(x, y)).collect::<Vec<_>>())
             .with_color("#444444")
             .with_dashed()
             .with_legend(name.clone());
         plots.push(Plot::from(plot));
     }
-    if !map.point.is_empty() {
+    let points = map.point.iter().filter(|(_, [x, y])| fits(*x, *y));
+    let (names, points): (Vec<_>, Vec<_>) = points.map(|(name, [x, y])| (name.clone(), (*x, *y))).unzip();
+    if !points.is_empty() {
         let plot = ScatterPlot::new()
-            .with_data(map.point.values().map(|[x, y]| (*x, *y)).collect::<Vec<_>>())
-            .with_labels(map.point.keys().cloned())
+            .with_data(points)
+            .with_labels(names)
             .with_repel_labels()
             .with_size(5.0)
             .with_color("#000000");
@@ -282,8 +292,33 @@ fn dots(map: &Map, xs: &[f64], ys: &[f64], met: &[bool], is_flown: &[bool]) -> O
         .with_legend_position(LegendPosition::OutsideRightTop)
         .with_x_label(with_unit(&map.x))
         .with_y_label(with_unit(&map.y));
-    if map.log && spans(xs.iter().copied()) && spans(ys.iter().copied()) {
+    if is_log {
         layout = layout.with_log_x().with_log_y();
     }
     Some(figure(plots, layout))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_varies_also_if_its_first_and_last_samples_coincide() {
+        assert!(varies(&[0.2, 0.1, 0.2]));
+        assert!(!varies(&[0.2, 0.2]) && !varies(&[]));
+    }
+
+    #[test]
+    fn a_map_with_logarithmic_axes_has_numbers_alone_whatever_is_drawn() {
+        for xs in [[-0.1, 0.2, 0.3], [0.0, 0.2, 0.3], [0.1, 0.2, 0.3]] {
+            let map: Map = toml::from_str(
+                "x = 'a'\ny = 'b'\nvalue = 'survived'\nlog = true\nline = { bound = 'x - 0.2' }\n\
+                 point = { here = [0.2, 0.2], below = [-1.0, 0.0] }",
+            )
+            .unwrap();
+            let drawing = dots(&map, &xs, &[0.1, 0.2, 0.4], &[true, false, true], &[true; 3]).unwrap();
+            assert!(!drawing.contains("NaN") && !drawing.contains("inf"), "{xs:?}");
+            assert!(drawing.contains("bound") && drawing.contains("here"), "{xs:?}");
+        }
+    }
 }

@@ -5,10 +5,11 @@ use command_line::interrupt;
 use run_log::run_folder::RunFolder;
 use sweep::flight::fly_recorded;
 use sweep::fly::{find, is_same, text};
+use sweep::slurm::quoted;
 
 use super::failure;
 use crate::cli::SweepFly;
-use crate::commands::{Failure, note, print};
+use crate::commands::{Failure, ended, note, print};
 
 /// `gerono sweep fly`.
 ///
@@ -46,7 +47,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     let sample = plan.sample(arguments.sample);
     let flown = fly_recorded(plan, &sample, entry, &folder.run_log(), &interrupt).map_err(failure)?;
     let Some(flown) = flown else {
-        return Ok(interrupt.signal().map_or(Exit::Success, Exit::Signal));
+        return Ok(ended(&interrupt));
     };
     let row = prepared.layout.row(&sample, entry, &flown);
     for (column, cell) in prepared.layout.columns.iter().zip(&row) {
@@ -59,7 +60,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     }
     let sets: String = settings
         .iter()
-        .map(|setting| format!(" --set '{setting}'"))
+        .map(|setting| format!(" --set {}", quoted(setting)))
         .collect();
     let path = &plan.source.scenario_path;
     if std::fs::read_to_string(path).ok().as_ref() != Some(&plan.source.scenario_text) {
@@ -70,7 +71,7 @@ pub(super) fn fly(arguments: &SweepFly) -> Result<Exit, Failure> {
     }
     print(format!(
         "\nthe same flight, to its end: gerono run {} --seed {}{sets}\nlog: {}\n",
-        path.display(),
+        quoted(&path.display().to_string()),
         sample.seed,
         folder.run_log().display()
     ));

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::output::print_as_it_is;
 use sweep::flight::fly;
@@ -10,7 +11,7 @@ use sweep::slurm::{quoted, script};
 
 use super::failure;
 use crate::cli::SweepPlan;
-use crate::commands::{Failure, print};
+use crate::commands::{Failure, ended, print};
 
 /// Number of samples flown to estimate the time of a flight.
 const TRIED: u64 = 4;
@@ -19,14 +20,14 @@ const TRIED: u64 = 4;
 ///
 /// # Errors
 /// [`Failure`] if the sweep cannot be flown.
-pub(super) fn plan(arguments: &SweepPlan) -> Result<(), Failure> {
+pub(super) fn plan(arguments: &SweepPlan) -> Result<Exit, Failure> {
     let prepared = super::prepared(&arguments.sweep)?;
     let plan = &prepared.plan;
     prepared.plan.check_flyable().map_err(failure)?;
     let sweep = quoted(&arguments.sweep.display().to_string());
     if arguments.slurm {
         print_as_it_is(script(&sweep, arguments.shards, arguments.cpus));
-        return Ok(());
+        return Ok(Exit::Success);
     }
     let flights = plan.samples * plan.entries.len() as u64;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
@@ -35,7 +36,7 @@ pub(super) fn plan(arguments: &SweepPlan) -> Result<(), Failure> {
     for index in (0..plan.samples).take(usize::try_from(TRIED).expect("a few")) {
         for entry in &plan.entries {
             match fly(plan, &plan.sample(index), entry, &interrupt).map_err(failure)? {
-                None => return Ok(()),
+                None => return Ok(ended(&interrupt)),
                 Some(flown) if flown.outcome == Outcome::Refused => refused += 1,
                 Some(_) => tried += 1,
             }
@@ -70,7 +71,7 @@ pub(super) fn plan(arguments: &SweepPlan) -> Result<(), Failure> {
     print(format!(
         "\non this machine:        gerono sweep run {sweep}\non a cluster:           gerono sweep plan {sweep} --slurm > sweep.sh; sh sweep.sh\n"
     ));
-    Ok(())
+    Ok(Exit::Success)
 }
 
 fn duration(seconds: f64) -> String {

@@ -55,8 +55,8 @@ fn an_error_names_its_place() {
     let error = |text| Expression::parse(text, |_| None).unwrap_err();
     for (text, offset, reason) in [
         ("1 +", 3, "a number, a name or a bracket"),
-        ("(1", 2, "a `)`"),
-        ("1 2", 2, "should end"),
+        ("(1", 2, "expected `)`"),
+        ("1 2", 2, "expected the end"),
         ("x * 2", 0, "no value `x`"),
         ("tan(1)", 0, "there are abs, cos"),
         ("max(1)", 0, "has 2 arguments, not 1"),
