@@ -226,6 +226,7 @@ pub enum Command {
     /// Print the current values of keys of a flight in real time.
     ///
     /// The format is that of `gerono set` and `--set`.
+    #[command(after_help = Get::EXAMPLES)]
     Get(Get),
     /// Show a flight in real time while it flies, from any terminal.
     ///

@@ -53,7 +53,7 @@ impl Exit {
         ("6", "`gerono doctor`: the machine is not fit for the flight"),
         (
             "7",
-            "`gerono arm`, `disarm`, `kill`, `stop`: the live run refused",
+            "`gerono arm`, `disarm`, `kill`, `stop`, `set`, `get`: the live run refused",
         ),
         (
             "8",
@@ -61,7 +61,7 @@ impl Exit {
         ),
         (
             "9",
-            "the vehicle was lost: too far from its path, tipped over, or on the ground; the flight was flown to its end",
+            "the vehicle was lost: too far from its path, tipped over, on the ground, stopped in the air, or not seen for 2 s; the flight was flown to its end",
         ),
         (
             "10",

@@ -74,7 +74,7 @@ impl From<JournalError> for Failure {
     fn from(error: JournalError) -> Self {
         match error {
             JournalError::File { .. } => Self::not_written(error),
-            JournalError::Program(_) => Self::trouble(error),
+            JournalError::Unreadable { .. } | JournalError::Program(_) => Self::trouble(error),
             _ => Self::bad_input(error),
         }
     }

@@ -52,7 +52,15 @@ struct Footer {
 /// Reason why a journal cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// The file cannot be read or written.
+    /// The file cannot be read.
+    #[error("cannot read {}: {error}; check the path and your permissions", path.display())]
+    Unreadable {
+        /// The file or its folder.
+        path: PathBuf,
+        /// The reason.
+        error: io::Error,
+    },
+    /// The file cannot be written.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
@@ -364,7 +372,7 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
     /// # Errors
     /// [`JournalError`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, JournalError> {
-        let failed = |error| JournalError::File {
+        let failed = |error| JournalError::Unreadable {
             path: path.to_owned(),
             error,
         };
@@ -439,7 +447,7 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
     }
 
     fn file_error(&self, error: io::Error) -> JournalError {
-        JournalError::File {
+        JournalError::Unreadable {
             path: self.path.clone(),
             error,
         }

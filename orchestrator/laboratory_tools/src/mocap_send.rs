@@ -124,10 +124,10 @@ enum Flight {
 
 impl Flight {
     fn recorded(log: &Path) -> Result<Self, Failure> {
-        let reader = LogReader::open(log).map_err(Failure::bad_input)?;
+        let reader = LogReader::open(log).map_err(Failure::trouble)?;
         let mut poses = Vec::new();
         for sample in reader.samples::<VehicleTruth>() {
-            let truth = sample.map_err(Failure::bad_input)?;
+            let truth = sample.map_err(Failure::trouble)?;
             let pose = WorldPose {
                 position_world: Vector3::from(truth.position_world),
                 world_from_body: from_row_major(&truth.world_from_body),
@@ -136,7 +136,7 @@ impl Flight {
         }
         if poses.is_empty() {
             let reason = format!("{} holds no sample of vehicle/truth", log.display());
-            return Err(Failure::bad_input(reason));
+            return Err(Failure::trouble(reason));
         }
         Ok(Self::Recorded(poses))
     }
@@ -171,5 +171,16 @@ fn eight(at: f64) -> WorldPose {
     WorldPose {
         position_world: position,
         world_from_body,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_log_is_trouble_and_no_wrong_command_line() {
+        let failure = Flight::recorded(Path::new("nosuch.mcap")).err().unwrap();
+        assert_eq!(failure.exit, Exit::Trouble);
     }
 }

@@ -8,6 +8,7 @@ use clap::{Args, Parser};
 
 use super::flight::RecordingArguments;
 use super::host::Host;
+use scenario_file::values::ValueError;
 
 /// Arguments of the requests to a live run.
 #[derive(Debug, Args)]
@@ -24,7 +25,7 @@ pub struct Set {
     #[command(flatten)]
     pub run: Operate,
     /// Tunable keys with their new values.
-    #[arg(value_name = "KEY=VALUE", required = true, add = tunable_setting())]
+    #[arg(value_name = "KEY=VALUE", required = true, value_parser = setting, add = tunable_setting())]
     pub settings: Vec<String>,
 }
 
@@ -34,7 +35,17 @@ impl Set {
         gerono set controller.k1=3\n  \
         gerono set controller.k1=3 controller.k2=3.5\n  \
         gerono set controller.lambda_disturbance=[1.0, 1.0, 0.5]\n\n\
-        Exit codes: 0 set; 7 refused, with the reason; 1 there is no such run.";
+        Exit codes: 0 set; 1 there is no such run; 2 an argument is not KEY=VALUE; 7 refused, with the reason.";
+}
+
+/// Checks that an argument assigns a value; the run checks the rest.
+fn setting(text: &str) -> Result<String, ValueError> {
+    match text.split_once('=') {
+        Some(_) => Ok(text.to_owned()),
+        None => Err(ValueError::unfit(format!(
+            "state the new value, such as `{text}=3`"
+        ))),
+    }
 }
 
 /// Arguments of `gerono get`.
@@ -46,6 +57,14 @@ pub struct Get {
     /// Keys of the scenario [default: all tunable ones].
     #[arg(value_name = "KEY")]
     pub keys: Vec<String>,
+}
+
+impl Get {
+    /// The end of `gerono get --help`.
+    pub(super) const EXAMPLES: &str = "Examples:\n  \
+        gerono get\n  \
+        gerono get controller.k1 vehicle.mass\n\n\
+        Exit codes: 0 printed; 1 there is no such run; 7 refused, with the reason.";
 }
 
 /// Arguments of `gerono attach`.
@@ -89,5 +108,17 @@ impl Postmortem {
     pub fn from_command_line() -> Option<Self> {
         let name = std::env::args_os().next();
         (name.as_deref() == Some(OsStr::new(postmortem::NAME))).then(Self::parse)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_without_a_value_is_refused_before_a_run_is_asked() {
+        assert_eq!(setting("controller.k1=3"), Ok("controller.k1=3".to_owned()));
+        let refused = setting("controller.k1").unwrap_err().to_string();
+        assert!(refused.contains("`controller.k1=3`"), "{refused}");
     }
 }

@@ -82,7 +82,8 @@ impl MocapProbe {
     pub(super) const EXAMPLES: &str = "Examples:\n  \
         gerono mocap probe --source vrpn --server 192.168.10.1 --interface 192.168.10.7\n  \
         gerono mocap probe --source natnet --server 192.168.10.1 --interface 192.168.10.7 --object quad --calibrate calibration.toml\n\n\
-        Exit codes: 0 frames were received and, with --object, poses accepted; 1 otherwise.";
+        Exit codes: 0 frames were received and, with --object, poses accepted; 1 otherwise; 4 the file of --calibrate cannot be \
+        written, or exists already.";
 }
 
 /// Arguments of `gerono mocap send`.

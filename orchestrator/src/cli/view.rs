@@ -39,5 +39,5 @@ impl View {
         gerono view --follow\n  \
         gerono view --bind 192.168.1.5\n  \
         gerono view runs/fig1-1\n\n\
-        Exit codes: 0 the run has ended; 1 there is no such run, or the address is not available; 128 + n ended by signal n (Ctrl-C: 130).";
+        Exit codes: 0 the run has ended; 1 there is no such run, or the address is not available; 10 the log is incomplete or damaged; 128 + n ended by signal n (Ctrl-C: 130).";
 }

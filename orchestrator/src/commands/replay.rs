@@ -43,7 +43,11 @@ pub fn replay(arguments: &Replay) -> Result<Exit, Failure> {
     let mut progress = Progress::new(&schedule, "replay", arguments.quiet);
     let replayed = replay::replay(&log, &options, Some(&mut progress));
     progress.clear();
-    let replayed = replayed.map_err(failure)?;
+    let replayed = replayed.map_err(|error| match error {
+        // The scenario of the log was flown.
+        ReplayError::Scenario(_) if options.changed.is_some() => Failure::bad_input(error),
+        error => failure(error),
+    })?;
     print(report(&replayed, &options));
     print(set_again(&replayed.set_in_flight, &arguments.sets));
     Ok(if replayed.is_identical() || options.changed.is_some() {
@@ -90,7 +94,9 @@ pub fn diff(arguments: &Diff) -> Result<Exit, Failure> {
 
 fn failure(error: ReplayError) -> Failure {
     match error {
-        ReplayError::NothingBetween { .. } | ReplayError::BeyondTheEnd { .. } => Failure::bad_input(error),
+        ReplayError::NothingBetween { .. }
+        | ReplayError::BeyondTheEnd { .. }
+        | ReplayError::OtherSchedule => Failure::bad_input(error),
         ReplayError::Process(ProcessFailure::Interrupted { signal }) => {
             Failure::new(Exit::Signal(signal), error)
         }
@@ -99,8 +105,7 @@ fn failure(error: ReplayError) -> Failure {
         | ReplayError::Read(_)
         | ReplayError::Machine(_)
         | ReplayError::Scenario(_)
-        | ReplayError::Tuning(_)
-        | ReplayError::OtherSchedule => Failure::trouble(error),
+        | ReplayError::Tuning(_) => Failure::trouble(error),
     }
 }
 

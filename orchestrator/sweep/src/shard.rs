@@ -186,7 +186,7 @@ pub fn is_complete(folder: &Path, expected: &Header) -> Result<bool, SweepError>
 /// [`SweepError`] with the difference.
 fn check_folder(folder: &Path, expected: &Header) -> Result<(), SweepError> {
     let shards = shards_in(folder)?;
-    let failed = |error| JournalError::File {
+    let failed = |error| JournalError::Unreadable {
         path: folder.to_owned(),
         error,
     };
@@ -278,7 +278,7 @@ impl ShardReader {
 /// # Errors
 /// [`JournalError`] if the folder cannot be read.
 pub fn shards_in(folder: &Path) -> Result<Vec<(Shard, bool)>, JournalError> {
-    let failed = |error| JournalError::File {
+    let failed = |error| JournalError::Unreadable {
         path: folder.to_owned(),
         error,
     };

@@ -146,3 +146,10 @@ fn a_complete_shard_is_compared_with_what_would_be_flown() {
         "{refused}"
     );
 }
+
+#[test]
+fn a_missing_folder_of_shards_is_trouble_and_no_result_that_cannot_be_written() {
+    let error = SweepError::from(shards_in(Path::new("nosuch")).unwrap_err());
+    assert!(matches!(error, SweepError::Trouble(_)), "{error}");
+    assert!(error.to_string().contains("nosuch"), "{error}");
+}
