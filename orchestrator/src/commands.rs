@@ -32,7 +32,7 @@ use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use scenario::Scenario;
+use scenario::{Problem, Scenario};
 use serde::Serialize;
 use shared_types::Schedule;
 
@@ -48,9 +48,23 @@ use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
 use supervisor::host_record::HostRecord;
 
-/// Loads the scenario of the command line.
+/// Loads the scenario of the command line, which Gerono's services must support.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
-    scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed).map_err(Failure::from)
+    let scenario = scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed)?;
+    match registry::problem_of_services(&scenario) {
+        Some(problem) => Err(refused(arguments, &problem)),
+        None => Ok(scenario),
+    }
+}
+
+/// Returns the refusal of the scenario of the command line, at the position of the key.
+fn refused(arguments: &ScenarioArguments, problem: &Problem) -> Failure {
+    // A pipe cannot be read again.
+    if arguments.scenario.is_file() {
+        scenario_file::refusal(&arguments.scenario, &arguments.sets, problem).into()
+    } else {
+        Failure::bad_input(problem.to_string())
+    }
 }
 
 /// Prints results as text or as JSON.

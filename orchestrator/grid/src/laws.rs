@@ -207,10 +207,15 @@ impl ControlLaw {
     fn user_defined(name: &str, settings: &str) -> Result<Self, ValueError> {
         plain_name(name)?;
         let settings: Vec<_> = settings.split(';').map(str::to_owned).collect();
-        let keys: Vec<Key> = settings
-            .iter()
-            .filter_map(|setting| key_of_setting(setting))
-            .collect();
+        let key_of = |setting: &String| {
+            let refusal = || {
+                ValueError::unfit(format!(
+                    "`{setting}` is not KEY=VALUE, such as `controller.k1=2.0`"
+                ))
+            };
+            key_of_setting(setting).ok_or_else(refusal)
+        };
+        let keys: Vec<Key> = settings.iter().map(key_of).collect::<Result<_, _>>()?;
         if let Some(refusal) = keys.iter().find_map(refusal) {
             return Err(ValueError::unfit(refusal));
         }
@@ -279,6 +284,17 @@ mod tests {
             "a×2:controller.k1=4.0",
         ] {
             assert!(wrong.parse::<ControlLaw>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_law_without_a_setting_is_refused_with_the_form() {
+        for (law, named) in [("a:b", "`b`"), ("a:", "``"), ("a:controller.k1=2.0;k2", "`k2`")] {
+            let refused = law.parse::<ControlLaw>().unwrap_err().to_string();
+            assert!(
+                refused.starts_with(&format!("{named} is not KEY=VALUE")),
+                "{law}: {refused}"
+            );
         }
     }
 

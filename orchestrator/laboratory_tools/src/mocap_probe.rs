@@ -42,7 +42,10 @@ pub fn probe(
     seconds: f64,
     calibration: Option<&Path>,
 ) -> Result<Exit, Failure> {
-    let bad = |problem: Problem| Failure::bad_input(problem.to_string());
+    let bad = |Problem { key, reason, fix }: Problem| {
+        let option = key.segments().last().map_or("", String::as_str);
+        Failure::bad_input(format!("--{option}: {reason}; {fix}"))
+    };
     if let Some(problem) = stated.problems().into_iter().next() {
         return Err(bad(problem));
     }

@@ -23,7 +23,7 @@ pub mod warnings;
 
 use std::path::Path;
 
-use scenario::Scenario;
+use scenario::{Problem, Scenario};
 use shared_types::ServiceId;
 use toml::de::DeTable;
 
@@ -78,6 +78,19 @@ pub fn load_drawn(
     }
     plugin::library_file::pin(&mut scenario)?;
     Ok(scenario)
+}
+
+/// Returns the refusal of a scenario file that [`load`] accepts, for a problem of its use, at the position of the key.
+#[must_use]
+pub fn refusal(path: &Path, sets: &[String], problem: &Problem) -> ScenarioError {
+    let text = match read::text(path) {
+        Ok(text) => text,
+        Err(error) => return error,
+    };
+    let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let name = path.display().to_string();
+    let read = scenario_from_text(&name, &text, sets, file.parent(), std::slice::from_ref(problem));
+    ScenarioError::refused(path, read.expect_err("the problem is a finding"))
 }
 
 /// As [`load`], for a text that already contains the content of other files, such as that of a log. Errors name it `path`.
@@ -138,7 +151,7 @@ fn load_in(
 ) -> Result<Scenario, ScenarioError> {
     let refused = |findings| ScenarioError::refused(path, findings);
     let name = path.display().to_string();
-    let mut scenario = scenario_from_text(&name, text, sets, folder).map_err(refused)?;
+    let mut scenario = scenario_from_text(&name, text, sets, folder, &[]).map_err(refused)?;
     scenario.seed = seed.unwrap_or(scenario.seed);
     Ok(scenario)
 }
@@ -165,12 +178,13 @@ pub fn json_schema() -> String {
     text
 }
 
-/// Reads a scenario from a text, and the file of its path relative to `folder`.
+/// Reads a scenario from a text, and the file of its path relative to `folder`. `further` are problems beside its own.
 fn scenario_from_text(
     name: &str,
     text: &str,
     sets: &[String],
     folder: Option<&Path>,
+    further: &[Problem],
 ) -> Result<Scenario, Vec<Finding>> {
     let sources = Sources::new(name, text, sets);
     let values = setting::placed_values(&sources);
@@ -197,14 +211,19 @@ fn scenario_from_text(
         findings.extend(setting::of_own_law(&sources, what));
     }
     let problems = scenario.as_ref().map(Scenario::problems).unwrap_or_default();
-    findings.extend(problems.into_iter().map(|problem| {
-        let span = document::deepest_span(&document, &problem.key);
-        let title = format!("`{}` cannot be flown", problem.key);
-        Finding {
-            is_of_values: true,
-            ..sources.finding(span, title, problem.reason, problem.fix)
-        }
-    }));
+    findings.extend(
+        problems
+            .into_iter()
+            .chain(further.iter().cloned())
+            .map(|problem| {
+                let span = document::deepest_span(&document, &problem.key);
+                let title = format!("`{}` cannot be flown", problem.key);
+                Finding {
+                    is_of_values: true,
+                    ..sources.finding(span, title, problem.reason, problem.fix)
+                }
+            }),
+    );
     scenario.filter(|_| findings.is_empty()).ok_or(findings)
 }
 

@@ -6,7 +6,7 @@ use scenario_file::gain_rules::{self, digits};
 use shared_types::service::seconds;
 use shared_types::{Schedule, ServiceId, Topic};
 
-use super::{Failure, load, print, schedule_of};
+use super::{Failure, load, print, refused, schedule_of};
 use crate::cli::Check;
 
 /// `gerono check`.
@@ -22,7 +22,7 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
         .unattended_arming()
         .filter(|_| scenario.capture_system().is_some())
     {
-        return Err(Failure::bad_input(problem.to_string()));
+        return Err(refused(&arguments.scenario, &problem));
     }
     if arguments.mermaid {
         print(crate::manual::wiring::mermaid());

@@ -45,11 +45,11 @@ fn process_option(deployment: &DeploymentArguments) -> Option<&'static str> {
 /// [`Failure`] if the flight did not begin; other outcomes of a flight are an [`Exit`].
 pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     let mut scenario = load(&arguments.scenario)?;
-    refuse_host(&scenario, arguments.host)?;
+    refuse_host(&scenario, arguments)?;
     if let Some(problem) = scenario.missing_arm_request()
         && arguments.host != Host::Realtime
     {
-        return Err(Failure::bad_input(problem.to_string()));
+        return Err(refused(&arguments.scenario, &problem));
     }
     if arguments.host == Host::Realtime {
         scenario = real_time::with_policies(scenario);
@@ -110,15 +110,19 @@ fn refuse_crashes(scenario: &Scenario, schedule: &Schedule, crashes: &[ServiceCr
 }
 
 /// Refuses a laboratory except in real time with an operator, and external services except as processes.
-fn refuse_host(scenario: &Scenario, host: Host) -> Result<(), Failure> {
-    let reason = match host {
-        Host::Realtime => scenario.unattended_arming().map(|problem| problem.to_string()),
-        Host::Lockstep => flight::unsimulated_poses(scenario),
+fn refuse_host(scenario: &Scenario, arguments: &Run) -> Result<(), Failure> {
+    let unsimulated = || flight::unsimulated_poses(scenario).map(Failure::bad_input);
+    let failure = match arguments.host {
+        Host::Realtime => {
+            let problem = scenario.unattended_arming();
+            problem.map(|problem| refused(&arguments.scenario, &problem))
+        }
+        Host::Lockstep => unsimulated(),
         Host::Inprocess => {
-            flight::unsimulated_poses(scenario).or_else(|| flight::programs_of_its_own(scenario))
+            unsimulated().or_else(|| flight::programs_of_its_own(scenario).map(Failure::bad_input))
         }
     };
-    reason.map_or(Ok(()), |reason| Err(Failure::bad_input(reason)))
+    failure.map_or(Ok(()), Err)
 }
 
 fn fly(

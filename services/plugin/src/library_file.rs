@@ -14,10 +14,12 @@ use shared_types::sample::hex;
 pub enum FileError {
     /// It cannot be read.
     #[error(
-        "the plug-in `{}` cannot be read; build it, or name its folder with `plugins.folder`",
+        "`plugins.{role}`: the plug-in `{}` cannot be read; build it, or name its folder with `plugins.folder`",
         path.display()
     )]
     NotRead {
+        /// The role.
+        role: ServiceId,
         /// The file.
         path: PathBuf,
         /// The error of the system.
@@ -33,11 +35,13 @@ pub enum FileError {
     },
     /// The file differs from the one in the scenario.
     #[error(
-        "the plug-in `{}` has the SHA-256 {found}, and the scenario means {stated}: it was built again since. Name the \
+        "`plugins.{role}`: the plug-in `{}` has the SHA-256 {found}, and the scenario means {stated}: it was built again since. Name the \
          folder of the other one with `plugins.folder`, or leave `plugins.sha256` out",
         path.display()
     )]
     Other {
+        /// The role.
+        role: ServiceId,
         /// The file.
         path: PathBuf,
         /// SHA-256 of the file.
@@ -48,8 +52,9 @@ pub enum FileError {
 }
 
 /// Returns the SHA-256 of a file, in hexadecimal.
-fn sha256_of(path: &Path) -> Result<String, FileError> {
+fn sha256_of(role: ServiceId, path: &Path) -> Result<String, FileError> {
     let bytes = std::fs::read(path).map_err(|source| FileError::NotRead {
+        role,
         path: path.to_owned(),
         source,
     })?;
@@ -77,9 +82,10 @@ pub fn find(scenario: &Scenario, role: ServiceId) -> Result<Option<LibraryFile>,
     else {
         return Ok(None);
     };
-    let found = sha256_of(&path)?;
+    let found = sha256_of(role, &path)?;
     match plugins.sha256.get(role.name()) {
         Some(stated) if *stated != found => Err(FileError::Other {
+            role,
             path,
             found,
             stated: stated.clone(),
@@ -135,6 +141,7 @@ pub fn copy_to(
             let name = copy_name(scenario, role, &path);
             let copy = folder.join(&name);
             let bytes = std::fs::read(&path).map_err(|source| FileError::NotRead {
+                role,
                 path: path.clone(),
                 source,
             })?;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use control_law::law::registry::flight_law;
 #[cfg(feature = "laboratory")]
 use runtime::shared_page::SharedPage;
-use scenario::{Kind, Scenario};
+use scenario::{Kind, Problem, Scenario};
 use shared_types::sample::layout_hash;
 use shared_types::service::{BuildError, Built, ErasedService};
 use shared_types::{Service, ServiceId};
@@ -107,6 +107,19 @@ fn build_one(role: ServiceId, scenario: &Scenario) -> Built {
         Some(library) => plugin::loader::load(role, &library.path, &scenario.experiment()),
         None => (step_logic(role).build)(&scenario.experiment()),
     }
+}
+
+/// Returns the problem of a scenario that one of Gerono's own services does not support, if there is one.
+#[must_use]
+pub fn problem_of_services(scenario: &Scenario) -> Option<Problem> {
+    let experiment = scenario.experiment();
+    let mut own = ServiceId::ALL
+        .into_iter()
+        .filter(|&role| !scenario.is_foreign(role));
+    own.find_map(|role| {
+        let error = (step_logic(role).build)(&experiment).err()?;
+        error.downcast::<Problem>().ok().map(|problem| *problem)
+    })
 }
 
 /// Refuses a parameter that no library has requested: its name is misspelt, or it is meant for another library.
