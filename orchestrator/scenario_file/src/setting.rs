@@ -323,7 +323,8 @@ fn assign_in_array<'i>(
         Err(Refusal::new(
             position.span(),
             format!(
-                "`{at}` has {count} elements, and none of them is `{}`",
+                "`{at}` has {count} element{}, and `{}` is none of its positions",
+                if count == 1 { "" } else { "s" },
                 position.get_ref()
             ),
             format!("choose a position from 0 to {count}, where {count} adds one"),

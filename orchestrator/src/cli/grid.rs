@@ -63,8 +63,9 @@ impl Grid {
         let after = self.first_seed.checked_add(u64::from(count));
         let after = after.ok_or_else(|| {
             let reason = format!(
-                "there are no {count} seeds from {} on: give a smaller --first-seed",
-                self.first_seed
+                "--seeds {count} from --first-seed {} on exceeds the largest seed, {}: give a smaller --first-seed",
+                self.first_seed,
+                u64::MAX
             );
             Failure::bad_input(reason)
         })?;

@@ -8,7 +8,7 @@ use shared_types::ServiceId;
 use shared_types::schedule::Schedule;
 
 use super::conclusion::FlightResult;
-use super::{Failure, host_record, load, run_log, scenario_name, schedule_of};
+use super::{Failure, host_record, load, refused, run_log, scenario_name, schedule_of};
 use crate::cli::{DeploymentArguments, Host, Run, ServiceCrash};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;

@@ -40,7 +40,7 @@ fn shown(truth: &Truth) -> String {
     let begins = truth.parts.iter().map(|part| part.span[0]).fold(ends, f64::min);
     let window = (ends - begins).min(AVERAGED);
     format!(
-        "{table}\ndisturbance in the last {window} s, m/s²: true {}, estimated {}\n",
+        "{table}\ndisturbance in the last {window:.1} s, m/s²: true {}, estimated {}\n",
         vector(truth.disturbance),
         vector(truth.disturbance_estimate)
     )

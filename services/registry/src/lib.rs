@@ -201,6 +201,16 @@ mod tests {
     }
 
     #[test]
+    fn what_a_service_does_not_support_is_a_problem_of_a_key() {
+        let text = include_str!("../../../scenarios/fig3_6.toml");
+        let mut scenario: Scenario = toml::from_str(text).unwrap();
+        assert_eq!(problem_of_services(&scenario), None);
+        scenario.model.get_or_insert_default().radio_latency = 2.0;
+        let problem = problem_of_services(&scenario).unwrap();
+        assert_eq!(problem.key.to_string(), "model.radio_latency");
+    }
+
+    #[test]
     fn laws_with_records_of_their_own_have_layouts_of_their_own() {
         let text = include_str!("../../../scenarios/fig3_6.toml");
         let mut scenario: Scenario = toml::from_str(text).unwrap();

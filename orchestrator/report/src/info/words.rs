@@ -161,7 +161,10 @@ fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
             Some(_) => ", above the bound",
             None => "",
         };
-        let [begins, ends] = ["begins", "ends"].map(|key| phase[key].as_f64().unwrap_or(f64::NAN));
+        let [begins, ends] = ["begins", "ends"].map(|key| {
+            let time = phase[key].as_f64();
+            time.map_or_else(|| "unknown".to_owned(), |time| time.to_string())
+        });
         writeln!(
             formatter,
             "{begins} to {ends} s: ultimate distance from the path at most {:.3} cm{bound}",
@@ -173,7 +176,7 @@ fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
 
 /// Writes the course of the run. Fields that an older program did not write are skipped.
 fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
-    let text = |value: &Value| printable(value.as_str().unwrap_or_default()).into_owned();
+    let text = |value: &Value| printable(value.as_str().unwrap_or("unknown")).into_owned();
     let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
     write!(
         formatter,
@@ -181,9 +184,9 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
         text(&summary["outcome"]),
         text(&summary["host"])
     )?;
-    match text(&summary["reason"]) {
-        reason if reason.is_empty() => writeln!(formatter)?,
-        reason => writeln!(formatter, ": {reason}")?,
+    match summary["reason"].as_str() {
+        None | Some("") => writeln!(formatter)?,
+        Some(reason) => writeln!(formatter, ": {}", printable(reason))?,
     }
     write_phases(formatter, summary)?;
     for fault in list("faults") {
@@ -206,12 +209,50 @@ fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
             || "before its first step".to_owned(),
             |tick| format!("after tick {tick}"),
         );
-        let lost = restart["lost_seconds"].as_f64().unwrap_or(f64::NAN);
+        let lost = restart["lost_seconds"].as_f64();
+        let within = lost.map_or_else(String::new, |lost| format!(", within {lost:.3} s"));
         writeln!(
             formatter,
-            "{} was restarted {position}, within {lost:.3} s",
+            "{} was restarted {position}{within}",
             text(&restart["service"])
         )?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    struct Shown(Value);
+
+    impl std::fmt::Display for Shown {
+        fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+            write_summary(formatter, &self.0)
+        }
+    }
+
+    #[test]
+    fn what_a_summary_lacks_is_unknown_or_left_out() {
+        assert_eq!(Shown(json!({})).to_string(), "\nthe run: unknown by unknown\n");
+        let old = json!({
+            "outcome": "lost", "host": "lockstep", "reason": "tipped over",
+            "restarts": [{ "service": "controller", "tick": 7 }],
+            "phases": [{ "ultimate": 0.01 }],
+        });
+        let shown = Shown(old).to_string();
+        assert!(
+            shown.starts_with("\nthe run: lost by lockstep: tipped over\n"),
+            "{shown}"
+        );
+        assert!(
+            shown.ends_with("controller was restarted after tick 7\n"),
+            "{shown}"
+        );
+        assert!(
+            shown.contains("unknown to unknown s") && !shown.contains("NaN"),
+            "{shown}"
+        );
+    }
 }

@@ -210,11 +210,15 @@ fn an_element_that_is_not_there_is_refused() {
         "vehicle.change.2.at=40",
         16,
         &[
-            "`vehicle.change` has 1 elements, and none of them is `2`",
+            "`vehicle.change` has 1 element, and `2` is none of its positions",
             "choose a position from 0 to 1",
         ],
     );
-    refused("vehicle.change.first.at=40", 16, &["none of them is `first`"]);
+    refused(
+        "vehicle.change.first.at=40",
+        16,
+        &["`first` is none of its positions"],
+    );
 }
 
 #[test]

@@ -93,3 +93,21 @@ fn a_seed_takes_the_place_of_the_files() {
     assert_eq!(load(&fig1, &["seed=7".to_owned()], None).unwrap().seed, 7);
     assert_eq!(load(&fig1, &["seed=7".to_owned()], Some(8)).unwrap().seed, 8);
 }
+
+#[test]
+fn a_problem_of_the_use_of_a_scenario_is_shown_at_its_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fig1.toml");
+    let text = fig1();
+    std::fs::write(&path, &text).unwrap();
+    let problem = Problem::new(path_of("duration").unwrap(), "too long for this", "shorten it");
+    let error = crate::refusal(&path, &[], &problem);
+    let place = format!("fig1.toml:{}:", line_of(&text, "\nduration = ") + 1);
+    let shown = format!("{error:#}");
+    assert!(
+        shown.contains(&place) && shown.contains("too long for this; shorten it"),
+        "{shown}"
+    );
+    let set = crate::refusal(&path, &["duration=61.0".to_owned()], &problem);
+    assert!(format!("{set:#}").contains("--set:1:"), "{set:#}");
+}

@@ -603,8 +603,8 @@ fn check_history(scenario: &Scenario, schedule: &Schedule, model: &Model) -> Res
     Err(Problem::new(
         Key::root().then("model").then("radio_latency"),
         format!(
-            "the estimator remembers {CAPACITY} frames, but from the exposure of a capture to the acting of the \
-             newest frame {needed} are sent"
+            "the estimator stores {CAPACITY} frames, but {needed} are sent from the exposure of a capture until \
+             the newest frame acts"
         ),
         "shorten this latency, that of `mocap/pose -> estimator`, `model.capture_latency` or the period of \
          `mocap/pose`, or give `rc/frame` a longer period",
