@@ -6,9 +6,10 @@ use control_law::{Estimates, Evaluation, Measured, Parameters, Reference, evalua
 use controller::ControllerService;
 use nalgebra::Vector3;
 use scenario::{Controller, ControllerChange, Scenario};
+use serde_json::Value;
 use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleState};
 use shared_types::service::{ErasedService, InputView};
-use shared_types::{Service, rotation};
+use shared_types::{Gains, Service, rotation};
 use zerocopy::{FromZeros, IntoBytes};
 
 use support::Published;
@@ -295,6 +296,30 @@ fn gains_that_change_in_flight_act_from_the_next_step_on_and_are_no_part_of_the_
     let as_stated = flown(&mut successor, 10..20);
     assert_eq!(as_stated, flown(&mut untouched, 10..20));
     assert_ne!(as_stated, as_tuned);
+}
+
+/// Gains that this flight does not use: without commands of body rates there is no prediction error.
+const UNUSED: [&str; 1] = ["prediction_gain"];
+
+#[test]
+fn each_gain_that_changes_in_flight_is_one_that_the_law_uses() {
+    let stated = scenario();
+    let with_gains = |gains: &Gains| {
+        let mut service = ControllerService::new(&stated);
+        Service::tune(&mut service, Some(gains));
+        flown(&mut service, 0..10)
+    };
+    let as_stated = with_gains(&stated.gains());
+    for &name in Gains::NAMES {
+        let mut gains = serde_json::to_value(stated.gains()).unwrap();
+        let changed = |number: &Value| Value::from(1.1 * number.as_f64().unwrap() + 1e-3);
+        gains[name] = match &gains[name] {
+            Value::Array(numbers) => numbers.iter().map(changed).collect(),
+            number => changed(number),
+        };
+        let is_used = with_gains(&serde_json::from_value(gains).unwrap()) != as_stated;
+        assert_eq!(is_used, !UNUSED.contains(&name), "{name}");
+    }
 }
 
 #[test]
