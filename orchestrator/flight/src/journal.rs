@@ -2,19 +2,17 @@
 //! the last whole line.
 //!
 //! Results stand in the order of the flights, each behind a checksum of itself and of all before it: one that was altered,
-//! moved or removed is found, and it and all after it are flown again. The footer has the SHA-256 of all before it. The file has another extension
+//! moved or removed is found, and it and all after it are repeated. The footer has the SHA-256 of all before it. The file has another extension
 //! until it is complete, and is locked by the process that writes it.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use run_log::partial_path;
-use rustix::fs::OFlags;
-use rustix::io::Errno;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -137,7 +135,7 @@ impl Journal {
         };
         let mut options = OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
-        let mut file = open_file(&partial, options, OFlags::NOFOLLOW)?;
+        let mut file = open_file(&partial, options, false)?;
         // Between the opening and the lock another process may have completed the journal, which has its final name then.
         match file.try_lock() {
             Ok(()) if is_at(&file, &partial).map_err(failed)? => {}
@@ -297,22 +295,14 @@ fn is_at(file: &File, path: &Path) -> io::Result<bool> {
     Ok(std::fs::metadata(path).is_ok_and(|found| found.ino() == number))
 }
 
-/// Opens a regular file, without waiting for the other end of a FIFO.
-fn open_file(path: &Path, options: &mut OpenOptions, flags: OFlags) -> Result<File, JournalError> {
-    let flags = flags | OFlags::NONBLOCK;
-    let opened = options.custom_flags(flags.bits().cast_signed()).open(path);
-    let is_file = opened.and_then(|file| Ok((file.metadata()?.is_file(), file)));
-    match is_file {
-        Ok((true, file)) => Ok(file),
-        Ok(_) => Err(foreign(path, "it is no regular file")),
-        Err(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
-            Err(foreign(path, "it is a symbolic link"))
-        }
-        Err(error) => Err(JournalError::File {
+fn open_file(path: &Path, options: &mut OpenOptions, follows: bool) -> Result<File, JournalError> {
+    result_file::open_regular(path, options, follows).map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidInput => foreign(path, &error.to_string()),
+        _ => JournalError::File {
             path: path.to_owned(),
             error,
-        }),
-    }
+        },
+    })
 }
 
 fn foreign(path: &Path, reason: &str) -> JournalError {
@@ -376,7 +366,7 @@ impl<H: Header, R: DeserializeOwned> JournalReader<H, R> {
             path: path.to_owned(),
             error,
         };
-        let file = open_file(path, OpenOptions::new().read(true), OFlags::empty())?;
+        let file = open_file(path, OpenOptions::new().read(true), true)?;
         let mut reader = BufReader::new(file);
         let mut line = Vec::new();
         reader.read_until(b'\n', &mut line).map_err(failed)?;

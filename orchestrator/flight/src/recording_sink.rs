@@ -30,7 +30,7 @@ pub struct RecordingSink<'a> {
     progress: Arc<AtomicU64>,
     /// Takes a copy of every sample that is kept.
     copy: Option<Copier<'a>>,
-    /// Says whether the flight is to end early.
+    /// Returns whether the flight is to end early.
     is_over: Option<Box<dyn Fn() -> bool + Send + 'a>>,
     /// `true` if the flight is to end once the vehicle is lost. Flights in real time end by their clock all the same.
     ends_when_lost: bool,
