@@ -170,7 +170,7 @@ mod tests {
         }
         write_latex(&tables, false, &[]).unwrap();
         assert!(!tables.exists(), "nothing is written unasked");
-        std::fs::write(&tables, "earlier").unwrap();
+        std::fs::write(&tables, format!("{}earlier", latex_file(&[]))).unwrap();
         write_latex(&tables, false, &[]).unwrap();
         assert_eq!(std::fs::read_to_string(&tables).unwrap(), latex_file(&[]));
     }

@@ -60,8 +60,9 @@ impl Grid {
     /// [`Failure`] if they would exceed the largest number.
     pub fn seeds(&self) -> Result<Vec<u64>, Failure> {
         let count = self.seeds.unwrap_or(if self.quick { 3 } else { 20 });
-        let after = self.first_seed.checked_add(u64::from(count));
-        let after = after.ok_or_else(|| {
+        // There is at least one.
+        let last = self.first_seed.checked_add(u64::from(count) - 1);
+        let last = last.ok_or_else(|| {
             let reason = format!(
                 "--seeds {count} from --first-seed {} on exceeds the largest seed, {}: give a smaller --first-seed",
                 self.first_seed,
@@ -69,7 +70,7 @@ impl Grid {
             );
             Failure::bad_input(reason)
         })?;
-        Ok((self.first_seed..after).collect())
+        Ok((self.first_seed..=last).collect())
     }
 
     /// Returns the laws.
@@ -129,6 +130,7 @@ mod tests {
             line.grid.seeds()
         };
         assert_eq!(seeds("201").unwrap(), [201, 202, 203]);
+        assert_eq!(seeds("18446744073709551613").unwrap()[2], u64::MAX);
         let refused = seeds("18446744073709551614").unwrap_err().report.to_string();
         assert!(refused.contains("a smaller --first-seed"), "{refused}");
     }

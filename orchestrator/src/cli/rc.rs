@@ -7,7 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use identification::link::FrameSource;
 
 use super::flight::ScenarioArguments;
-use scenario_file::values::{ValueError, between};
+use scenario_file::values::between;
 
 /// The commands of `gerono rc`.
 #[derive(Debug, Subcommand)]
@@ -48,7 +48,7 @@ pub struct RcIdentify {
     #[arg(long, value_enum, default_value_t)]
     pub from: Measure,
     /// Mass of the vehicle, kg [default: the scenario's].
-    #[arg(long, value_name = "KG", value_parser = mass)]
+    #[arg(long, value_name = "KG", value_parser = between(1e-4, 1e3, "kg"))]
     pub mass: Option<f64>,
     /// Print JSON, for other programs.
     #[arg(long)]
@@ -71,14 +71,5 @@ impl From<Measure> for FrameSource {
             Measure::Poses => Self::Poses,
             Measure::Truth => Self::Truth,
         }
-    }
-}
-
-fn mass(text: &str) -> Result<f64, ValueError> {
-    let mass: f64 = text.parse().map_err(|_| ValueError::unfit("give a mass in kg"))?;
-    if mass > 0.0 && mass.is_finite() {
-        Ok(mass)
-    } else {
-        Err(ValueError::unfit("give a mass above 0 kg"))
     }
 }
