@@ -209,7 +209,7 @@ fn what_cannot_be_flown_is_refused_with_what_to_do_and_nothing_is_written() {
         ),
         (&["--moments", "4.5"], "before the end of the flight"),
         (&["--moments", "1.0005"], "whole number of base ticks"),
-        (&["--for", "0"], "no time above 0"),
+        (&["--for", "0"], "give 0.000001 to"),
         (&["--moments", "1.0", "--quick"], "cannot be used with"),
     ] {
         let refused = output(&mut faults(&place, "refused", arguments));

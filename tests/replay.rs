@@ -230,7 +230,7 @@ fn what_would_have_been_commanded_differs_where_the_change_acts_and_nowhere_else
         .gerono(&["replay", "out", "--set", "schedule.tick=0.002"])
         .output()
         .unwrap();
-    assert_eq!(slower.status.code(), Some(1));
+    assert_eq!(slower.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&slower.stderr).contains("another schedule"));
 }
 

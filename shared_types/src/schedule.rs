@@ -484,7 +484,7 @@ impl Schedule {
     }
 }
 
-/// Output of a service as the schedule sees it.
+/// Output of a service in the schedule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
     /// The topic that is published.

@@ -97,7 +97,7 @@ impl Harness {
         }
     }
 
-    /// The file that an input tells to make.
+    /// Makes the file that an input describes.
     fn file(&self, input: &[u8]) -> Vec<u8> {
         let Some((&begin, mut pieces)) = input.split_first() else {
             return Vec::new();

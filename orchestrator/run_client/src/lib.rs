@@ -86,11 +86,11 @@ pub enum Answer {
     Newest(NewestSamples),
     /// Values of keys, each as `controller.k1=3.0`.
     Values(Vec<String>),
-    /// The request was carried out; the message says how.
+    /// The request was carried out, with the result.
     Done(String),
-    /// The request was refused; the message says why.
+    /// The request was refused, with the reason.
     Refused(String),
-    /// The run closes this connection; the message says why.
+    /// The run closes this connection, with the reason.
     Closed(String),
 }
 

@@ -343,7 +343,7 @@ mod tests {
         }
     }
 
-    /// The end of a program that wants topics.
+    /// Returns the connection of a client.
     fn connect(address: SocketAddr) -> tungstenite::WebSocket<TcpStream> {
         let mut stream = TcpStream::connect(address).unwrap();
         write!(

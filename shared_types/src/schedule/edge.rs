@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Corruption, EdgeFault, EdgeFaultKind, OutageSchedule};
 use crate::wiring::Topic;
 
-/// Input of a service as the schedule sees it.
+/// Input of a service in the schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// Topic of the input.

@@ -228,7 +228,7 @@ fn all_wrong_arguments_are_reported_at_once() {
         "3 problems in flight.toml",
         "there is no `=`",
         "there is no value",
-        "none of them is `7`",
+        "`7` is none of its positions",
     ] {
         assert!(shown.contains(piece), "no `{piece}` in:\n{shown}");
     }

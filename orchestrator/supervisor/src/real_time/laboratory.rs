@@ -211,7 +211,7 @@ mod tests {
         block
     }
 
-    /// Returns why nobody may arm with them.
+    /// Returns the reason for which arming is refused with them.
     fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
         laboratory(&stated()).refusal_to_arm(&told(figures, state), NOW_NS)
     }
