@@ -56,8 +56,8 @@ else
 fi
 for link in crsf sbus multi mavlink override; do
     if [ -e "$venv/requirements.txt" ]; then
-        "$frames" "$link" "$count" 7 "$work/frames" "$work/values"
-        "$venv/bin/python" "$here/radio.py" "$link" "$work/frames" "$work/values"
+        "$frames" "$link" "$count" 7 "$work/$link.frames" "$work/$link.values"
+        "$venv/bin/python" "$here/radio.py" "$link" "$work/$link.frames" "$work/$link.values"
     else
         skip "$link: its reader cannot be installed"
     fi
