@@ -87,14 +87,20 @@ pub fn settings_between(before: &Scenario, after: &Scenario, stated: &[Key]) -> 
 }
 
 /// Values of the keys of a scenario.
-struct Values {
+#[derive(Debug)]
+pub struct Values {
     stated: toml::Value,
     /// The gains, which follow from others where they are not stated.
     gains: toml::Value,
 }
 
 impl Values {
-    fn new(scenario: &Scenario) -> Self {
+    /// Collects the values of a scenario.
+    ///
+    /// # Panics
+    /// If the scenario has a value that TOML does not have.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
         let text = super::to_toml(scenario).expect("a scenario was read from TOML");
         let gains = toml::Value::try_from(scenario.gains()).expect("gains are numbers");
         Self {
@@ -117,22 +123,22 @@ impl Values {
         };
         stated.or_else(follows).map(|value| value.to_string())
     }
-}
 
-/// Returns key and value as a setting: `controller.k1=3.0`.
-///
-/// # Errors
-/// A message if the scenario has no such value.
-pub fn setting_of(scenario: &Scenario, name: &str) -> Result<String, String> {
-    let key = path_of(name);
-    let value = key.as_ref().and_then(|key| Values::new(scenario).get(key));
-    let setting = key.zip(value).map(|(key, value)| format!("{key}={value}"));
-    setting.ok_or_else(|| {
-        format!(
-            "the scenario in flight states no `{}`; docs/scenarios.md lists the keys",
-            printable(name)
-        )
-    })
+    /// Returns key and value as a setting: `controller.k1=3.0`.
+    ///
+    /// # Errors
+    /// A message if the scenario has no such value.
+    pub fn setting(&self, name: &str) -> Result<String, String> {
+        let key = path_of(name);
+        let value = key.as_ref().and_then(|key| self.get(key));
+        let setting = key.zip(value).map(|(key, value)| format!("{key}={value}"));
+        setting.ok_or_else(|| {
+            format!(
+                "the scenario in flight states no `{}`; docs/scenarios.md lists the keys",
+                printable(name)
+            )
+        })
+    }
 }
 
 /// Formats a setting of a change as the text of an event. A change of several keys has an event for each.
@@ -177,7 +183,7 @@ mod tests {
             let tuned = tune(&before, &format!("{key} = {}", other_value(key))).unwrap();
             assert_ne!(tuned.scenario.gains(), before.gains(), "{key}");
             let settings = settings_between(&before, &tuned.scenario, &[tuned.key]);
-            assert_eq!(settings, [setting_of(&tuned.scenario, key).unwrap()]);
+            assert_eq!(settings, [Values::new(&tuned.scenario).setting(key).unwrap()]);
             let text = event_text(&settings[0], number);
             let (setting, found) = from_event_text(&text).unwrap();
             assert_eq!(found, number);

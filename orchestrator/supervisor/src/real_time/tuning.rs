@@ -2,7 +2,7 @@
 
 use scenario::{Problem, Scenario};
 use scenario_file::gain_rules::{self, Finding};
-use scenario_file::tuning::{event_text, setting_of, settings_between, tunable_keys, tune};
+use scenario_file::tuning::{Values, event_text, settings_between, tunable_keys, tune};
 use shared_types::samples::RunEvent;
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::{FlightPhase, ServiceId};
@@ -32,13 +32,9 @@ impl Flight<'_> {
 
     /// Returns the present values of keys, or of all tunable ones.
     pub(super) fn tuned(&self, names: &[String]) -> Answer {
-        let flown = self.as_flown();
+        let flown = Values::new(&self.as_flown());
         let all = names.is_empty().then(tunable_keys).unwrap_or_default();
-        let values: Result<Vec<_>, _> = names
-            .iter()
-            .chain(&all)
-            .map(|name| setting_of(&flown, name))
-            .collect();
+        let values: Result<Vec<_>, _> = names.iter().chain(&all).map(|name| flown.setting(name)).collect();
         match values {
             Ok(values) => Answer::Values(values),
             Err(reason) => Answer::Refused(reason),
@@ -159,9 +155,10 @@ impl Flight<'_> {
             return;
         };
         let tuned = self.scenario.with_gains(&gains);
+        let values = Values::new(&tuned);
         let settings = tunable_keys()
             .into_iter()
-            .filter_map(|key| setting_of(&tuned, &key).ok());
+            .filter_map(|key| values.setting(&key).ok());
         let events = settings.map(|setting| event_text(&setting, number)).collect();
         self.record_changes(self.recorder.ticks(), events);
         self.tuned = Some(tuned);
