@@ -2,8 +2,8 @@
 //! the last whole line.
 //!
 //! Results stand in the order of the flights, each behind a checksum of itself and of all before it: one that was altered,
-//! moved or removed is found, and it and all after it are repeated. The footer has the SHA-256 of all before it. The file has another extension
-//! until it is complete, and is locked by the process that writes it.
+//! moved or removed is found, and it and all after it are repeated. The footer has the SHA-256 of all before it. The file
+//! has another extension until it is complete, and is locked by the process that writes it.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};

@@ -144,7 +144,7 @@ fn scenario_in(text: &str) -> serde_json::Result<Scenario> {
             stated[now][key] = moved;
         }
     }
-    serde_json::from_value(stated)
+    Scenario::from_json(stated)
 }
 
 fn checksum(scenario: &str) -> String {

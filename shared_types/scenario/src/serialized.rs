@@ -4,7 +4,8 @@
 //! functions, which this crate uses for JSON and `scenario_file` for TOML. The implementations of serde's traits, which
 //! all other crates use, convert to and from a tree of JSON values, in which the order of keys is that of the alphabet.
 
-use serde::de::Error;
+use serde::de::Error as _;
+use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
@@ -45,7 +46,7 @@ impl<'de> Deserialize<'de> for Scenario {
 
 impl Serialize for Scenario {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let tree: Value = serde_json::from_str(&self.to_json()).expect("just written");
-        <Value as Serialize>::serialize(&tree, serializer)
+        let tree = serde_json::to_value(AsDeclared(self)).map_err(S::Error::custom)?;
+        tree.serialize(serializer)
     }
 }
