@@ -150,21 +150,25 @@ mod tests {
         let page = FlightPage::for_figure(Figure::Fig7).unwrap();
         let folder = gallery.path().join("flight-7");
         fs::create_dir(&folder).unwrap();
-        for name in ["notes", "run.mcap", "summary.json", "report.html"] {
+        for name in ["notes", "run.mcap", "summary.json"] {
             fs::write(folder.join(name), "mine").unwrap();
         }
         let settings = ["duration=0.5".to_owned(), "vehicle.change=[]".to_owned()];
-        let scenario = ScenarioSource::FIG3_6.load(&settings, 1).unwrap();
+        let scenario = |seed| ScenarioSource::FIG3_6.load(&settings, seed).unwrap();
         let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+        let fly = |seed, interrupt: &Interrupt| page.fly(&scenario(seed), gallery.path(), interrupt).unwrap();
+
+        assert!(fly(1, &Interrupt::never()).is_some());
+        let earlier = read("report.html");
+        assert!(earlier.contains("flight-7"));
 
         let interrupt = Interrupt::never();
         interrupt.raise(2);
-        assert!(page.fly(&scenario, gallery.path(), &interrupt).unwrap().is_none());
-        assert_eq!(read("report.html"), "mine");
+        assert!(fly(2, &interrupt).is_none());
+        assert_eq!(read("report.html"), earlier);
 
-        let flown = page.fly(&scenario, gallery.path(), &Interrupt::never());
-        assert!(flown.unwrap().is_some());
-        assert!(read("report.html").contains("flight-7"));
+        assert!(fly(2, &Interrupt::never()).is_some());
+        assert_ne!(read("report.html"), earlier);
         for name in ["notes", "run.mcap", "summary.json"] {
             assert_eq!(read(name), "mine", "{name}");
         }
