@@ -197,7 +197,9 @@ fn checkpoints_of_another_build_are_not_looked_at() {
         .into_iter()
         .filter_map(|service| of(service).next());
     let all_known = all_known.max().unwrap();
-    let last_of_plant = of(ServiceId::Plant).next_back().unwrap();
+    // One that includes the last step of the flight is behind every part of it.
+    let of_plant = of(ServiceId::Plant).filter(|&next_tick| next_tick <= 6000);
+    let last_of_plant = of_plant.max().unwrap();
     assert!(all_known < last_of_plant);
     let mut checkpoints: Vec<_> = recorded.into_values().collect();
     for found in checkpoints
