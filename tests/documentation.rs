@@ -598,10 +598,9 @@ fn no_crate_holds_half_of_the_house() {
         let most = match member.folder.as_str() {
             "orchestrator" => 5550,
             "orchestrator/run_log" => 8600,
-            "orchestrator/supervisor" => 9200,
             "services/runtime" => 8700,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 10_950,
+            "shared_types/scenario" => 11_050,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

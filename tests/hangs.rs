@@ -10,6 +10,10 @@ use std::time::Duration;
 use common::logs::host_samples;
 use common::processes::{await_end, await_successor, is_alive, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, begin, finish, said, until};
+use decisions::restart_policy::{
+    BEAT_LIMIT, BEAT_PERIOD, EXTERNAL_LIMIT, FRESH_LIMIT, HEDGE_AFTER, PREPARATION_LIMIT, PREPARED_LIMIT,
+    READY_LIMIT, external_start_limit,
+};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -22,10 +26,6 @@ use rustix::net::{Shutdown, shutdown};
 use rustix::process::{Pid, PidfdFlags, PidfdGetfdFlags, Signal, kill_process, pidfd_getfd, pidfd_open};
 use shared_types::samples::{PathReference, VehicleTruth};
 use shared_types::{ServiceId, Topic};
-use supervisor::supervision::restart_policy::{
-    BEAT_LIMIT, BEAT_PERIOD, EXTERNAL_LIMIT, FRESH_LIMIT, HEDGE_AFTER, PREPARATION_LIMIT, PREPARED_LIMIT,
-    READY_LIMIT, external_start_limit,
-};
 use zerocopy::FromBytes;
 
 /// What is done to a service.

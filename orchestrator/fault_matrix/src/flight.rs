@@ -97,7 +97,7 @@ pub fn fly(
         Some(Outcome::Failed(failure)) if failure.not_finite_at().is_some() => {
             Some(Ended::NotFinite(failure.to_string()))
         }
-        Some(Outcome::Failed(failure)) if !matches!(failure.itself(), RunFailure::Died { .. }) => {
+        Some(Outcome::Failed(failure)) if !failure.is_death() => {
             return Err(failure.into());
         }
         None | Some(Outcome::Failed(_)) => Some(Ended::Died),

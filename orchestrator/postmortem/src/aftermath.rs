@@ -3,7 +3,7 @@
 use std::os::unix::fs::MetadataExt;
 use std::time::{Duration, Instant};
 
-use runtime::activity::Activity;
+use runtime::activity;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, kill_process, kill_process_group, pidfd_open};
@@ -56,7 +56,7 @@ impl Awaited {
         if !matches!(ended, Ok(None) | Err(Errno::INTR)) {
             return false;
         }
-        let activity = Activity::read(number_of(self.pid));
+        let activity = activity::read(number_of(self.pid));
         // Kernels without these figures report none, or 0.
         let cpu_time = activity
             .map(|activity| activity.cpu_time_ns)

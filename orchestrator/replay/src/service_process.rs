@@ -22,9 +22,9 @@ use super::ReplayError;
 use super::comparator::Comparator;
 use super::history::History;
 use super::stepper::{Step, Stepper};
+use decisions::restart_policy::{READY_LIMIT, STOP_LIMIT};
 use flight::interrupt::Interrupt;
 use supervisor::supervision::process::Process;
-use supervisor::supervision::{READY_LIMIT, STOP_LIMIT};
 
 /// Timeout for a batch of steps; a batch takes about a thousandth of it.
 const BATCH_LIMIT: Duration = READY_LIMIT;

@@ -13,9 +13,9 @@ use shared_types::ServiceId;
 
 use super::host::Host;
 use super::values::core;
+use decisions::restart_policy::PerService;
 use run_log::Compression;
 use scenario_file::values::{ValueError, between, value_between};
-use supervisor::supervision::restart_policy::PerService;
 
 /// A scenario: a file and the settings that change it.
 #[derive(Debug, Args)]

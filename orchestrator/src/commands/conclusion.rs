@@ -7,6 +7,7 @@ use crate::cli::Host;
 use command_line::exit::Exit;
 use command_line::output::print_error;
 use command_line::progress::Progress;
+use decisions::failure::ServiceFailure;
 use flight::failure::FlightFailure;
 use flight::recording_sink::RecordingSink;
 use metrics::summary::{self, RunFacts, Summary};
@@ -134,7 +135,7 @@ fn was_refused(outcome: &Outcome) -> bool {
         outcome,
         Outcome::Failed(
             RunFailure::Flight(FlightFailure::Setup(_))
-                | RunFailure::NotReady { .. }
+                | RunFailure::Service(ServiceFailure::NotReady { .. })
                 | RunFailure::NotPermitted { .. }
         )
     )

@@ -14,13 +14,13 @@ use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress::Progress;
+use decisions::restart_policy::{PerService, RestartPolicy};
 use flight::in_process;
 use flight::recording_sink::RecordingSink;
 use run_log::Manifest;
 use run_log::run_folder::RunFolder;
 use supervisor::deployment::{Deployment, Placement};
 use supervisor::real_time::Clients;
-use supervisor::supervision::restart_policy::{PerService, RestartPolicy};
 use supervisor::{Ending, Outcome, RunFailure, lock_step, real_time};
 
 /// Returns the first given option that concerns processes of services.

@@ -15,7 +15,7 @@ use shared_types::schedule::Edge;
 use crate::Outcome;
 use crate::host_record::snapshots::Snapshots;
 use crate::real_time::StepObserver;
-use runtime::activity::Activity;
+use runtime::activity;
 
 use crate::supervision::{Restart, SupervisionObserver, Supervisor};
 use metrics::summary::timing::TimingReport;
@@ -93,7 +93,7 @@ impl HostRecord {
 
     /// Writes the exits of processes that were not written yet.
     fn write_ends(&mut self, supervisor: &Supervisor<'_>) {
-        for (service, pid, exit) in &supervisor.exits()[self.ends_written..] {
+        for (service, pid, exit) in &supervisor.supervision().exits()[self.ends_written..] {
             let kind = if exit.killed {
                 HostEvent::KIND_KILLED
             } else {
@@ -101,7 +101,7 @@ impl HostRecord {
             };
             self.event(*service, kind, *pid, &exit.description);
         }
-        self.ends_written = supervisor.exits().len();
+        self.ends_written = supervisor.supervision().exits().len();
     }
 }
 
@@ -146,7 +146,7 @@ impl SupervisionObserver for HostRecord {
                 steps: cell.steps.load(Ordering::Relaxed),
                 waits_by_yield: cell.yields.load(Ordering::Relaxed),
                 waits_by_blocking: cell.blocks.load(Ordering::Relaxed),
-                cpu_time_ns: Activity::read(pid).map_or(0, |activity| activity.cpu_time_ns),
+                cpu_time_ns: activity::read(pid).map_or(0, |activity| activity.cpu_time_ns),
             };
             self.write(&sample);
         }

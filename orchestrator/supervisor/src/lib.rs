@@ -18,6 +18,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use command_line::failure::Failure;
+use decisions::failure::ServiceFailure;
 use flight::failure::{FlightFailure, Suspects};
 use host::step::NonFinite;
 use scenario::{Scenario, Unflyable};
@@ -89,55 +90,21 @@ pub enum RunFailure {
         /// Services that are replaced by foreign code.
         suspects: Suspects,
     },
-    /// A service died repeatedly without progress.
-    #[error(
-        "the service `{service}` (process {pid}) died after tick {tick}: {how}; \
-         it is not started again after {times} deaths in a row without flying a tick more (see --restarts); \
-         the log ends with the last whole tick"
-    )]
-    Died {
-        service: String,
-        /// PID of its last process.
-        pid: u32,
-        /// Last tick that it completed.
-        tick: u64,
-        /// Signal or exit code.
-        how: String,
-        /// Number of deaths at this tick.
-        times: u32,
-    },
+    /// A service is not started again.
+    #[error(transparent)]
+    Service(ServiceFailure),
     /// A restarted service published a sample that differs from the one before its death.
     #[error(
         "the service that publishes `{topic}` was restarted and published another sample of tick {tick} than before: \
          its step is not a function of state and inputs, or the machine computes wrongly"
     )]
     Diverged { topic: String, tick: u64 },
-    /// A service reported a failure.
-    #[error("the service `{service}` gave up: {reason}")]
-    GaveUp { service: String, reason: String },
     /// The run's folder was removed.
     #[error(
         "the folder of the run, {}, was removed: the run cannot be found any more, and no service could be restarted; \
          one below XDG_RUNTIME_DIR is removed with the user's last session (`loginctl enable-linger`)", .0.display()
     )]
     FolderRemoved(PathBuf),
-    /// Services did not become ready in time.
-    #[error("the services {} did not become ready within {} s; is the machine overloaded?", .services.join(", "), .limit.as_secs())]
-    NotReady {
-        services: Vec<String>,
-        /// The timeout.
-        limit: Duration,
-    },
-    /// An external service violated the process contract.
-    #[error(
-        "the program in place of `{service}` (process {pid}) {what}; docs/process_contract.md says what it must do"
-    )]
-    ExternalService {
-        service: String,
-        pid: u32,
-        /// Predicate of the message: what it did.
-        what: String,
-    },
     /// An external service published another sample than the one that was due.
     #[error(
         "the program in place of `{service}` published a sample of `{topic}` with the tick {}, the number {} and the time \
@@ -176,9 +143,8 @@ impl RunFailure {
         let is_by_samples = matches!(
             self,
             Self::Flight(FlightFailure::NonFinite(..))
-                | Self::Died { .. }
+                | Self::Service(ServiceFailure::Died { .. } | ServiceFailure::GaveUp { .. })
                 | Self::Diverged { .. }
-                | Self::GaveUp { .. }
                 | Self::Lost { .. }
         );
         let suspects = Suspects::of(foreign, &self);
@@ -200,10 +166,16 @@ impl RunFailure {
         }
     }
 
+    /// Returns whether a service died repeatedly.
+    #[must_use]
+    pub fn is_death(&self) -> bool {
+        matches!(self.itself(), Self::Service(ServiceFailure::Died { .. }))
+    }
+
     /// Returns whether a service reported the failure.
     #[must_use]
     pub fn is_given_up(&self) -> bool {
-        matches!(self.itself(), Self::GaveUp { .. })
+        matches!(self.itself(), Self::Service(ServiceFailure::GaveUp { .. }))
     }
 
     /// Returns the tick at which a service computed a number that is not finite, if that is the failure.
@@ -237,6 +209,17 @@ impl From<RunFailure> for Failure {
 impl From<NonFinite> for RunFailure {
     fn from(found: NonFinite) -> Self {
         Self::Flight(FlightFailure::NonFinite(found, Suspects::default()))
+    }
+}
+
+impl From<ServiceFailure> for RunFailure {
+    fn from(failure: ServiceFailure) -> Self {
+        match failure {
+            ServiceFailure::NonFinite(found) => found.into(),
+            ServiceFailure::Refused(reason) => FlightFailure::Refused(reason.into()).into(),
+            ServiceFailure::NotStarted(reason) => Self::setup(reason),
+            failure => Self::Service(failure),
+        }
     }
 }
 

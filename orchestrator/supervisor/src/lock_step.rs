@@ -15,9 +15,10 @@ use scenario::Scenario;
 use super::deployment::Deployment;
 use super::recorder::{Progress, Recorder};
 use super::run_context::RunContext;
-use super::supervision::{RESTART_POLL_PERIOD, ServiceEvent, SupervisionObserver, Supervisor};
+use super::supervision::{News, RESTART_POLL_PERIOD, SupervisionObserver, Supervisor};
 use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
+use decisions::event::Action;
 use flight::failure::FlightFailure;
 use flight::interrupt::Interrupt;
 use stall::StallWatch;
@@ -57,7 +58,7 @@ where
     let started = Instant::now();
     // Must come before `go`: samples of services that exit before the connection would be lost.
     recorder.connect().map_err(RunFailure::setup)?;
-    supervisor.go()?;
+    supervisor.go();
     observer.changed(&supervisor);
     let mut flight = Flight {
         supervisor,
@@ -117,18 +118,8 @@ impl Flight<'_> {
                 _ if self.supervisor.needs_care() => RESTART_POLL_PERIOD,
                 _ => RECORDER_PERIOD,
             };
-            for event in self.supervisor.watch(period) {
-                self.handle(event)?;
-            }
-            if self.supervisor.needs_care() {
-                self.recorder.receive()?;
-                self.supervisor.restart_dead()?;
-                self.supervisor.resume(&mut self.recorder)?;
-                self.observer.changed(&self.supervisor);
-                self.supervisor.hand_over(&self.recorder)?;
-            } else {
-                self.supervisor.keep_standby();
-            }
+            self.supervisor.watch(period);
+            self.look()?;
             self.report_stall();
             if Instant::now() >= next_health {
                 self.supervisor.wake_all();
@@ -139,14 +130,37 @@ impl Flight<'_> {
         }
     }
 
+    /// Restarts services, and hands over what they have missed.
+    fn look(&mut self) -> Result<(), RunFailure> {
+        let needs_care = self.supervisor.needs_care();
+        if needs_care {
+            self.recorder.receive()?;
+        }
+        for action in self.supervisor.look() {
+            match action {
+                Action::Announce { birth } => self.supervisor.announce(birth, &mut self.recorder)?,
+                Action::CatchUp { service } => self.supervisor.catch_up(service, &self.recorder),
+                action => self.supervisor.perform(action),
+            }
+        }
+        for news in self.supervisor.take_news() {
+            self.handle(news)?;
+        }
+        if needs_care {
+            self.observer.changed(&self.supervisor);
+            self.supervisor.hand_over(&self.recorder)?;
+        }
+        Ok(())
+    }
+
     /// Records the progress of external services; fails if one has finished without publishing all its samples.
     fn check_external_services(&self, progress: Progress) -> Result<(), RunFailure> {
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
-        for external_service in self.supervisor.external_services() {
+        for external_service in self.supervisor.supervision().external_services() {
             // Everything published before its message has been received by now.
             if progress == Progress::Waiting
-                && self.supervisor.is_finished(external_service)
+                && self.supervisor.supervision().is_finished(external_service)
                 && self.recorder.waits_for(external_service)
             {
                 return Err(self.supervisor.blame_for_missing(external_service));
@@ -167,24 +181,24 @@ impl Flight<'_> {
         }
     }
 
-    fn handle(&mut self, event: ServiceEvent) -> Result<(), RunFailure> {
-        match event {
-            ServiceEvent::Lost(failure) => return Err(failure),
-            ServiceEvent::Died => {
+    fn handle(&mut self, news: News) -> Result<(), RunFailure> {
+        match news {
+            News::Lost(failure) => return Err(failure.into()),
+            News::Died => {
                 self.observer.changed(&self.supervisor);
                 let time = self.watchers.time(&self.recorder);
-                if let Some(text) = self.supervisor.last_death() {
+                if let Some(text) = self.supervisor.supervision().last_death() {
                     self.watchers.events.keep(time, &text);
                 }
             }
-            ServiceEvent::Ready(service, _) => {
+            News::Ready(service, _) => {
                 let time = self.watchers.time(&self.recorder);
                 let name = self.supervisor.name_of(service);
                 self.watchers
                     .events
                     .keep(time, &format!("`{name}` was restarted"));
             }
-            ServiceEvent::Finished(_) => {}
+            News::Finished(_) => {}
         }
         Ok(())
     }

@@ -6,18 +6,16 @@
 //!
 //! Failure policy: in the air only a landing ends a flight. If the log cannot be written, a service exceeds its
 //! restarts, or a port fails, the first failure is stored and reported, a landing is requested, services are restarted
-//! until the vehicle has landed, and then the flight ends with that failure (`shutdown.rs`).
+//! until the vehicle has landed, and then the flight ends with that failure ([`decisions::conduct`]).
 
 mod answers;
-mod decisions;
-mod heartbeat;
+mod arming;
 mod kill_switch;
 mod laboratory;
 mod last_landing;
 mod monitor;
 mod policies;
 mod recorder;
-mod shutdown;
 mod take_over;
 mod tuning;
 
@@ -37,22 +35,24 @@ use runtime::step_log::StepRecord;
 use scenario::Scenario;
 use shared_types::samples::{PathReference, RcFrame, RunEvent};
 use shared_types::schedule::Edge;
-use shared_types::service::{nanoseconds, seconds};
+use shared_types::service::seconds;
 use shared_types::{FlightPhase, Schedule, ServiceId, Topic};
 
-use self::heartbeat::Heartbeats;
 use self::kill_switch::KillSwitch;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
-use self::shutdown::{Motors, Shutdown};
 pub use self::take_over::TakeOver;
 use super::control_server::ControlServer;
 use super::deployment::Deployment;
 use super::run_context::RunContext;
-use super::supervision::{RESTART_POLL_PERIOD, STOP_LIMIT, ServiceEvent, SupervisionObserver, Supervisor};
+use super::supervision::{News, RESTART_POLL_PERIOD, SupervisionObserver, Supervisor, now};
 use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
+use decisions::conduct::{Conduct, EndRequest};
+use decisions::event::Action;
+use decisions::failure::ServiceFailure;
+use decisions::shutdown::Shutdown;
 use flight::interrupt::Interrupt;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_client::live_events::LiveEvents;
@@ -64,9 +64,6 @@ const RECORDER_PERIOD: Duration = Duration::from_millis(10);
 
 /// Delay from the start command to tick 0; long enough to reach every service.
 const COUNTDOWN: Duration = Duration::from_millis(50);
-
-/// Time after the last tick after which a flight with delayed services ends.
-const DELAYED_END_LIMIT: Duration = Duration::from_secs(10);
 
 /// Observer of a flight in real time, for the record of the machine.
 pub trait StepObserver: SupervisionObserver {
@@ -121,7 +118,7 @@ where
         .start_ns
         .store(clock.start_ns, Ordering::Release);
     observer.flight_begins_at(clock.start_ns);
-    supervisor.go()?;
+    supervisor.go();
     let recorder = recorder
         .distrust(context.scenario.external_services(), &context.schedule, clock)
         .remember_for_restarts(&context.schedule);
@@ -180,7 +177,6 @@ where
         .distrust(context.scenario.external_services(), &context.schedule, clock)
         .remember_for_restarts(&context.schedule);
     let mut flight = Flight::new(&context, clock, supervisor, recorder, clients, observer);
-    flight.motors = Motors::UNKNOWN;
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
     flight.inherit_kill_switch();
@@ -203,7 +199,7 @@ struct Flight<'a> {
     supervisor: Supervisor<'a>,
     recorder: Recorder,
     monitor: Monitor,
-    heartbeats: Heartbeats,
+    conduct: Conduct,
     observer: &'a mut dyn StepObserver,
     scenario: &'a Scenario,
     /// Folder of the run.
@@ -212,8 +208,6 @@ struct Flight<'a> {
     clients: &'a Clients<'a>,
     /// Name of the run, as other terminals find it.
     run: String,
-    motors: Motors,
-    shutdown: Shutdown,
     /// Signal that requested the end.
     signal: Option<i32>,
     kill_switch: Option<KillSwitch>,
@@ -245,10 +239,8 @@ impl<'a> Flight<'a> {
         observer: &'a mut dyn StepObserver,
     ) -> Self {
         let schedule = &context.schedule;
-        let real_time = context.scenario.real_time.unwrap_or_default();
-        let hang_limit = |service| nanoseconds(real_time.hang_limit(schedule, service)) / schedule.tick_ns();
         Self {
-            heartbeats: Heartbeats::new(schedule, hang_limit),
+            conduct: Conduct::new(&context.scenario, schedule),
             monitor: Monitor::new(schedule, |service| context.scenario.process_name(service)),
             schedule,
             clock,
@@ -260,8 +252,6 @@ impl<'a> Flight<'a> {
             laboratory: Laboratory::of(&context.scenario),
             clients,
             run: context.root.name(),
-            motors: Motors::AT_REST,
-            shutdown: Shutdown::None,
             signal: None,
             kill_switch: None,
             failure: None,
@@ -317,10 +307,8 @@ impl<'a> Flight<'a> {
             } else {
                 RECORDER_PERIOD
             };
-            for event in self.supervisor.watch(period) {
-                self.handle(event);
-            }
-            self.restart_services();
+            self.supervisor.watch(period);
+            self.look();
             if let Err(failure) = self.record(sink) {
                 self.fail(failure);
             }
@@ -328,7 +316,6 @@ impl<'a> Flight<'a> {
             if let Some(error) = self.observer.failure() {
                 self.fail(RunFailure::Record(error));
             }
-            self.replace_hung_services();
             self.land_before_the_end();
             server.serve(|question| self.answer(question));
             if Instant::now() >= next_health {
@@ -345,15 +332,10 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Returns whether all services have finished, or the flight may end earlier.
     fn is_over(&self) -> bool {
-        self.supervisor.has_finished() || self.is_past_its_end() || self.shutdown.permits_end(&self.motors)
-    }
-
-    /// Returns whether the timeout after the last tick has passed: a service that cannot be restarted never finishes.
-    fn is_past_its_end(&self) -> bool {
-        let since_end = self.since_end();
-        since_end > STOP_LIMIT && (since_end > DELAYED_END_LIMIT || !self.supervisor.is_delayed())
+        let supervision = self.supervisor.supervision();
+        self.conduct
+            .is_over(supervision, self.since_end(), self.supervisor.facts())
     }
 
     /// Returns the time since the last tick.
@@ -365,24 +347,23 @@ impl<'a> Flight<'a> {
     /// Handles services that have not finished in time. A service that has not done its last step makes the flight
     /// incomplete, which is a failure. One that has only not exited leaves it complete, with a warning.
     fn note_unfinished(&mut self) -> Vec<String> {
-        if self.shutdown != Shutdown::None || self.failure.is_some() {
+        if self.conduct.shutdown() != Shutdown::None || self.failure.is_some() {
             return Vec::new();
         }
         let limit = self.since_end().as_secs();
         let mut warnings = Vec::new();
-        for service in self.supervisor.unfinished() {
-            let name = self.supervisor.name_of(service).to_owned();
-            if self.supervisor.has_flown_all(service) {
+        let supervision = self.supervisor.supervision();
+        for service in supervision.unfinished() {
+            let name = supervision.name_of(service).to_owned();
+            if supervision.has_flown_all(service, self.supervisor.facts()) {
                 warnings.push(format!(
                     "`{name}` has done its last step and not ended for {limit} s, and was killed: a device, or `destroy` of a \
                      plug-in, does not return"
                 ));
             } else {
                 let reason = format!("it had not done its last step {limit} s after the end of the flight");
-                self.failure = Some(RunFailure::GaveUp {
-                    service: name,
-                    reason,
-                });
+                let service = name;
+                self.failure = Some(ServiceFailure::GaveUp { service, reason }.into());
                 break;
             }
         }
@@ -394,37 +375,38 @@ impl<'a> Flight<'a> {
 
     /// Stores a failure and requests the end; the first one becomes the outcome of the flight.
     fn fail(&mut self, failure: RunFailure) {
-        if self.failure.is_some() {
+        let Some(request) = self.conduct.fail() else {
             return;
-        }
+        };
         let failure = failure.suspecting(self.scenario.foreign_services());
         self.record_event(&format!("the flight has failed: {failure}"));
+        let words = failure.to_string();
         self.failure = Some(failure);
-        let answer = self.request_end("a failure");
-        if self.shutdown == Shutdown::Land {
-            let failure = self.failure.as_ref().map(ToString::to_string);
-            let text = format!("{}\n{answer}", failure.unwrap_or_default());
-            self.clients.messages.show(text);
+        let answer = self.answer_to_end(request, "a failure");
+        if self.conduct.shutdown() == Shutdown::Land {
+            self.clients.messages.show(format!("{words}\n{answer}"));
         }
     }
 
     /// Requests the end of the flight, after a landing. Returns the message for the user.
     fn request_end(&mut self, reason: impl Into<Cow<'static, str>>) -> String {
-        let before = self.shutdown;
-        self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
-        if self.shutdown == Shutdown::Land && before == Shutdown::None {
+        let request = self.conduct.request_end();
+        self.answer_to_end(request, reason)
+    }
+
+    fn answer_to_end(&mut self, request: EndRequest, reason: impl Into<Cow<'static, str>>) -> String {
+        if request == EndRequest::Land {
             self.ask(Request::Land, RunEvent::KIND_OPERATOR_LANDS, reason);
         }
-        if self.shutdown.permits_end(&self.motors) {
+        if self.conduct.permits_end() {
             return "The run ends.".to_owned();
         }
         if self.operator().killed || self.recorder.has_killed() {
             return "The motors were killed. The run ends 2 s after that.".to_owned();
         }
-        let again = if before == Shutdown::None {
-            "The vehicle lands. The run ends 2 s after its motors have stopped."
-        } else {
-            "The vehicle is still landing."
+        let again = match request {
+            EndRequest::Land => "The vehicle lands. The run ends 2 s after its motors have stopped.",
+            EndRequest::Lands | EndRequest::Ends => "The vehicle is still landing.",
         };
         format!(
             "{again} Ctrl-C and `gerono stop` change nothing more.\n\
@@ -433,42 +415,54 @@ impl<'a> Flight<'a> {
         )
     }
 
-    fn handle(&mut self, event: ServiceEvent) {
-        match event {
-            ServiceEvent::Lost(failure) => self.fail(failure),
-            ServiceEvent::Died => {
+    fn handle(&mut self, news: News) {
+        match news {
+            News::Lost(failure) => self.fail(failure.into()),
+            News::Died => {
                 self.observer.changed(&self.supervisor);
-                if let Some(text) = self.supervisor.last_death() {
+                if let Some(text) = self.supervisor.supervision().last_death() {
                     self.add_event(&text);
                 }
             }
-            ServiceEvent::Ready(service, _) => {
+            News::Ready(service, _) => {
                 let name = self.supervisor.name_of(service);
                 self.add_event(&format!("`{name}` was restarted"));
             }
-            ServiceEvent::Finished(_) => {}
+            News::Finished(_) => {}
         }
     }
 
-    /// Restarts services that have died; after a failure also those that were given up.
-    fn restart_services(&mut self) {
-        if self.failure.is_some() {
-            self.supervisor.retry_given_up();
-        }
-        if !self.supervisor.needs_care() {
-            return self.supervisor.keep_standby();
-        }
+    /// Replaces services that hang, and restarts those that have died; after a failure also those that were given up.
+    fn look(&mut self) {
+        let needs_care = self.supervisor.needs_care();
         // A restarted process receives the samples published before it was ready as messages, and later ones through
-        // its ports.
-        let (supervisor, recorder) = (&mut self.supervisor, &mut self.recorder);
-        // A failed port does not prevent the restart of services.
-        let restarted = supervisor.restart_dead().and(recorder.receive());
-        let resumed =
-            supervisor.resume_in_real_time(&|topic, from| recorder.remembered(topic, from).collect());
-        if let Err(failure) = restarted.and(resumed) {
+        // its ports. A failed port does not prevent the restart of services.
+        if needs_care && let Err(failure) = self.recorder.receive() {
             self.fail(failure);
         }
-        self.observer.changed(&self.supervisor);
+        let (supervision, facts) = self.supervisor.supervision_mut();
+        let hung_services = self.conduct.look(supervision, now(), self.clock.tick(), facts);
+        for service in hung_services {
+            self.observer.hung(service);
+            let name = self.supervisor.name_of(service);
+            self.add_event(&format!("`{name}` hangs and is replaced"));
+        }
+        let (supervisor, recorder) = (&mut self.supervisor, &self.recorder);
+        for action in supervisor.take_actions() {
+            match action {
+                Action::SendMissed { process, service } => {
+                    let remembered = |topic, from| recorder.remembered(topic, from).collect();
+                    supervisor.send_missed(process, service, &remembered);
+                }
+                action => supervisor.perform(action),
+            }
+        }
+        for news in self.supervisor.take_news() {
+            self.handle(news);
+        }
+        if needs_care {
+            self.observer.changed(&self.supervisor);
+        }
     }
 
     /// Appends an event for clients.
@@ -498,8 +492,8 @@ impl<'a> Flight<'a> {
         // If the port of frames has failed, the phase still shows when the vehicle is down.
         let can_receive =
             self.recorder.is_receiving(Topic::RcFrame) || self.phase() == Some(FlightPhase::Disarmed);
-        self.motors
-            .observe(frame.as_ref(), self.clock.elapsed_ns(), can_receive);
+        self.conduct
+            .observe_motors(frame.as_ref(), self.clock.elapsed_ns(), can_receive);
         self.announce_decisions();
         self.supervisor
             .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
@@ -550,26 +544,6 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn replace_hung_services(&mut self) {
-        let now = self.clock.tick();
-        let supervisor = &self.supervisor;
-        let hung_services = self.heartbeats.hung_services(
-            now,
-            supervisor.page().control_block(),
-            |service| supervisor.flies(service),
-            |service| supervisor.activity(service),
-            |service| supervisor.first_step_limit(service).as_nanos() as u64 / self.clock.tick_ns,
-        );
-        for service in hung_services {
-            self.observer.hung(service);
-            let ticks = now.saturating_sub(self.supervisor.steps_until(service));
-            let hung_for = Duration::from_nanos(ticks * self.clock.tick_ns);
-            self.supervisor.replace_hung(service, hung_for);
-            let name = self.supervisor.name_of(service);
-            self.add_event(&format!("`{name}` hangs and is replaced"));
-        }
-    }
-
     /// Stops the services and records what they have published.
     fn wind_up<S: TickSink>(&mut self, sink: &mut S)
     where
@@ -602,7 +576,9 @@ impl<'a> Flight<'a> {
     fn outcome(&mut self) -> Outcome {
         match (self.failure.take(), self.signal) {
             (Some(failure), _) => Outcome::Failed(failure.suspecting(self.scenario.foreign_services())),
-            (None, Some(signal)) if !self.supervisor.has_finished() => Outcome::Interrupted { signal },
+            (None, Some(signal)) if self.supervisor.supervision().unfinished().next().is_some() => {
+                Outcome::Interrupted { signal }
+            }
             (None, _) => Outcome::Completed,
         }
     }
@@ -622,6 +598,7 @@ impl<'a> Flight<'a> {
         // The steps of external services have no timing records.
         let is_external_service = |name: &str| {
             self.supervisor
+                .supervision()
                 .external_services()
                 .any(|external_service| external_service.name() == name)
         };

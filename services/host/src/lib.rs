@@ -4,11 +4,13 @@
 //! * [`step`]: one step, the same in every host;
 //! * [`in_process`]: all services in one thread, and the [`TickSink`](in_process::TickSink) that receives their
 //!   samples;
+//! * [`activity`]: what the system says of a process;
 //! * [`watchdog`]: detection of work in third-party code that does not end;
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: storage of samples.
 
 #![warn(missing_docs)]
 
+pub mod activity;
 pub mod edge_store;
 pub mod in_process;
 pub mod owned_sample;

@@ -3,35 +3,21 @@
 use std::os::fd::AsFd;
 use std::time::Duration;
 
+use host::activity::Activity;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-/// Run state and CPU time of a process.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Activity {
-    /// `true` if it runs or waits for a processor or a page of memory; `false` if it waits for an event or is stopped.
-    pub is_runnable: bool,
-    /// `true` if it runs or waits for a processor.
-    pub is_ready: bool,
-    /// CPU time, ns.
-    pub cpu_time_ns: u64,
-    /// Time that it was ready and waited for a processor, ns, up to its last dispatch.
-    pub run_delay_ns: u64,
-}
-
-impl Activity {
-    /// Reads the activity of a process from `/proc`. `None` if the process does not exist or `/proc` is not readable.
-    #[must_use]
-    pub fn read(pid: u32) -> Option<Self> {
-        let state = state_of(pid)?;
-        let schedstat = std::fs::read_to_string(format!("/proc/{pid}/schedstat")).ok()?;
-        let mut times = schedstat.split_whitespace().map(str::parse);
-        Some(Self {
-            is_runnable: matches!(state, 'R' | 'D'),
-            is_ready: state == 'R',
-            cpu_time_ns: times.next()?.ok()?,
-            run_delay_ns: times.next()?.ok()?,
-        })
-    }
+/// Reads the activity of a process from `/proc`. `None` if the process does not exist or `/proc` is not readable.
+#[must_use]
+pub fn read(pid: u32) -> Option<Activity> {
+    let state = state_of(pid)?;
+    let schedstat = std::fs::read_to_string(format!("/proc/{pid}/schedstat")).ok()?;
+    let mut times = schedstat.split_whitespace().map(str::parse);
+    Some(Activity {
+        is_runnable: matches!(state, 'R' | 'D'),
+        is_ready: state == 'R',
+        cpu_time_ns: times.next()?.ok()?,
+        run_delay_ns: times.next()?.ok()?,
+    })
 }
 
 /// Returns the letter of a process's state (`man 5 proc_pid_stat`), if `/proc` is readable.
@@ -96,10 +82,10 @@ mod tests {
 
     #[test]
     fn a_process_that_runs_is_runnable_and_uses_its_processor() {
-        let before = Activity::read(std::process::id()).unwrap();
+        let before = read(std::process::id()).unwrap();
         let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
         let asleep = loop {
-            let activity = Activity::read(child.id()).unwrap();
+            let activity = read(child.id()).unwrap();
             if !activity.is_runnable {
                 break activity;
             }
@@ -108,7 +94,7 @@ mod tests {
         child.kill().unwrap();
         child.wait().unwrap();
         // The first thread waits for the tests: what it has done does not become less.
-        assert!(Activity::read(std::process::id()).unwrap().cpu_time_ns >= before.cpu_time_ns);
-        assert_eq!(Activity::read(child.id()), None);
+        assert!(read(std::process::id()).unwrap().cpu_time_ns >= before.cpu_time_ns);
+        assert_eq!(read(child.id()), None);
     }
 }

@@ -14,12 +14,9 @@ use crate::RunFailure;
 
 /// Kill switch of the scenario.
 pub(super) struct KillSwitch {
-    stated: OperatorDevices,
     watch: Watch,
     /// Reason of the loss, while it is lost.
     lost: Option<String>,
-    /// `true` if the flight has reacted to this loss.
-    is_handled: bool,
 }
 
 /// Opens the kill switch of a scenario, if it has one: no flight starts without it.
@@ -47,9 +44,7 @@ impl KillSwitch {
         };
         Ok(Self {
             watch: Watch::start(stated, device, kill)?,
-            stated: stated.clone(),
             lost: None,
-            is_handled: false,
         })
     }
 
@@ -119,8 +114,8 @@ impl Flight<'_> {
         self.pending_events
             .push((tick, RunEvent::KIND_KILL_SWITCH, event.into()));
         self.announce(text);
+        self.conduct.note_kill_switch(lost.is_some());
         if let Some(switch) = &mut self.kill_switch {
-            switch.is_handled = false;
             switch.lost = lost;
         }
     }
@@ -128,16 +123,11 @@ impl Flight<'_> {
     /// Executes `operator.on_loss` once for each loss, while the vehicle is armed.
     fn react_to_lost_kill_switch(&mut self) {
         let may_fly = self.is_armed() && !self.operator().killed;
-        let is_open = |switch: &&mut KillSwitch| switch.lost.is_some() && !switch.is_handled;
-        let Some(switch) = self.kill_switch.as_mut().filter(is_open) else {
+        let Some(reaction) = self.conduct.reaction_to_loss(may_fly) else {
             return;
         };
-        if !may_fly {
-            return;
-        }
-        switch.is_handled = true;
-        let event = format!("kill switch lost: {}", switch.stated.kill_device);
-        let text = match switch.stated.on_loss {
+        let event = format!("kill switch lost: {}", self.kill_device());
+        let text = match reaction {
             KillSwitchLoss::Ignore => {
                 "The flight continues without its kill switch, as `operator.on_loss` states.".to_owned()
             }

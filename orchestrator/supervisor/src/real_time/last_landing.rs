@@ -4,7 +4,7 @@ use shared_types::samples::{PathReference, VehicleState};
 use shared_types::service::seconds;
 
 use super::Flight;
-use super::shutdown::Shutdown;
+use decisions::shutdown::Shutdown;
 use run_client::newest::Newest;
 
 impl Flight<'_> {
@@ -23,7 +23,7 @@ impl Flight<'_> {
         }
         if !reference.airborne.is_set() {
             self.ground_z = self.vehicle_z;
-        } else if self.shutdown == Shutdown::None
+        } else if self.conduct.shutdown() == Shutdown::None
             && left < phases.landing_time(self.ground_z - self.vehicle_z)
         {
             let answer = self.request_end("the end of `duration`");

@@ -5,8 +5,10 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+pub use decisions::process::Exit;
+use decisions::restart_policy::END_LIMIT;
 use runtime::activity;
 use runtime::control::{CONTROL_FD, Channel};
 use runtime::deployment;
@@ -15,9 +17,6 @@ use runtime::doorbell::Doorbell;
 use runtime::reaper;
 use runtime::shared_memory;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitIdStatus, pidfd_open, pidfd_send_signal};
-
-/// Timeout for the end of a killed process, which may wait for the system, such as for a slow disk.
-const END_LIMIT: Duration = Duration::from_secs(1);
 
 /// Started process.
 pub struct Process {
@@ -28,21 +27,10 @@ pub struct Process {
     pub death: OwnedFd,
     /// Control channel.
     pub channel: Channel,
-    /// Time at which it was started, or at which it got its current task.
-    pub asked_at: Instant,
-    /// Its run delay (waiting for a processor) at that time, ns.
-    pub delayed_before_ns: u64,
+    /// `true` if it has closed its control channel.
+    pub has_hung_up: bool,
     /// `true` if it has ended and its end was handled.
     pub is_gone: bool,
-}
-
-/// End of a process.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Exit {
-    /// `true` if a signal ended it.
-    pub killed: bool,
-    /// Description for the user.
-    pub description: String,
 }
 
 impl Process {
@@ -81,8 +69,7 @@ impl Process {
             child: Some(child),
             death,
             channel,
-            asked_at: Instant::now(),
-            delayed_before_ns: 0,
+            has_hung_up: false,
             is_gone: false,
         })
     }
@@ -102,8 +89,7 @@ impl Process {
             child: None,
             death,
             channel,
-            asked_at: Instant::now(),
-            delayed_before_ns: 0,
+            has_hung_up: false,
             is_gone: false,
         })
     }
@@ -129,15 +115,6 @@ impl Process {
 
     pub fn has_ended(&self) -> bool {
         self.ends_within(Duration::ZERO)
-    }
-
-    /// Returns whether it has ended, and reaps it if it ended too late for [`Self::end`].
-    pub fn is_over(&mut self) -> bool {
-        let has_ended = self.has_ended();
-        if has_ended {
-            self.forget();
-        }
-        has_ended
     }
 
     /// Reaps the process after its end.

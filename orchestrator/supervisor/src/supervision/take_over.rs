@@ -10,9 +10,8 @@ use runtime::step_log::StepLog;
 use rustix::process::Pid;
 use shared_types::{Schedule, ServiceId};
 
-use super::managed_service::{ManagedService, Phase};
 use super::process::Process;
-use super::{Shared, Supervisor};
+use super::{RestartPolicies, Shared, Supervisor, now};
 use crate::RunFailure;
 
 /// Service process found in flight, with its channel.
@@ -45,22 +44,16 @@ impl<'a> Supervisor<'a> {
         shared: Shared,
         mut survivors: [Option<OrphanedService>; ServiceId::ALL.len()],
     ) -> Result<Self, RunFailure> {
-        let mut supervisor = Self::without_members(node, lock, schedule, start, shared)?;
-        supervisor.is_in_flight = true;
+        let policies = RestartPolicies::default();
+        let mut supervisor = Self::without_members(node, lock, schedule, start, shared, policies)?;
+        supervisor.supervision.continue_flight();
         for service in ServiceId::ALL {
             let survivor = survivors[service.index()].take();
             // A process that has died since it connected counts as dead.
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
-            let adopted = match process {
-                Some(process) => {
-                    let mut flying = ManagedService::new(service, supervisor.name_of(service), process);
-                    flying.phase = Phase::Flying;
-                    supervisor.add(flying);
-                    Ok(())
-                }
-                None => supervisor.start_service(service),
-            };
-            if let Err(failure) = adopted {
+            if let Some(process) = process {
+                supervisor.adopt_next(process);
+            } else if let Err(failure) = supervisor.start_next() {
                 supervisor.release_all();
                 return Err(failure);
             }
@@ -68,8 +61,15 @@ impl<'a> Supervisor<'a> {
         Ok(supervisor)
     }
 
+    fn adopt_next(&mut self, process: Process) {
+        let scenario = &self.processes.start.scenario;
+        let number = self.supervision.adopt_next(now(), scenario, process.id());
+        self.processes.add(number, process);
+    }
+
     /// Releases all services without stopping them: without an orchestrator they land by themselves.
     pub(super) fn release_all(&mut self) {
-        self.members.clear();
+        self.supervision.release_all();
+        self.processes.forget_all();
     }
 }

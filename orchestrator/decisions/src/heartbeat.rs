@@ -5,17 +5,13 @@
 //! * time in which the orchestrator itself did not check, because it was late or stopped;
 //! * time in which the service was runnable but got no processor;
 //! * time in which all services were late at once. They do not wait for each other for long, so a hung service does not
-//!   delay the others: the machine does. This is limited to [`GRANT`] times the limit, because all of them may have hung.
+//!   delay the others: the machine does. This is limited to three times the limit, because all of them may have hung.
 //!
 //! On an overloaded machine all services are late together, and a restart would only add to the load.
 
-use std::sync::atomic::Ordering;
-
-use runtime::shared_page::ControlBlock;
+use host::activity::Activity;
 use shared_types::schedule::OutageSchedule;
 use shared_types::{Schedule, ServiceId};
-
-use runtime::activity::Activity;
 
 /// Multiple of the limit after which services that are all late at once count as hung nevertheless.
 const GRANT: u64 = 3;
@@ -24,6 +20,7 @@ const GRANT: u64 = 3;
 const OBSERVED_SHARE: u64 = 8;
 
 /// Last step of each service.
+#[derive(Clone, Debug)]
 pub struct Heartbeats {
     pulses: [Pulse; ServiceId::ALL.len()],
     tick_ns: u64,
@@ -31,6 +28,7 @@ pub struct Heartbeats {
     checked_at: u64,
 }
 
+#[derive(Clone, Debug)]
 struct Pulse {
     /// Number of ticks without a due step after which the service counts as hung.
     limit_ticks: u64,
@@ -91,24 +89,10 @@ impl Heartbeats {
         }
     }
 
-    /// Checks the services at the start of tick `now` and returns the hung ones. `flies` returns whether a service is
-    /// in flight, `activity` the activity of its process, `first_step` the number of ticks for its first step, if more
-    /// than for others.
+    /// Checks the services at the start of tick `now` and returns the hung ones. `steps_until` returns 1 + the last tick
+    /// that a service has stepped, `flies` whether it is in flight, `activity` the activity of its process, `first_step`
+    /// the number of ticks for its first step, if more than for others.
     pub fn hung_services(
-        &mut self,
-        now: u64,
-        block: &ControlBlock,
-        flies: impl Fn(ServiceId) -> bool,
-        activity: impl Fn(ServiceId) -> Option<Activity>,
-        first_step: impl Fn(ServiceId) -> u64,
-    ) -> Vec<ServiceId> {
-        // Relaxed: only progress counts, and an old value makes the service no later than it was at the last check.
-        let steps_until =
-            |service: ServiceId| block.cells[service.index()].steps_until.load(Ordering::Relaxed);
-        self.hung_services_of(now, steps_until, flies, activity, first_step)
-    }
-
-    fn hung_services_of(
         &mut self,
         now: u64,
         steps_until: impl Fn(ServiceId) -> u64,
@@ -307,7 +291,7 @@ mod tests {
             (0..last_tick + 2 * LIMIT).find(|&now| {
                 let until = now.min(steps_until);
                 let hung_services =
-                    heartbeats.hung_services_of(now, |_| until, is_plant, |_| Some(asleep()), |_| 0);
+                    heartbeats.hung_services(now, |_| until, is_plant, |_| Some(asleep()), |_| 0);
                 hung_services == [ServiceId::Plant]
             })
         };
@@ -327,7 +311,7 @@ mod tests {
                 let until = now.min(steps_until);
                 let activity = |_| Some(asleep());
                 !heartbeats
-                    .hung_services_of(now, |_| until, flies, activity, |_| first_step)
+                    .hung_services(now, |_| until, flies, activity, |_| first_step)
                     .is_empty()
             })
         };
@@ -420,8 +404,7 @@ mod tests {
                 }
             };
             let flies = |service| flying.contains(&service);
-            let hung_services =
-                heartbeats.hung_services_of(now, steps_until, flies, |_| Some(asleep()), |_| 0);
+            let hung_services = heartbeats.hung_services(now, steps_until, flies, |_| Some(asleep()), |_| 0);
             for service in hung_services {
                 if !found.iter().any(|(other, _)| *other == service) {
                     found.push((service, now));

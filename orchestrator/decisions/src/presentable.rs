@@ -4,7 +4,7 @@
 const QUOTATION: usize = 500;
 
 /// Truncates a program's message and replaces its control characters.
-pub(super) fn presentable(said: &str) -> String {
+pub fn presentable(said: &str) -> String {
     let shown = said.chars().take(QUOTATION);
     let mut shown: String = shown
         .map(|character| {

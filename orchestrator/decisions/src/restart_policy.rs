@@ -39,7 +39,7 @@ const EXTERNAL_LIMIT_IN_FLIGHT: Duration = Duration::from_secs(5);
 const MAX_DOUBLINGS: u32 = 3;
 
 /// Returns a limit in flight after `missed` consecutive processes that have not flown.
-pub(super) fn doubled(limit: Duration, missed: u32) -> Duration {
+pub(crate) fn doubled(limit: Duration, missed: u32) -> Duration {
     limit * (1 << missed.min(MAX_DOUBLINGS))
 }
 
@@ -59,6 +59,18 @@ pub const BEAT_LIMIT: Duration = Duration::from_secs(2);
 
 /// Timeout for the preparation of a standby process.
 pub const PREPARATION_LIMIT: Duration = Duration::from_secs(10);
+
+/// Timeout of a process that was told to stop, before it is killed.
+pub const STOP_LIMIT: Duration = Duration::from_secs(2);
+
+/// Time for which a process may live after it has closed its channel: an ending process closes it shortly before.
+pub const AFTER_CLOSING: Duration = Duration::from_millis(100);
+
+/// Timeout for the end of a killed process, which may wait for the system, such as for a slow disk.
+pub const END_LIMIT: Duration = Duration::from_secs(1);
+
+/// Timeout for a restarted service to receive the samples that it has missed, in real time.
+pub const MISSED_LIMIT: Duration = Duration::from_millis(500);
 
 /// State of the run in which a process starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::Operator;
 
 use super::Flight;
-use super::shutdown::Shutdown;
+use decisions::shutdown::Shutdown;
 use run_client::newest::Newest;
 
 impl Flight<'_> {
@@ -18,7 +18,7 @@ impl Flight<'_> {
         if killed {
             return Some("a kill stopped the motors for the rest of the run; start another run".to_owned());
         }
-        if land || self.shutdown != Shutdown::None {
+        if land || self.conduct.shutdown() != Shutdown::None {
             return Some(
                 "a landing was requested, which holds until the end of the run; start another run".to_owned(),
             );
@@ -45,16 +45,16 @@ impl Flight<'_> {
         }
     }
 
-    /// After a take-over, continues a landing that was requested from the previous orchestrator: the request is still
-    /// in the control block.
+    /// After a take-over, the motors may turn, and a landing continues that was requested from the previous orchestrator:
+    /// the request is still in the control block.
     pub(super) fn inherit_landing(&mut self) {
         let asked = self
             .supervisor
             .page()
             .control_block()
             .operator(Operator::default());
+        self.conduct.inherit(asked.land);
         if asked.land {
-            self.shutdown = Shutdown::requested(self.scenario.flight.is_some());
             // The log of this flight lacks the event of that request.
             let by = "requested before another orchestrator took over".into();
             self.pending_events
