@@ -20,11 +20,16 @@ use crate::supervision::Supervision;
 /// Time after the last tick after which a flight with delayed services ends.
 const DELAYED_END_LIMIT: Duration = Duration::from_secs(10);
 
+/// Time before the last tick from which on a service that says that it has finished is believed, s.
+const AT_THE_END: f64 = 0.1;
+
 /// Decisions on a flight in real time, beside those on its processes.
 #[derive(Clone, Debug)]
 pub struct Conduct {
     heartbeats: Heartbeats,
     tick_ns: u64,
+    /// Tick before which no service has finished.
+    last_tick_in_flight: u64,
     has_phases: bool,
     motors: Motors,
     shutdown: Shutdown,
@@ -61,6 +66,9 @@ impl Conduct {
         Self {
             heartbeats: Heartbeats::new(schedule, hang_limit),
             tick_ns: schedule.tick_ns(),
+            last_tick_in_flight: schedule
+                .last_tick()
+                .saturating_sub(nanoseconds(AT_THE_END) / schedule.tick_ns()),
             has_phases: scenario.flight.is_some(),
             motors: Motors::AT_REST,
             shutdown: Shutdown::None,
@@ -91,6 +99,13 @@ impl Conduct {
     ) -> Vec<ServiceId> {
         if self.has_failed {
             supervision.retry_given_up(now);
+        }
+        if tick < self.last_tick_in_flight {
+            for service in ServiceId::ALL {
+                if supervision.is_finished(service) && !supervision.has_flown_all(service, facts) {
+                    supervision.replace_early(service, now);
+                }
+            }
         }
         let hung_services = self.replace_hung_services(supervision, now, tick, facts);
         supervision.look(now, facts);

@@ -176,9 +176,7 @@ impl Member {
                 return Some(News::Ready(self.service, warnings));
             }
             Said::CaughtUp if self.phase == Phase::CatchingUp => self.phase = Phase::Flying,
-            // The last beat of a standby process that has since taken a role; and what is not its turn.
-            Said::Connected | Said::Prepared | Said::CaughtUp | Said::Stepped | Said::Ready { .. } => {}
-            Said::Finished => {
+            Said::Finished if matches!(self.phase, Phase::Flying | Phase::CatchingUp) => {
                 self.phase = Phase::Finished;
                 return Some(News::Finished(self.service));
             }
@@ -196,6 +194,13 @@ impl Member {
                 let reason = presentable(&reason);
                 return Some(self.give_up(ServiceFailure::GaveUp { service, reason }));
             }
+            // The last beat of a standby process that has since taken a role; and what is not its turn.
+            Said::Connected
+            | Said::Prepared
+            | Said::CaughtUp
+            | Said::Finished
+            | Said::Stepped
+            | Said::Ready { .. } => {}
         }
         None
     }

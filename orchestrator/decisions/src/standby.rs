@@ -176,7 +176,7 @@ impl Supervision {
                 (self.standby.answered_at, self.standby.asked_at) = (Some(now), None);
             }
             Event::Said(Said::Failed { reason } | Said::Refused { reason } | Said::Dying { reason }) => {
-                self.kill_standby(now, Some(reason))
+                self.kill_standby(now, Some(reason));
             }
             Event::HungUp => {
                 if let Some(process) = &mut self.standby.process {

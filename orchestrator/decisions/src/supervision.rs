@@ -174,6 +174,7 @@ impl Supervision {
         else {
             return;
         };
+        let can_be_followed = self.can_be_followed();
         let member = &mut self.members[at];
         match event {
             Event::Ended(exit) => {
@@ -184,7 +185,9 @@ impl Supervision {
                 }
             }
             Event::Started { pid } => member.process.pid = pid,
-            Event::NotStarted(reason) => self.note_not_started(at, now, reason),
+            Event::NotStarted(reason) if member.phase == Phase::Starting => {
+                self.note_not_started(at, now, reason);
+            }
             // What a process says that was killed, or that is not needed, does not count.
             _ if matches!(member.phase, Phase::Dying | Phase::Dead(_) | Phase::GivenUp) => {}
             Event::Said(said) => {
@@ -201,12 +204,16 @@ impl Supervision {
             }
             Event::Violated(what) => self.blame_external_service(at, now, what),
             Event::Unreadable(what) if member.is_external => self.blame_external_service(at, now, what),
+            Event::Unreadable(reason) if can_be_followed => {
+                self.replace(at, now, format!("sent what cannot be read: {reason}"));
+            }
             Event::Unreadable(reason) => {
                 let service = member.name.to_owned();
                 let lost = member.give_up(ServiceFailure::GaveUp { service, reason });
                 self.news.push(lost);
             }
             Event::MissedSent => self.resume_in_real_time(at, now, facts),
+            Event::NotStarted(_) => {}
         }
     }
 
@@ -290,15 +297,29 @@ impl Supervision {
     /// Kills the process of a service for the reason `what`. Its end is handled like a death in flight.
     pub(crate) fn replace(&mut self, at: usize, now: Moment, what: String) {
         let member = &mut self.members[at];
+        if member.process.has_ended {
+            member.phase = Phase::Dead(now);
+            return;
+        }
         member.blamed.get_or_insert(what);
         member.phase = Phase::Dying;
         self.kill(at, now);
     }
 
-    /// Replaces the process of a service, which has hung for `hung_for`.
+    /// Replaces the process of a flying service, which has hung for `hung_for`.
     pub fn replace_hung(&mut self, service: ServiceId, now: Moment, hung_for: Duration) {
-        self.members[service.index()].silent_since = Some(now.before(hung_for));
-        self.replace(service.index(), now, "hung".to_owned());
+        if self.flies(service) {
+            self.members[service.index()].silent_since = Some(now.before(hung_for));
+            self.replace(service.index(), now, "hung".to_owned());
+        }
+    }
+
+    /// Replaces the process of a service that says that it has finished although it has steps to do.
+    pub fn replace_early(&mut self, service: ServiceId, now: Moment) {
+        if self.is_finished(service) {
+            let what = "says that it has finished, and has steps to do".to_owned();
+            self.replace(service.index(), now, what);
+        }
     }
 
     /// Kills an external service that has violated the contract. Before the flight and in simulated time this ends the
