@@ -92,7 +92,7 @@ pub enum Action {
     SetStopping,
 }
 
-/// What others are told.
+/// News for the record, for clients and for the flight.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum News {
     /// The service has created its ports; with the refused settings of its deployment.

@@ -22,7 +22,7 @@ pub(crate) struct Member {
     pub(crate) is_external: bool,
     pub(crate) process: Process,
     pub(crate) phase: Phase,
-    /// `true` once its process was told to fly.
+    /// `true` once its process has got the message to fly.
     pub(crate) has_flown: bool,
     /// Number of processes started so far.
     pub(crate) lives: u32,

@@ -70,7 +70,7 @@ impl Exit {
 #[derive(Clone, Debug)]
 pub(crate) struct Process {
     pub(crate) number: ProcessNumber,
-    /// 0 until the system has told it.
+    /// 0 before the system has started it.
     pub(crate) pid: u32,
     /// Time at which it was started, or at which it got its current task.
     pub(crate) asked_at: Moment,

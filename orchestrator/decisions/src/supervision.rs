@@ -35,7 +35,7 @@ pub struct Supervision {
     pub(crate) is_real_time: bool,
     /// `true` from the start of the flight: the start-up limits of the set-up do not apply any more.
     pub(crate) is_in_flight: bool,
-    /// `true` once all services were told to end.
+    /// `true` once the end of all services is requested.
     pub(crate) is_stopping: bool,
     stopping_since: Moment,
     pub(crate) members: Vec<Member>,
@@ -591,7 +591,7 @@ impl Supervision {
         self.act(Action::Wake);
     }
 
-    /// Returns whether all processes have ended, or were killed and waited for in vain.
+    /// Returns whether all processes have ended, or were killed and exceeded the limit for their end.
     #[must_use]
     pub fn has_stopped(&self, now: Moment) -> bool {
         let is_done = |member: &Member| member.process.has_ended || member.process.outlives(now, END_LIMIT);

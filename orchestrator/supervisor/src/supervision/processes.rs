@@ -77,14 +77,14 @@ impl<'a> Processes<'a> {
             .map(|(_, process)| process)
     }
 
-    /// Forgets a process that has ended, or ends it; returns how it ended.
+    /// Removes a process that has ended, or ends it; returns its exit.
     pub(super) fn end(&mut self, number: ProcessNumber) -> Option<Exit> {
         let at = self.living.iter().position(|(other, _)| *other == number)?;
         let (_, mut process) = self.living.swap_remove(at);
         Some(process.end())
     }
 
-    /// Forgets all processes without stopping them.
+    /// Releases all processes without stopping them.
     pub(super) fn forget_all(&mut self) {
         self.living.clear();
     }
