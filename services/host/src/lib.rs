@@ -6,6 +6,7 @@
 //!   samples;
 //! * [`activity`]: what the system says of a process;
 //! * [`watchdog`]: detection of work in third-party code that does not end;
+//! * [`kept_samples`]: the samples of an input in real time, of which the newest wins;
 //! * [`edge_store`], [`sample_ring`], [`owned_sample`]: storage of samples.
 
 #![warn(missing_docs)]
@@ -13,6 +14,7 @@
 pub mod activity;
 pub mod edge_store;
 pub mod in_process;
+pub mod kept_samples;
 pub mod owned_sample;
 pub mod sample_ring;
 pub mod step;

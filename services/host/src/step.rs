@@ -221,6 +221,27 @@ impl Timetable {
     }
 }
 
+/// Returns the step to execute: the newest from `due` to `now`, or `due`. Two kinds of steps are never skipped: the newest
+/// one that publishes an output, and the one at which an `unseen` sample becomes due that the service must read.
+#[must_use]
+pub fn next_step(timetable: &Timetable, due: u64, now: u64, unseen: Option<u64>) -> u64 {
+    let Some(newest) = timetable
+        .steps
+        .last_at_or_before(now)
+        .filter(|&newest| newest > due)
+    else {
+        return due;
+    };
+    let publications = timetable.outputs.iter();
+    let to_be_published = publications
+        .filter_map(|output| output.ticks.last_at_or_before(now))
+        .filter(|&tick| tick >= due);
+    let to_take_in = unseen
+        .and_then(|tick| timetable.steps.first_at_or_after(tick.max(due)))
+        .filter(|&tick| tick <= now);
+    to_be_published.chain(to_take_in).min().unwrap_or(newest)
+}
+
 /// Returns the order in which a step waits for its inputs: the publisher that steps last comes first. When its sample has
 /// arrived, the other ones have too, so that a step sleeps once and not once an input.
 #[must_use]

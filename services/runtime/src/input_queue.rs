@@ -1,84 +1,22 @@
-//! Input queue of a service in real time: the latest samples, of which a step reads the newest due one.
-//!
-//! A step never waits for a lost sample: newer samples overwrite older ones. The queue holds a few samples, because the
-//! newest one is not always due: samples of simulated cameras and radios have a latency of some ticks, and the controller
-//! joins two inputs of one tick while the next sample of the first may have arrived. The delivered sample is retained until
-//! a newer one is due, so an input that has delivered a sample never becomes empty again.
+//! Input queue of a service in real time: a port, and its latest samples ([`host::kept_samples`]).
 
 use shared_types::schedule::Edge;
-use shared_types::service::{InputView, header_of};
 use shared_types::{Schedule, ServiceId};
 
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver};
-use host::edge_store::EdgeStore;
-use host::owned_sample::OwnedSample;
+use host::kept_samples::{self, Delivery, KeptSamples};
 use host::step::Timetable;
 
-/// Capacity beyond the samples within the edge's latency.
-const SPARE: usize = 4;
-
-/// Capacity for a service that catches up with late steps, each of which reads the sample that was due at it: that of the
-/// largest port.
-pub const CATCHING_UP: usize = RECORDER_BUFFER;
-
-/// Longest stall or restart after which a service that reads every sample loses none, ns, limited to [`CATCHING_UP`]
-/// samples; also the largest lag of a service that is always late. Older samples are dropped, and the steps that would have
-/// read them count as missed.
-pub const TAKEN_IN_NS: u64 = 700_000_000;
+const _: () = assert!(kept_samples::CATCHING_UP == RECORDER_BUFFER);
 
 /// Latest samples of an input.
 pub struct InputQueue {
-    /// The input's edge in the schedule.
-    pub edge: Edge,
     /// Index of the input in the wiring table.
     pub index: usize,
     /// Publisher of the topic.
     pub publisher: ServiceId,
     receiver: Box<dyn Receiver>,
     kept: KeptSamples,
-}
-
-/// Samples that have arrived.
-struct KeptSamples {
-    /// Ring in ascending order of ticks.
-    slots: Vec<Slot>,
-    /// Slot of the next sample.
-    next: usize,
-    /// The sample that was delivered last, after newer ones have overwritten its slot.
-    delivered: Slot,
-    newest: Option<u64>,
-    /// Tick of the sample that the previous step read.
-    seen: Option<u64>,
-    /// All samples that may be due, if faults of the edge are planned.
-    store: Option<EdgeStore>,
-}
-
-/// Returns the capacity of the queue of an input.
-#[must_use]
-pub fn capacity(schedule: &Schedule, consumer: &Timetable, edge: &Edge) -> usize {
-    let period = schedule.topic_rate(edge.topic).period;
-    let limited = |samples: u64| usize::try_from(samples).unwrap_or(CATCHING_UP).min(CATCHING_UP);
-    let in_transit = limited(edge.latency / period);
-    match (consumer.catches_up, consumer.reads_every_sample) {
-        (true, _) => CATCHING_UP,
-        (false, true) => in_transit + limited(TAKEN_IN_NS.div_ceil(schedule.time_ns(period))),
-        (false, false) => in_transit + SPARE,
-    }
-}
-
-/// A sample and its tick.
-struct Slot {
-    tick: Option<u64>,
-    sample: OwnedSample,
-}
-
-/// Input of a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Delivery<'a> {
-    /// The sample.
-    pub view: InputView<'a>,
-    /// Tick of the sample.
-    pub tick: u64,
 }
 
 impl InputQueue {
@@ -92,26 +30,19 @@ impl InputQueue {
         receiver: Box<dyn Receiver>,
     ) -> Self {
         let edge = schedule.edge(service, index);
-        let topic = edge.topic;
-        let depth = capacity(schedule, &Timetable::new(schedule, service), &edge);
-        let slot = || Slot {
-            tick: None,
-            sample: OwnedSample::zeroed(topic),
-        };
+        let capacity = kept_samples::capacity(schedule, &Timetable::new(schedule, service), &edge);
         Self {
-            kept: KeptSamples {
-                store: edge.has_faults().then(|| EdgeStore::new(edge.clone())),
-                slots: (0..depth).map(|_| slot()).collect(),
-                next: 0,
-                delivered: slot(),
-                newest: None,
-                seen: None,
-            },
-            edge,
+            kept: KeptSamples::new(edge, capacity),
             index,
             publisher,
             receiver,
         }
+    }
+
+    /// Returns the input's edge in the schedule.
+    #[must_use]
+    pub fn edge(&self) -> &Edge {
+        self.kept.edge()
     }
 
     /// Connects to all publishers that exist by now.
@@ -126,14 +57,14 @@ impl InputQueue {
     #[must_use]
     #[inline]
     pub fn is_awaited(&self, tick: u64) -> bool {
-        self.edge.due_sample(tick) == Some(tick)
+        self.kept.is_awaited(tick)
     }
 
     /// Returns whether any sample has arrived.
     #[must_use]
     #[inline]
     pub fn has_any(&self) -> bool {
-        self.kept.newest.is_some()
+        self.kept.newest().is_some()
     }
 
     /// Receives new samples. Returns whether the sample of `tick` or a newer one has arrived.
@@ -143,7 +74,7 @@ impl InputQueue {
     #[inline]
     pub fn has_arrived(&mut self, tick: u64) -> Result<bool, PortError> {
         self.collect()?;
-        Ok(self.kept.newest >= Some(tick))
+        Ok(self.kept.newest() >= Some(tick))
     }
 
     /// Receives new samples.
@@ -162,87 +93,21 @@ impl InputQueue {
         Ok(())
     }
 
-    /// Returns the tick at which the oldest unread sample becomes due; `None` if there is none, and with planned faults,
-    /// which define the lost samples themselves.
+    /// Returns the tick at which the oldest unread sample becomes due: see [`KeptSamples::oldest_unseen_is_due`].
     #[must_use]
     pub fn oldest_unseen_is_due(&self) -> Option<u64> {
-        let unseen = self.kept.slots.iter().filter_map(|slot| slot.tick);
-        let oldest = unseen.filter(|&tick| Some(tick) > self.kept.seen).min()?;
-        Some(oldest + self.edge.latency)
+        self.kept.oldest_unseen_is_due()
     }
 
     /// Stores concatenated samples that were published before the port of a restarted service existed.
     pub fn take_missed(&mut self, samples: &[u8]) {
-        let size = self.kept.delivered.sample.bytes().len();
-        for sample in samples.chunks_exact(size) {
-            self.kept.keep(sample);
-        }
+        self.kept.keep_all(samples);
     }
 
     /// Returns the newest sample that is due at the step at `tick`.
     #[inline]
     pub fn deliver(&mut self, tick: u64) -> Option<Delivery<'_>> {
-        let due = self.edge.due_sample(tick)?;
-        if self.kept.store.is_some() {
-            return self.kept.deliver_among_faults(tick, due);
-        }
-        self.kept.deliver(due)
-    }
-}
-
-impl KeptSamples {
-    /// Stores a sample that is newer than all before: a restarted publisher may repeat its last samples.
-    #[inline]
-    fn keep(&mut self, bytes: &[u8]) {
-        let tick = header_of(bytes).tick;
-        if self.newest.is_some_and(|newest| tick <= newest) {
-            return;
-        }
-        self.newest = Some(tick);
-        if let Some(store) = &mut self.store {
-            store.keep(bytes);
-            return;
-        }
-        let slot = &mut self.slots[self.next];
-        if slot.tick.is_some() && slot.tick == self.seen {
-            std::mem::swap(slot, &mut self.delivered);
-        }
-        slot.tick = Some(tick);
-        slot.sample.bytes_mut().copy_from_slice(bytes);
-        self.next = (self.next + 1) % self.slots.len();
-    }
-
-    /// Returns the newest sample of the tick `due` or before.
-    #[inline]
-    fn deliver(&mut self, due: u64) -> Option<Delivery<'_>> {
-        let (newer, older) = self.slots.split_at(self.next);
-        let mut from_newest = newer.iter().rev().chain(older.iter().rev());
-        let is_due = |slot: &&Slot| slot.tick.is_some_and(|tick| tick <= due);
-        let slot = from_newest
-            .find(is_due)
-            .or(Some(&self.delivered).filter(is_due))?;
-        let found = slot.tick?;
-        let fresh = self.seen.replace(found) != Some(found);
-        Some(Delivery {
-            view: InputView {
-                bytes: Some(slot.sample.bytes()),
-                fresh,
-            },
-            tick: found,
-        })
-    }
-
-    #[cold]
-    fn deliver_among_faults(&mut self, tick: u64, due: u64) -> Option<Delivery<'_>> {
-        let store = self.store.as_mut()?;
-        let found = store.newest_at_or_before(due)?;
-        store.forget_before(found);
-        let fresh = self.seen.replace(found) != Some(found);
-        let view = store.view(tick, found);
-        Some(Delivery {
-            view: InputView { fresh, ..view },
-            tick: found,
-        })
+        self.kept.deliver(tick)
     }
 }
 
@@ -251,9 +116,11 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::real_time::next_step;
+    use host::kept_samples::CATCHING_UP;
+    use host::step::next_step;
     use proptest::prelude::*;
     use shared_types::samples::RcFrame;
+    use shared_types::service::header_of;
     use shared_types::{Header, Topic};
     use zerocopy::{FromZeros, IntoBytes};
 
@@ -364,7 +231,7 @@ mod tests {
                     due = tick + 1;
                 }
             }
-            let latency = queue.edge.latency;
+            let latency = queue.edge().latency;
             sent.retain(|tick| tick + latency <= now);
             prop_assert_eq!(seen, sent);
         }

@@ -28,7 +28,7 @@ use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
 use crate::flight_clock::{FlightClock, deadline, monotonic_ns, nap_until};
 use crate::flight_error::FlightError;
-use crate::input_queue::{self, InputQueue};
+use crate::input_queue::InputQueue;
 use crate::orchestrator_watchdog::OrchestratorWatchdog;
 use crate::output_ports::OutputPorts;
 use crate::ports::{PortError, RECORDER_BUFFER, Receiver, Topics, consumer_buffer};
@@ -38,7 +38,8 @@ use crate::tuning::TuningReader;
 use crate::untrusted::UntrustedReceiver;
 use crate::wait::announcement;
 use crate::watchdog::take_off;
-use host::step::{self, Slots, Timetable, Views};
+use host::kept_samples;
+use host::step::{self, Slots, Timetable, Views, next_step};
 use host::watchdog::{self, Work};
 
 /// Longest sleep between two checks for the end of the run, ns.
@@ -68,7 +69,7 @@ impl RealTimePorts {
         for (index, spec) in schedule.inputs_read(id) {
             let topic = topics.ports(spec.topic);
             let mut receiver = if timetable.catches_up || timetable.reads_every_sample {
-                let kept = input_queue::capacity(schedule, &timetable, &schedule.edge(id, index));
+                let kept = kept_samples::capacity(schedule, &timetable, &schedule.edge(id, index));
                 topic.recorder(
                     kept.max(consumer_buffer(schedule, spec.topic))
                         .min(RECORDER_BUFFER),
@@ -85,7 +86,7 @@ impl RealTimePorts {
             }
             queues.push(InputQueue::new(schedule, id, index, publisher, receiver));
         }
-        queues.sort_by_key(|queue| step::waiting_order(schedule, &queue.edge, queue.publisher));
+        queues.sort_by_key(|queue| step::waiting_order(schedule, queue.edge(), queue.publisher));
         let outputs = OutputPorts::open(topics, id, schedule, |topic| topic.newest_sender())?;
         Ok(Self { queues, outputs })
     }
@@ -236,26 +237,6 @@ pub fn fly(
         }
     }
     incomplete_state.map_or(Ok(()), |reason| Err(FlightError::IncompleteState(reason)))
-}
-
-/// Returns the step to execute: the newest from `due` to `now`, or `due`. Two kinds of steps are never skipped: the newest
-/// one that publishes an output, and the one at which an `unseen` sample becomes due that the service must read.
-pub(crate) fn next_step(timetable: &Timetable, due: u64, now: u64, unseen: Option<u64>) -> u64 {
-    let Some(newest) = timetable
-        .steps
-        .last_at_or_before(now)
-        .filter(|&newest| newest > due)
-    else {
-        return due;
-    };
-    let publications = timetable.outputs.iter();
-    let to_be_published = publications
-        .filter_map(|output| output.ticks.last_at_or_before(now))
-        .filter(|&tick| tick >= due);
-    let to_take_in = unseen
-        .and_then(|tick| timetable.steps.first_at_or_after(tick.max(due)))
-        .filter(|&tick| tick <= now);
-    to_be_published.chain(to_take_in).min().unwrap_or(newest)
 }
 
 impl ServiceContext<'_> {

@@ -7,11 +7,11 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use host::in_process::TickSink;
+use host::kept_samples::CATCHING_UP;
 use host::owned_sample::OwnedSample;
 use host::step::Timetable;
 use host::watchdog::{self, Work};
 use runtime::flight_clock::FlightClock;
-use runtime::input_queue::CATCHING_UP;
 use runtime::ports::{PortError, RECORDER_BUFFER};
 use shared_types::ExternalServices;
 use shared_types::service::header_of;
