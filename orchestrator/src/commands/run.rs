@@ -52,7 +52,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         return Err(refused(&arguments.scenario, &problem));
     }
     if arguments.host == Host::Realtime {
-        scenario = real_time::with_policies(scenario);
+        scenario = scenario.with_real_time_policies();
     }
     let schedule = schedule_of(&scenario)?;
     if arguments.host == Host::Inprocess

@@ -14,12 +14,9 @@ mod kill_switch;
 mod laboratory;
 mod last_landing;
 mod monitor;
-mod policies;
 mod recorder;
 mod take_over;
 mod tuning;
-
-pub use policies::with_policies;
 
 use std::borrow::Cow;
 use std::path::Path;

@@ -29,6 +29,7 @@ mod programs;
 mod radio_link;
 mod range;
 mod rc_link;
+mod real_time_policies;
 mod record;
 mod safety;
 pub mod schema;
