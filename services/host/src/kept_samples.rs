@@ -145,7 +145,10 @@ impl KeptSamples {
         }
         slot.tick = Some(tick);
         slot.sample.bytes_mut().copy_from_slice(bytes);
-        self.next = (self.next + 1) % self.slots.len();
+        self.next += 1;
+        if self.next == self.slots.len() {
+            self.next = 0;
+        }
     }
 
     /// Stores concatenated samples, as [`keep`](Self::keep).

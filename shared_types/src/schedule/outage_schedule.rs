@@ -109,7 +109,11 @@ impl OutageSchedule {
     #[inline]
     pub fn first_at_or_after(&self, tick: u64) -> Option<u64> {
         let Rate { period, phase } = self.rate;
-        let of_rate = |tick: u64| phase + tick.saturating_sub(phase).next_multiple_of(period);
+        let of_rate = |tick: u64| match period {
+            // Most periods are one: this avoids the division.
+            1 => tick.max(phase),
+            _ => phase + tick.saturating_sub(phase).next_multiple_of(period),
+        };
         let mut first = of_rate(tick);
         while let Some(outage) = self.outage_at(first) {
             if outage.until == u64::MAX {
