@@ -179,9 +179,15 @@ impl Base {
                 continue;
             }
             let name = OsStr::from_bytes(name);
-            // Other entries are not run folders.
-            if let Ok(place) = openat(&self.folder, name, FOLDER_FLAGS, Mode::empty()) {
-                places.push((self.path.join(name), state_of(&place)));
+            let path = self.path.join(name);
+            match openat(&self.folder, name, FOLDER_FLAGS, Mode::empty()) {
+                Ok(place) => {
+                    let state = state_of(&place).map_err(|error| named(&path.join(LOCK), error))?;
+                    places.push((path, state));
+                }
+                // Other entries are not run folders.
+                Err(Errno::NOTDIR | Errno::LOOP | Errno::NOENT) => {}
+                Err(error) => return Err(named(&path, error)),
             }
         }
         places.sort();
@@ -196,9 +202,9 @@ impl Base {
     }
 }
 
-/// Returns whether a process holds the lock of a run folder.
+/// Returns whether a process holds the lock of a run folder; `true` if that cannot be found out.
 pub(super) fn is_live(place: &impl AsFd) -> bool {
-    state_of(place) == State::Live
+    !matches!(state_of(place), Ok(State::Dead | State::Unfinished))
 }
 
 /// Returns the metadata of a run folder's lock.
@@ -206,13 +212,22 @@ pub(super) fn lock_of(place: &Path) -> io::Result<Stat> {
     Ok(lstat(place.join(LOCK))?)
 }
 
-fn state_of(place: &impl AsFd) -> State {
+/// Returns the state of a run folder.
+///
+/// # Errors
+/// If the lock cannot be opened for another reason than that there is none. Such a folder may be that of a live run, whose
+/// memory must not be removed: the system may have no file descriptor left for this process.
+fn state_of(place: &impl AsFd) -> rustix::io::Result<State> {
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC | OFlags::NONBLOCK;
-    match openat(place, LOCK, flags, Mode::empty()) {
-        Err(_) => State::Unfinished,
-        // A shared lock: concurrent observers would otherwise mistake each other for the run.
-        Ok(lock) if flock(&lock, FlockOperation::NonBlockingLockShared).is_err() => State::Live,
-        Ok(_) => State::Dead,
+    let lock = match openat(place, LOCK, flags, Mode::empty()) {
+        Ok(lock) => lock,
+        Err(Errno::NOENT) => return Ok(State::Unfinished),
+        Err(error) => return Err(error),
+    };
+    // A shared lock: concurrent observers would otherwise mistake each other for the run.
+    match flock(&lock, FlockOperation::NonBlockingLockShared) {
+        Ok(()) => Ok(State::Dead),
+        Err(_) => Ok(State::Live),
     }
 }
 
@@ -377,6 +392,19 @@ mod tests {
         assert_eq!(states(), [State::Live, State::Unfinished]);
         drop(lock);
         assert_eq!(states(), [State::Dead, State::Unfinished]);
+    }
+
+    #[test]
+    fn a_run_whose_lock_cannot_be_opened_is_not_dead() {
+        let above = tempfile::tempdir().unwrap();
+        let base = Base::at(folder(&above, 0o700)).unwrap();
+        let _held = base.make_place("run").unwrap();
+        let place = base.path().join("run");
+        fs::rename(place.join(LOCK), place.join("held")).unwrap();
+        symlink("held", place.join(LOCK)).unwrap();
+        let refusal = base.places().unwrap_err().to_string();
+        assert!(refusal.contains("run/lock"), "{refusal}");
+        assert!(is_live(&fs::File::open(place).unwrap()));
     }
 
     #[test]
