@@ -1,3 +1,3 @@
-//! Atomics of [`crate::seqlock`], replaced by loom's in its models.
+//! Atomics of the lock-free modules, replaced by loom's in their models.
 
-pub use std::sync::atomic::{AtomicU64, Ordering, fence};
+pub use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};

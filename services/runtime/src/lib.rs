@@ -44,6 +44,7 @@
 #![warn(missing_docs)]
 
 pub mod activity;
+mod announcement;
 mod atomics;
 pub mod checkpoints;
 pub mod control;

@@ -13,7 +13,7 @@
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
-use std::sync::atomic::{Ordering, fence};
+use std::sync::atomic::Ordering;
 
 use rustix::thread::futex;
 use shared_types::ExternalServices;
@@ -23,6 +23,7 @@ use shared_types::service::{ErasedService, Operator};
 use shared_types::{Now, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
 
+use crate::announcement::{Published, announce, rings, withdraw};
 use crate::checkpoints::Checkpoints;
 use crate::crash::{self, CrashPlace, CrashPoint};
 use crate::doorbell::Doorbell;
@@ -285,7 +286,7 @@ impl ServiceContext<'_> {
                 return Ok(());
             }
             if at_ns - now > LONGEST_SLEEP_NS {
-                let rung = self.cell(service).bell.load(Ordering::SeqCst);
+                let rung = rings(&self.cell(service).bell);
                 self.sleep_on_bell(service, rung, now + LONGEST_SLEEP_NS);
             } else {
                 nap_until(at_ns);
@@ -342,14 +343,11 @@ impl ServiceContext<'_> {
         }
         let publisher = self.ports.queues[input].publisher;
         let announced = announcement(publisher);
-        self.cell(service).waiting_for.store(announced, Ordering::Relaxed);
+        announce(&self.cell(service).waiting_for, announced);
         let has_arrived = loop {
-            // Load the count before checking for the sample: a ring after this load changes the word, and the futex does
-            // not sleep on it. Loaded after the check, the count could include the ring for a sample that the check missed.
-            let rung = self.cell(service).bell.load(Ordering::SeqCst);
-            // The announcement is stored before the check: pairs with the fence in `wake`. Without both fences the
-            // publisher could miss the announcement while this service misses the sample, and the step would begin late.
-            fence(Ordering::SeqCst);
+            // Before the check for the sample: loaded after it, the count could include the ring for a sample that the
+            // check missed.
+            let rung = rings(&self.cell(service).bell);
             if self.ports.queues[input].has_arrived(tick)? {
                 break true;
             }
@@ -367,7 +365,7 @@ impl ServiceContext<'_> {
             }
             Cell::count(&self.cell(service).blocks);
         };
-        self.cell(service).waiting_for.store(0, Ordering::Relaxed);
+        withdraw(&self.cell(service).waiting_for);
         Ok(has_arrived)
     }
 
@@ -443,15 +441,13 @@ impl ServiceContext<'_> {
     /// Wakes those services that sleep for a publication of this one, and external services in any case.
     #[inline]
     fn wake(&self, service: ServiceId) {
-        // Orders the publications before the loads of the announcements; pairs with the fence in `await_input`, where the
-        // reason is.
-        fence(Ordering::SeqCst);
+        let published = Published::now();
         let mine = announcement(service);
         for &consumer in self.ports.outputs.consumers() {
             let cell = self.cell(consumer);
             if self.external_services[consumer.index()] {
                 self.doorbells[consumer.index()].ring();
-            } else if cell.waiting_for.load(Ordering::Relaxed) == mine {
+            } else if published.is_awaited(&cell.waiting_for, mine) {
                 cell.ring();
             }
         }

@@ -16,6 +16,7 @@ use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{ARM_COUNTS, Operator};
 use shared_types::{ServiceId, Topic};
 
+use crate::announcement;
 use crate::shared_file::SharedFile;
 use crate::status_cell::StatusCell;
 use crate::tuning::TuningRing;
@@ -221,9 +222,7 @@ impl Cell {
     /// Wakes the service from its sleep in real time.
     #[inline]
     pub fn ring(&self) {
-        // Increment before the wake-up: a service that has read the older count does not fall asleep, because the futex
-        // compares the count. In the other order a wake-up between its check and its sleep would be lost.
-        self.bell.fetch_add(1, Ordering::SeqCst);
+        announcement::count_ring(&self.bell);
         // The call cannot fail for a mapped word.
         let _ = futex::wake(&self.bell, futex::Flags::empty(), 1);
     }

@@ -5,9 +5,9 @@
 //! consistent, because it is one atomic word. The numbers are displayed one by one, so the cell needs no sequence lock, and
 //! relaxed order suffices.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
+
+use crate::atomics::{AtomicU64, Ordering};
 
 /// Capacity of a status cell, in numbers of 8 bytes.
 pub const LENGTH: usize = 64;
@@ -22,7 +22,7 @@ pub struct StatusCell([AtomicU64; LENGTH]);
 
 impl Default for StatusCell {
     fn default() -> Self {
-        Self([const { AtomicU64::new(0) }; LENGTH])
+        Self(std::array::from_fn(|_| AtomicU64::new(0)))
     }
 }
 

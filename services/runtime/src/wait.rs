@@ -10,12 +10,13 @@
 //! orchestrator dies, the system kills the sleeping process ([`crate::deployment::die_with_parent`]).
 
 use std::sync::Arc;
-use std::sync::atomic::{Ordering, fence};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use shared_types::ExternalServices;
 use shared_types::ServiceId;
 
+use crate::announcement::{Published, announce, withdraw};
 use crate::control::Channel;
 use crate::deployment::Scheduler;
 use crate::doorbell::Doorbell;
@@ -112,14 +113,11 @@ impl Waiter {
     /// any case.
     #[inline]
     pub fn wake(&self, consumers: &[ServiceId]) {
-        // Orders the publications before the loads of the announcements; pairs with the fence in `sleep_for`. Release and
-        // acquire do not order a store before a later load. Without both fences the publisher could miss the
-        // announcement while the consumer misses the sample, and the consumer would sleep until the next ring.
-        fence(Ordering::SeqCst);
+        let published = Published::now();
         let mine = announcement(self.me);
         for consumer in consumers {
             let cell = &self.page.control_block().cells[consumer.index()];
-            if cell.waiting_for.load(Ordering::Relaxed) == mine || self.external_services[consumer.index()] {
+            if published.is_awaited(&cell.waiting_for, mine) || self.external_services[consumer.index()] {
                 self.doorbells[consumer.index()].ring();
             }
         }
@@ -152,8 +150,7 @@ impl Waiter {
         }
         Cell::count(&self.cell().blocks);
         let result = self.sleep_for(publisher, &mut arrived);
-        // Relaxed: a publisher that still reads the announcement rings once too often, which is harmless.
-        self.cell().waiting_for.store(0, Ordering::Relaxed);
+        withdraw(&self.cell().waiting_for);
         if let Some(leader) = &mut self.leader {
             leader.begin_lap(Instant::now());
         }
@@ -193,11 +190,7 @@ impl Waiter {
         publisher: ServiceId,
         arrived: &mut impl FnMut() -> Result<bool, E>,
     ) -> Result<(), E> {
-        self.cell()
-            .waiting_for
-            .store(announcement(publisher), Ordering::Relaxed);
-        // Orders the announcement before every check; pairs with the fence in `wake`, where the reason is.
-        fence(Ordering::SeqCst);
+        announce(&self.cell().waiting_for, announcement(publisher));
         loop {
             if arrived()? {
                 return Ok(());
