@@ -82,6 +82,8 @@ pub(crate) struct Process {
     pub(crate) killed_at: Option<Moment>,
     /// `true` if it has ended.
     pub(crate) has_ended: bool,
+    /// `true` if its end is recorded, or that it has not ended in time.
+    pub(crate) is_recorded: bool,
 }
 
 impl Process {
@@ -94,6 +96,7 @@ impl Process {
             hung_up_at: None,
             killed_at: None,
             has_ended: false,
+            is_recorded: false,
         }
     }
 

@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use host::step::Timetable;
+use host::step::{NonFinite, Timetable};
 use metrics::summary::restart::Restart;
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
@@ -180,7 +180,9 @@ impl Supervision {
             Event::Ended(exit) => {
                 let was_handled = matches!(member.phase, Phase::Dead(_)) || member.process.has_ended;
                 member.process.has_ended = true;
-                if !was_handled {
+                if was_handled {
+                    self.record_exit(at, exit, facts);
+                } else {
                     self.reap(at, now, exit, facts);
                 }
             }
@@ -247,8 +249,13 @@ impl Supervision {
     fn look_at(&mut self, at: usize, now: Moment, facts: &dyn Facts) {
         let member = &self.members[at];
         let process = &member.process;
-        if process.outlives(now, END_LIMIT) && !matches!(member.phase, Phase::Dead(_)) && !member.is_over() {
-            self.reap(at, now, Exit::stuck(), facts);
+        if process.outlives(now, END_LIMIT) && !process.is_recorded {
+            match member.phase {
+                Phase::Dead(_) => {
+                    self.record_exit(at, Exit::stuck(), facts);
+                }
+                _ => self.reap(at, now, Exit::stuck(), facts),
+            }
             return;
         }
         let grace = if self.is_stopping {
@@ -348,14 +355,14 @@ impl Supervision {
         self.news.push(News::Lost(ServiceFailure::NotStarted(reason)));
     }
 
-    /// Handles the end of a process: records it, and decides on a restart.
-    fn reap(&mut self, at: usize, now: Moment, mut exit: Exit, facts: &dyn Facts) {
-        let service = self.members[at].service;
-        // Only now: until its end the process may have written another checkpoint.
-        let (next_tick, flown_until) = (facts.next_tick(service), facts.steps_until(service));
-        let can_be_followed = self.can_be_followed();
+    /// Records the end of a process once. Returns how it ended, and the number that is not finite for which it did.
+    fn record_exit(&mut self, at: usize, mut exit: Exit, facts: &dyn Facts) -> (Exit, Option<NonFinite>) {
         let member = &mut self.members[at];
-        let (not_finite, words) = member.take_last_words(flown_until);
+        if member.process.is_recorded {
+            return (exit, None);
+        }
+        member.process.is_recorded = true;
+        let (not_finite, words) = member.take_last_words(facts.steps_until(member.service));
         if let Some(words) = words {
             exit.description = words;
         }
@@ -363,8 +370,20 @@ impl Supervision {
             Some(what) => exit.description = format!("killed, because it {what}"),
             None => member.deaths += 1,
         }
+        let record = (Some(member.service), member.process.pid, exit.clone());
+        self.exits.push(record);
+        (exit, not_finite)
+    }
+
+    /// Handles the end of a process: records it, and decides on a restart.
+    fn reap(&mut self, at: usize, now: Moment, exit: Exit, facts: &dyn Facts) {
+        let service = self.members[at].service;
+        // Only now: until its end the process may have written another checkpoint.
+        let (next_tick, flown_until) = (facts.next_tick(service), facts.steps_until(service));
+        let can_be_followed = self.can_be_followed();
+        let (exit, not_finite) = self.record_exit(at, exit, facts);
+        let member = &mut self.members[at];
         let pid = member.process.pid;
-        self.exits.push((Some(service), pid, exit.clone()));
         if member.is_over() || self.is_stopping {
             return;
         }
