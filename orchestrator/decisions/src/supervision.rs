@@ -561,7 +561,8 @@ impl Supervision {
         let birth = self.births;
         self.members[at].birth = Some((birth, now));
         self.act(Action::Announce { birth });
-        let external = self.members.iter().filter(|member| member.is_external);
+        let external = self.members.iter();
+        let external = external.filter(|member| member.is_external && !member.process.has_ended);
         let external: Vec<_> = external.map(|member| member.process.number).collect();
         for process in external {
             self.act(Action::Connect { process, birth });
