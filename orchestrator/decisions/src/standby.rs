@@ -16,6 +16,9 @@ use crate::supervision::Supervision;
 /// A standby process that ran this long does not count as a failed start.
 const SETTLED: Duration = Duration::from_secs(1);
 
+/// Pause after many failed starts in a row: what prevents them, such as a full system, may pass.
+const RARELY: Duration = Duration::from_secs(10);
+
 /// Standby process, if there is one.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Standby {
@@ -36,14 +39,14 @@ pub(crate) struct Standby {
 impl Standby {
     fn is_due(&self, now: Moment) -> bool {
         self.process.is_none()
-            && self.policy.pause(self.fruitless).is_some()
             && self.again_at.is_none_or(|again_at| again_at <= now)
     }
 
-    /// Handles a failure: the next start is delayed, or the last.
+    /// Handles a failure: the next start is delayed.
     fn note_failure(&mut self, now: Moment, has_settled: bool) {
         self.fruitless = if has_settled { 0 } else { self.fruitless + 1 };
-        self.again_at = self.policy.pause(self.fruitless).map(|pause| now + pause);
+        let pause = self.policy.pause(self.fruitless).unwrap_or(RARELY);
+        self.again_at = Some(now + pause);
     }
 
     /// Returns whether there is one that is prepared for a role.
