@@ -27,6 +27,16 @@ pub enum ServiceFailure {
     /// A service reported a failure.
     #[error("the service `{service}` gave up: {reason}")]
     GaveUp { service: String, reason: String },
+    /// A killed process does not end, so that its service cannot be restarted.
+    #[error(
+        "the service `{service}` cannot be restarted: its process {pid} was killed and has not ended for {} s; does it wait \
+         for a disk or a device?", .limit.as_secs()
+    )]
+    Stuck {
+        service: String,
+        pid: u32,
+        limit: Duration,
+    },
     /// A service did not become ready in time.
     #[error("the services {service} did not become ready within {} s; is the machine overloaded?", .limit.as_secs())]
     NotReady { service: String, limit: Duration },

@@ -84,6 +84,8 @@ pub(crate) struct Process {
     pub(crate) has_ended: bool,
     /// `true` if its end is recorded, or that it has not ended in time.
     pub(crate) is_recorded: bool,
+    /// `true` if it has not ended for so long that the flight has failed.
+    pub(crate) is_stuck: bool,
 }
 
 impl Process {
@@ -97,6 +99,7 @@ impl Process {
             killed_at: None,
             has_ended: false,
             is_recorded: false,
+            is_stuck: false,
         }
     }
 

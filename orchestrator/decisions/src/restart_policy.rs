@@ -69,6 +69,10 @@ pub const AFTER_CLOSING: Duration = Duration::from_millis(100);
 /// Timeout for the end of a killed process, which may wait for the system, such as for a slow disk.
 pub const END_LIMIT: Duration = Duration::from_secs(1);
 
+/// Timeout for the end of a killed process in real time, after which the flight has failed and the vehicle lands: until its
+/// end no other process can take its place. It is longer than pauses of a machine.
+pub const STUCK_LIMIT: Duration = Duration::from_secs(5);
+
 /// Timeout for a restarted service to receive the samples that it has missed, in real time.
 pub const MISSED_LIMIT: Duration = Duration::from_millis(500);
 

@@ -38,8 +38,7 @@ pub(crate) struct Standby {
 
 impl Standby {
     fn is_due(&self, now: Moment) -> bool {
-        self.process.is_none()
-            && self.again_at.is_none_or(|again_at| again_at <= now)
+        self.process.is_none() && self.again_at.is_none_or(|again_at| again_at <= now)
     }
 
     /// Handles a failure: the next start is delayed.

@@ -19,8 +19,8 @@ use crate::member::{Member, Phase};
 use crate::moment::Moment;
 use crate::process::{Exit, Process, ProcessNumber, Role};
 use crate::restart_policy::{
-    AFTER_CLOSING, END_LIMIT, EXTERNAL_LIMIT, MISSED_LIMIT, RestartPolicy, STOP_LIMIT, doubled,
-    external_start_limit,
+    AFTER_CLOSING, END_LIMIT, EXTERNAL_LIMIT, MISSED_LIMIT, READY_LIMIT, RestartPolicy, STOP_LIMIT,
+    STUCK_LIMIT, doubled, external_start_limit,
 };
 use crate::standby::Standby;
 
@@ -256,6 +256,20 @@ impl Supervision {
                 }
                 _ => self.reap(at, now, Exit::stuck(), facts),
             }
+            return;
+        }
+        let end_limit = match self.can_be_followed() {
+            true => STUCK_LIMIT,
+            false => READY_LIMIT,
+        };
+        if process.outlives(now, end_limit) && !process.is_stuck && !self.is_stopping {
+            let failure = ServiceFailure::Stuck {
+                service: member.name.to_owned(),
+                pid: process.pid,
+                limit: end_limit,
+            };
+            self.members[at].process.is_stuck = true;
+            self.news.push(News::Lost(failure));
             return;
         }
         let grace = if self.is_stopping {
