@@ -17,12 +17,15 @@ use crate::event::{Action, Event, Facts, News};
 use crate::failure::ServiceFailure;
 use crate::member::{Member, Phase};
 use crate::moment::Moment;
-use crate::process::{Exit, Process, ProcessNumber, Role};
+use crate::process::{Exit, Process, ProcessNumber, Role, Said};
 use crate::restart_policy::{
     AFTER_CLOSING, END_LIMIT, EXTERNAL_LIMIT, MISSED_LIMIT, READY_LIMIT, RestartPolicy, STOP_LIMIT,
     STUCK_LIMIT, doubled, external_start_limit,
 };
 use crate::standby::Standby;
+
+/// What is wrong with a service that has not finished.
+const EARLY: &str = "says that it has finished, and has steps to do";
 
 pub type RestartPolicies = [RestartPolicy; ServiceId::ALL.len()];
 
@@ -175,6 +178,9 @@ impl Supervision {
             return;
         };
         let can_be_followed = self.can_be_followed();
+        if event == Event::Said(Said::Finished) && self.is_early_in_lock_step(at, facts) {
+            return self.replace(at, now, EARLY.to_owned());
+        }
         let member = &mut self.members[at];
         match event {
             Event::Ended(exit) => {
@@ -338,9 +344,21 @@ impl Supervision {
     /// Replaces the process of a service that says that it has finished although it has steps to do.
     pub fn replace_early(&mut self, service: ServiceId, now: Moment) {
         if self.is_finished(service) {
-            let what = "says that it has finished, and has steps to do".to_owned();
-            self.replace(service.index(), now, what);
+            self.replace(service.index(), now, EARLY.to_owned());
         }
+    }
+
+    /// Returns whether a service that flies in lock step has steps to do, by its checkpoint, which includes the last step
+    /// before it says so. What is missing of a program is seen in its samples.
+    fn is_early_in_lock_step(&self, at: usize, facts: &dyn Facts) -> bool {
+        let member = &self.members[at];
+        let next = || {
+            let steps = &self.timetables[at].steps;
+            steps.first_at_or_after(facts.next_tick(member.service))
+        };
+        let flies = matches!(member.phase, Phase::Flying | Phase::CatchingUp);
+        let is_ours = !self.is_real_time && !member.is_external;
+        flies && is_ours && next().is_some_and(|next| next <= self.schedule.last_tick())
     }
 
     /// Kills an external service that has violated the contract. Before the flight and in simulated time this ends the
