@@ -42,6 +42,10 @@ pub(crate) struct Member {
     pub(crate) missed_since: Option<Moment>,
     /// `true` if its process was a prepared standby process.
     pub(crate) was_prepared: bool,
+    /// Time of the last look at its starting process.
+    pub(crate) looked_at: Option<Moment>,
+    /// Time of its start in which the supervisor did not look: it, or the machine, was late.
+    pub(crate) unobserved: Duration,
     /// Observations of its process, once that takes longer than usual to become ready.
     pub(crate) slow_start: Option<SlowStart>,
     /// Longest start-up time of its processes so far.
@@ -108,6 +112,8 @@ impl Member {
             birth: None,
             missed_since: None,
             was_prepared: false,
+            looked_at: None,
+            unobserved: Duration::ZERO,
             slow_start: None,
             longest_start: Duration::ZERO,
             not_finite: None,
@@ -139,6 +145,7 @@ impl Member {
     pub(crate) fn begin(&mut self, process: Process, was_prepared: bool) {
         self.process = process;
         (self.was_prepared, self.slow_start, self.missed_since) = (was_prepared, None, None);
+        (self.looked_at, self.unobserved) = (None, Duration::ZERO);
         (self.not_finite, self.fatal_report) = (None, FatalReport::default());
         self.warnings.clear();
         (self.phase, self.has_flown) = (Phase::Starting, false);

@@ -14,6 +14,9 @@ use crate::supervision::Supervision;
 /// A process that has not run for this long and does not wait for a processor is asleep or stopped.
 const ASLEEP_AFTER: Duration = Duration::from_millis(10);
 
+/// Longest time between two looks at a starting process that counts as observed: the period of the supervisor's loop.
+const LONGEST_GAP: Duration = Duration::from_millis(10);
+
 /// Observations of a process that takes long to become ready.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SlowStart {
@@ -36,7 +39,7 @@ impl SlowStart {
     }
 
     fn observe(&mut self, now: Moment, activity: Activity) {
-        let passed = now.since(self.seen_at);
+        let passed = now.since(self.seen_at).min(LONGEST_GAP);
         let ran_ns = activity.cpu_time_ns.saturating_sub(self.activity.cpu_time_ns);
         if activity.is_ready {
             self.waited += passed.saturating_sub(Duration::from_nanos(ran_ns));
@@ -95,12 +98,14 @@ impl Supervision {
         };
         let is_other_prepared = self.standby.is_prepared() && !is_claimed;
         let member = &mut self.members[at];
+        let looked_at = member.looked_at.replace(now).unwrap_or(member.process.asked_at);
+        member.unobserved += now.since(looked_at).saturating_sub(LONGEST_GAP);
         let mut starting = StartingProcess {
             situation,
             elapsed: now.since(member.process.asked_at),
             was_prepared: member.was_prepared,
             is_other_prepared,
-            waited: Duration::ZERO,
+            waited: member.unobserved,
             is_asleep: false,
             longest: member.longest_start,
             missed: member.fruitless,
@@ -115,7 +120,8 @@ impl Supervision {
                 .run_delay_ns
                 .saturating_sub(member.process.delayed_before_ns);
             // Both cover the same time: the kernel adds a delay only once it is over.
-            starting.waited = seen.waited.max(Duration::from_nanos(delayed_ns));
+            let observed = seen.waited + member.unobserved;
+            starting.waited = observed.max(Duration::from_nanos(delayed_ns));
             starting.is_asleep = now.since(seen.idle_since) >= ASLEEP_AFTER;
         }
         starting
