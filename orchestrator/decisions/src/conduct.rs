@@ -103,7 +103,7 @@ impl Conduct {
         if tick < self.last_tick_in_flight {
             for service in ServiceId::ALL {
                 if supervision.is_finished(service) && !supervision.has_flown_all(service, facts) {
-                    supervision.replace_early(service, now);
+                    supervision.replace_early(service, now, facts);
                 }
             }
         }

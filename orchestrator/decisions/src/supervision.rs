@@ -342,10 +342,21 @@ impl Supervision {
     }
 
     /// Replaces the process of a service that says that it has finished although it has steps to do.
-    pub fn replace_early(&mut self, service: ServiceId, now: Moment) {
-        if self.is_finished(service) {
-            self.replace(service.index(), now, EARLY.to_owned());
+    pub fn replace_early(&mut self, service: ServiceId, now: Moment, facts: &dyn Facts) {
+        let at = service.index();
+        if !self.is_finished(service) {
+            return;
         }
+        if !self.members[at].process.has_ended {
+            return self.replace(at, now, EARLY.to_owned());
+        }
+        // It has ended since: that is a death like others, which the restarts are limited for.
+        self.members[at].phase = Phase::Dying;
+        let exit = Exit {
+            killed: false,
+            description: format!("it {EARLY}"),
+        };
+        self.reap(at, now, exit, facts);
     }
 
     /// Returns whether a service that flies in lock step has steps to do, by its checkpoint, which includes the last step
