@@ -166,7 +166,7 @@ impl Supervision {
             _ if !is_current => {}
             Event::Started { pid } => {
                 if let Some(process) = &mut self.standby.process {
-                    process.pid = pid;
+                    (process.pid, process.asked_at) = (pid, now);
                 }
             }
             // The run does not depend on it: a failure only delays the next start.

@@ -192,7 +192,8 @@ impl Supervision {
                     self.reap(at, now, exit, facts);
                 }
             }
-            Event::Started { pid } => member.process.pid = pid,
+            // Only now: the system may take long to start several.
+            Event::Started { pid } => (member.process.pid, member.process.asked_at) = (pid, now),
             Event::NotStarted(reason) if member.phase == Phase::Starting => {
                 self.note_not_started(at, now, reason);
             }
