@@ -13,6 +13,7 @@ mod member;
 pub mod moment;
 pub mod presentable;
 pub mod process;
+mod restart;
 pub mod restart_policy;
 pub mod shutdown;
 mod standby;

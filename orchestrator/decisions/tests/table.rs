@@ -22,16 +22,28 @@ const SERVICE: ServiceId = ServiceId::Controller;
 const NOW: Moment = Moment(60_000_000_000);
 const STEPPED: u64 = 1000;
 
+const LAST_TICK: u64 = 1_000_000;
+
 /// A service that has stepped up to some tick and is asleep.
-struct Asleep;
+struct Asleep {
+    steps_until: u64,
+}
+
+/// A service in flight.
+const IN_FLIGHT: Asleep = Asleep { steps_until: STEPPED };
+
+/// A service that has done its last step.
+const DONE: Asleep = Asleep {
+    steps_until: LAST_TICK + 1,
+};
 
 impl Facts for Asleep {
     fn steps_until(&self, _: ServiceId) -> u64 {
-        STEPPED
+        self.steps_until
     }
 
     fn next_tick(&self, _: ServiceId) -> u64 {
-        STEPPED
+        self.steps_until
     }
 
     fn restarts_seen(&self, _: ServiceId) -> u32 {
@@ -60,18 +72,18 @@ fn ended() -> Event {
 type Happening = fn(&mut Supervision, ProcessNumber);
 
 fn tell(supervision: &mut Supervision, process: ProcessNumber, event: Event) {
-    supervision.handle(NOW, process, event, &Asleep);
+    supervision.handle(NOW, process, event, &IN_FLIGHT);
 }
 
 fn wait(supervision: &mut Supervision, time: Duration) {
-    supervision.look(NOW + time, &Asleep);
+    supervision.look(NOW + time, &IN_FLIGHT);
 }
 
 fn reason() -> String {
     "a reason".to_owned()
 }
 
-const EVENTS: [(&str, Happening); 13] = [
+const EVENTS: [(&str, Happening); 14] = [
     ("the system does not start it", |all, own| {
         tell(all, own, Event::NotStarted(reason()));
     }),
@@ -82,9 +94,10 @@ const EVENTS: [(&str, Happening); 13] = [
         tell(all, own, Event::MissedSent);
         tell(all, own, Event::Said(Said::CaughtUp));
     }),
-    ("it says that it has finished", |all, own| {
+    ("it says that it has finished, with steps to do", |all, own| {
         tell(all, own, Event::Said(Said::Finished));
     }),
+    ("it says after its last step that it has finished", finish),
     ("it says that a number is not finite", |all, own| {
         let [service, topic, field] = ["controller", "rc/command", "thrust"].map(str::to_owned);
         let found = NonFinite {
@@ -109,20 +122,24 @@ const EVENTS: [(&str, Happening); 13] = [
         wait(all, AFTER_CLOSING + Duration::from_millis(1));
     }),
     ("it hangs", |all, _| {
-        all.replace_hung(SERVICE, NOW, Duration::from_millis(100))
+        all.replace_hung(SERVICE, NOW, Duration::from_millis(100));
     }),
     ("it ends", |all, own| tell(all, own, ended())),
     ("1 s passes", |all, _| {
-        wait(all, FRESH_LIMIT + Duration::from_millis(1))
+        wait(all, FRESH_LIMIT + Duration::from_millis(1));
     }),
     ("30 s pass", |all, _| {
-        wait(all, READY_LIMIT + Duration::from_millis(1))
+        wait(all, READY_LIMIT + Duration::from_millis(1));
     }),
 ];
 
+fn finish(all: &mut Supervision, own: ProcessNumber) {
+    all.handle(NOW, own, Event::Said(Said::Finished), &DONE);
+}
+
 /// All services ready.
 fn set_up(is_real_time: bool) -> Supervision {
-    let schedule = Schedule::ideal(1_000_000, 1_000_000);
+    let schedule = Schedule::ideal(1_000_000, LAST_TICK);
     let mut all = Supervision::new(&schedule, is_real_time, RestartPolicies::default());
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/fig1.toml");
     let scenario = scenario_file::load(&file, &[], None).unwrap();
@@ -166,7 +183,6 @@ fn states(is_real_time: bool) -> Vec<(&'static str, Supervision)> {
     let look: Happening = |all, _| wait(all, Duration::ZERO);
     let say_ready: Happening = |all, own| tell(all, own, Event::Said(Said::Ready { warnings: Vec::new() }));
     let hang: Happening = |all, _| all.replace_hung(SERVICE, NOW, Duration::from_millis(100));
-    let finish: Happening = |all, own| tell(all, own, Event::Said(Said::Finished));
     let fail: Happening = |all, own| tell(all, own, Event::Said(Said::Failed { reason: reason() }));
     let mut states = vec![
         ("starting, before the flight", set_up(is_real_time)),
@@ -236,7 +252,8 @@ fn table(is_real_time: bool) -> String {
         for (event, happening) in EVENTS {
             let mut all = supervision.clone();
             let before = all.phase_of(SERVICE);
-            (all.take_actions(), all.take_news());
+            all.take_actions();
+            all.take_news();
             let own = all.process_of(SERVICE);
             happening(&mut all, own);
             let mut done: Vec<_> = all.take_actions().iter().map(action_in_words).collect();

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::history::{FaultKind, History};
 use crate::properties::{Property, Violation};
-use crate::{course_of, flights::Flights};
+use crate::{course_of, flights::Flights, is_flown};
 
 /// Seeds that are taken at once: few enough to stop soon, and enough for the counter not to matter.
 const BATCH: u64 = 64;
@@ -18,6 +18,8 @@ const REPEATED: u64 = 64;
 #[derive(Clone, Debug, Default)]
 pub struct Results {
     pub histories: u64,
+    /// Histories with a vehicle in the air.
+    pub flown: u64,
     /// Faults that had an effect.
     pub faults: u64,
     pub turns: u64,
@@ -35,6 +37,7 @@ impl Results {
     fn add(&mut self, history: &History, flights: &mut Flights) {
         let course = course_of(history, flights, false);
         self.histories += 1;
+        self.flown += u64::from(is_flown(history));
         self.turns += course.turns;
         self.restarts += u64::from(course.restarts);
         self.simulated_ns += course.lasted_ns;
@@ -71,6 +74,7 @@ impl Results {
 
     fn merge(&mut self, other: Self) {
         self.histories += other.histories;
+        self.flown += other.flown;
         self.faults += other.faults;
         self.turns += other.turns;
         self.restarts += other.restarts;

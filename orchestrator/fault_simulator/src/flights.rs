@@ -8,16 +8,20 @@ use scenario::{
 use shared_types::Schedule;
 
 use crate::history::Setting;
+use crate::vehicle::Vehicle as Flown;
 
-/// Scenarios and their schedules, made once for each setting.
+/// Scenarios and their schedules, made once for each setting, and the vehicle.
 #[derive(Default)]
-pub struct Flights(Vec<(Key, Box<(Scenario, Schedule)>)>);
+pub struct Flights {
+    known: Vec<(Key, Box<(Scenario, Schedule)>)>,
+    vehicle: Option<Box<Flown>>,
+}
 
 type Key = (u64, bool, bool, Option<u8>);
 
 impl Flights {
-    /// Returns the scenario of a setting and its schedule.
-    pub fn of(&mut self, setting: Setting) -> &(Scenario, Schedule) {
+    /// Returns the scenario of a setting, its schedule, and the vehicle.
+    pub fn of(&mut self, setting: Setting) -> (&Scenario, &Schedule, &mut Option<Box<Flown>>) {
         let Setting {
             length_ms,
             has_phases,
@@ -27,15 +31,16 @@ impl Flights {
         } = setting;
         let key = (length_ms, has_phases, is_slow, external);
         // Short flights have many lengths, which are not worth to be kept.
-        let found = self.0.iter().position(|(other, _)| *other == key);
+        let found = self.known.iter().position(|(other, _)| *other == key);
         let at = found.unwrap_or_else(|| {
-            if self.0.len() > 64 {
-                self.0.truncate(32);
+            if self.known.len() > 64 {
+                self.known.truncate(32);
             }
-            self.0.push((key, Box::new(flight(setting))));
-            self.0.len() - 1
+            self.known.push((key, Box::new(flight(setting))));
+            self.known.len() - 1
         });
-        &self.0[at].1
+        let (scenario, schedule) = &*self.known[at].1;
+        (scenario, schedule, &mut self.vehicle)
     }
 }
 

@@ -335,10 +335,10 @@ impl Machine {
 
     /// Stores the steps so far; to be called before a service begins or ceases to step.
     fn count_steps(&mut self) {
-        let counted = std::array::from_fn(|service| self.counted_steps(service));
-        for service in 0..SERVICES {
-            if counted[service] != self.steps_until[service] {
-                self.lies[service] = None;
+        let counted: [u64; SERVICES] = std::array::from_fn(|service| self.counted_steps(service));
+        for (lie, (before, now)) in self.lies.iter_mut().zip(self.steps_until.iter().zip(&counted)) {
+            if before != now {
+                *lie = None;
             }
         }
         self.steps_until = counted;

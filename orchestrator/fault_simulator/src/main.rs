@@ -152,9 +152,10 @@ fn search(arguments: &Arguments) -> bool {
 fn print(results: &Results, elapsed: Duration) {
     let minutes = elapsed.as_secs_f64() / 60.0;
     println!(
-        "{} histories with {} faults and {} restarts in {:.1} s: {:.3e} faults a minute, {:.0} simulated hours, {:.3e} turns of \
-         the loop",
+        "{} histories, {} of them with a vehicle in the air, with {} faults and {} restarts in {:.1} s: {:.3e} faults a minute, \
+         {:.0} simulated hours, {:.3e} turns of the loop",
         results.histories,
+        results.flown,
         results.faults,
         results.restarts,
         elapsed.as_secs_f64(),

@@ -190,9 +190,9 @@ pub fn standby_limit(history: &History) -> u64 {
 /// end is given up; some turns of the loop.
 pub const STOPPED_LIMIT: u64 = STOP_LIMIT.as_nanos() as u64 + END_LIMIT.as_nanos() as u64 + 5 * LOOP_PERIOD;
 
-/// Maximum time from the request until the end of the flight, ns: the landing, 2 s in which the motors are seen to rest,
-/// some turns of the loop, none of which may be long.
-pub(crate) const LANDED_LIMIT: u64 = 300 * MS + 2_000 * MS + 500 * MS;
+/// Maximum time from the landing until the end of the flight, ns: 2 s in which the motors are seen to rest, some turns of
+/// the loop, none of which may be long.
+pub(crate) const LANDED_LIMIT: u64 = 2_000 * MS + 500 * MS;
 
 /// Returns whether a history is one on which the limits of absence hold: one fault, in a flight in real time, by a loop that
 /// is punctual.

@@ -179,7 +179,7 @@ impl<'a, W: World> Simulation<'a, W> {
     fn violate(&mut self, property: Property, what: String) {
         let at_ns = self.machine.now;
         if self.is_traced {
-            self.note(format!("VIOLATION of {property:?}: {what}"));
+            self.note(&format!("VIOLATION of {property:?}: {what}"));
         }
         self.course.violation.get_or_insert(Violation {
             property,
@@ -189,7 +189,7 @@ impl<'a, W: World> Simulation<'a, W> {
     }
 
     #[cold]
-    fn note(&mut self, text: String) {
+    fn note(&mut self, text: &str) {
         let at = self.machine.now as f64 / 1e6;
         self.course.trace.push(format!("{at:11.4} ms  {text}"));
     }
@@ -268,7 +268,7 @@ impl<'a, W: World> Simulation<'a, W> {
             let tick = self.machine.tick();
             let hung = self.conduct.look(&mut self.supervision, now, tick, &self.machine);
             if self.is_traced && !hung.is_empty() {
-                self.note(format!("hang: {hung:?}"));
+                self.note(&format!("hang: {hung:?}"));
             }
             self.perform_all();
             if self.take_losses() {
@@ -329,7 +329,7 @@ impl<'a, W: World> Simulation<'a, W> {
         self.is_stopping = true;
         let mut since = self.machine.now;
         if self.is_traced {
-            self.note("stop".to_owned());
+            self.note("stop");
         }
         self.supervision.stop(self.now());
         self.perform_all();
@@ -352,7 +352,7 @@ impl<'a, W: World> Simulation<'a, W> {
         self.has_failed = true;
         if let Some(request) = self.conduct.fail() {
             if self.is_traced {
-                self.note("the flight has failed".to_owned());
+                self.note("the flight has failed");
             }
             self.obey(request);
         }
@@ -473,7 +473,7 @@ impl<'a, W: World> Simulation<'a, W> {
         if self.is_traced {
             let service = self.machine.processes[self.machine.index_of(number)].service;
             let service = service.map_or("standby", |service| ServiceId::ALL[service].name());
-            self.note(format!("{service} {}: {event:?}", number.0));
+            self.note(&format!("{service} {}: {event:?}", number.0));
         }
         self.supervision.handle(self.now(), number, event, &self.machine);
         self.perform_all();
@@ -494,7 +494,7 @@ impl<'a, W: World> Simulation<'a, W> {
     fn perform(&mut self, action: Action) {
         self.hash(action);
         if self.is_traced && !matches!(action, Action::RefillReserve | Action::Wake | Action::CleanUp) {
-            self.note(format!("    {action:?}"));
+            self.note(&format!("    {action:?}"));
         }
         match action {
             Action::Start { process, role } => {
@@ -599,7 +599,7 @@ impl<'a, W: World> Simulation<'a, W> {
         let now = self.machine.now;
         let until = now.saturating_add(fault.for_ns);
         if self.is_traced {
-            self.note(format!("FAULT {fault:?}"));
+            self.note(&format!("FAULT {fault:?}"));
         }
         // It may be later than planned: the supervisor may have been busy.
         if fault.for_ns != FOR_EVER {
@@ -717,7 +717,7 @@ impl<'a, W: World> Simulation<'a, W> {
         self.ledger.fruitless = [0; SERVICES];
         self.supervision.continue_flight();
         if self.is_traced {
-            self.note("another orchestrator takes over".to_owned());
+            self.note("another orchestrator takes over");
         }
         for service in ServiceId::ALL {
             let orphan = self.machine.newest[service.index()]
@@ -892,7 +892,7 @@ impl<'a, W: World> Simulation<'a, W> {
             }),
         };
         if self.is_traced {
-            self.note(format!("lost: {failure}"));
+            self.note(&format!("lost: {failure}"));
         }
         if !is_true {
             self.violate(Property::VerdictIsTrue, failure.to_string());
@@ -977,7 +977,7 @@ impl<'a, W: World> Simulation<'a, W> {
             })
         };
         let down = ServiceId::ALL.into_iter().find(|&service| !is_up(service));
-        let is_excused = down.is_some_and(|service| is_stuck(service)) && self.end_requested_at != NEVER;
+        let is_excused = down.is_some_and(is_stuck) && self.end_requested_at != NEVER;
         if let Some(service) = down
             && !is_excused
         {
@@ -1004,9 +1004,10 @@ impl<'a, W: World> Simulation<'a, W> {
     fn check_end(&mut self, since_end: Duration) {
         let now = self.machine.now;
         let requested_at = self.end_requested_at;
+        let landed_within = self.world.longest_landing_ns().saturating_add(LANDED_LIMIT);
         let is_overdue = requested_at != NEVER
             && self.conduct.shutdown() != Shutdown::None
-            && now > requested_at.max(self.quiet_at).saturating_add(LANDED_LIMIT);
+            && now > requested_at.max(self.quiet_at).saturating_add(landed_within);
         let longest = Duration::from_secs(10) + Duration::from_nanos(2 * LOOP_PERIOD);
         let is_past = since_end > longest && now > self.quiet_at + 100 * MS;
         if is_overdue || is_past {

@@ -29,6 +29,8 @@ pub trait World {
     fn newest_frame(&self) -> Option<RcFrame>;
     /// Returns the phase of the flight.
     fn phase(&self) -> FlightPhase;
+    /// Returns the longest time from a request to land until the motors rest, ns.
+    fn longest_landing_ns(&self) -> u64;
     /// Returns what the vehicle did that it must not do.
     ///
     /// # Errors
@@ -99,6 +101,10 @@ impl World for NullWorld {
             (true, Some(_)) if self.has_landed() => FlightPhase::Disarmed,
             (true, Some(_)) => FlightPhase::Land,
         }
+    }
+
+    fn longest_landing_ns(&self) -> u64 {
+        LANDING_NS
     }
 
     fn judge(&self) -> Result<(), String> {
