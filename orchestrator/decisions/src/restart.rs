@@ -124,7 +124,10 @@ impl Supervision {
             self.act(Action::MarkGone { service });
             self.act(Action::ForgetReceivers { service });
             let pause = self.longest_pause(at);
-            self.members[at].phase = Phase::Dead(now + pause);
+            // It counts as a death without progress: its successor is not restarted sooner than others.
+            let member = &mut self.members[at];
+            member.fruitless = member.fruitless.saturating_add(1);
+            member.phase = Phase::Dead(now + pause);
         }
     }
 

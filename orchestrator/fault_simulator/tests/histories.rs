@@ -236,3 +236,19 @@ fn a_start_that_the_machine_delays_is_not_too_late() {
         faults: started_late,
     }]);
 }
+
+/// With a vehicle in the air, which takes long to land: a service that gave up was tried again, died, and was started at
+/// once, although it had done no step for three processes.
+#[test]
+fn a_service_that_gave_up_is_not_restarted_at_once_when_it_dies_again() {
+    let of_path_generator = Target::Service(2);
+    assert_holds([History {
+        seed: 210_380,
+        setting: Setting { restarts: 1, ..LONG },
+        faults: vec![
+            fault(124_522_425, FaultKind::Spins, of_path_generator, FOR_EVER),
+            fault(243_906_498, FaultKind::Fails, of_path_generator, 0),
+            fault(345_219_472, FaultKind::Death, of_path_generator, 0),
+        ],
+    }]);
+}
