@@ -13,13 +13,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use hdrhistogram::Histogram;
-use iceoryx2::prelude::*;
-use iceoryx2::service::builder::event::Builder;
-use iceoryx2::service::port_factory::event::PortFactory;
 use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::flight_clock::{FlightClock, monotonic_ns, nap_until};
-use runtime::ports::RunNode;
+use runtime::ports::{BareEvent, RunNode};
 use runtime::shared_page::{ControlBlock, SharedPage};
 use scenario::ServiceDeployment;
 use shared_types::ServiceId;
@@ -121,15 +118,15 @@ fn run_member(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync
     let block = page.control_block();
     let me = arguments.index;
     match (me, me + 1) {
-        (0, _) => send(&hop(&node, 0)?.create()?, block, arguments.rounds)?,
+        (0, _) => send(&BareEvent::create(&node, &hop(0))?, block, arguments.rounds)?,
         (_, MEMBERS) => {
-            let times = measure(&hop(&node, me - 1)?.open()?, block)?;
+            let times = measure(&BareEvent::open(&node, &hop(me - 1))?, block)?;
             let quantiles = Quantiles::of(&times).ok_or("no event has reached the end of the chain")?;
             print(serde_json::to_string(&quantiles)?);
         }
         _ => pass_on(
-            &hop(&node, me - 1)?.open()?,
-            &hop(&node, me)?.create()?,
+            &BareEvent::open(&node, &hop(me - 1))?,
+            &BareEvent::create(&node, &hop(me))?,
             block,
             me,
         )?,
@@ -137,12 +134,9 @@ fn run_member(arguments: &ChainMember) -> Result<(), Box<dyn Error + Send + Sync
     Ok(())
 }
 
-type Event = PortFactory<ipc::Service>;
-
-/// Returns the builder of the event from the member of an index to the next one.
-fn hop(node: &RunNode, index: usize) -> Result<Builder<ipc::Service>, Box<dyn Error + Send + Sync>> {
-    let name = ServiceName::new(&format!("hop/{index}"))?;
-    Ok(node.node().service_builder(&name).event())
+/// Returns the name of the event from the member of an index to the next one.
+fn hop(index: usize) -> String {
+    format!("hop/{index}")
 }
 
 /// Returns the sending time of the newest round that has reached a member, or [`THE_END`].
@@ -151,8 +145,8 @@ fn newest(block: &ControlBlock, index: usize) -> &AtomicU64 {
 }
 
 /// Runs the first member: sends an event every period.
-fn send(to: &Event, block: &ControlBlock, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let notifier = to.notifier_builder().create()?;
+fn send(to: &BareEvent, block: &ControlBlock, rounds: u64) -> Result<(), Box<dyn Error + Send + Sync>> {
+    let notifier = to.notifier()?;
     block.misses.fetch_add(1, Ordering::AcqRel);
     while block.start_ns.load(Ordering::Acquire) == 0 {
         sleep_until(monotonic_ns() + PERIOD_NS);
@@ -179,17 +173,17 @@ fn sleep_until(at_ns: u64) {
 
 /// Runs a member in the middle: passes events on.
 fn pass_on(
-    from: &Event,
-    to: &Event,
+    from: &BareEvent,
+    to: &BareEvent,
     block: &ControlBlock,
     me: usize,
 ) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let listener = from.listener_builder().create()?;
-    let notifier = to.notifier_builder().create()?;
+    let listener = from.listener()?;
+    let notifier = to.notifier()?;
     block.misses.fetch_add(1, Ordering::AcqRel);
     let mut last = 0;
     while last != THE_END {
-        listener.timed_wait(|_| (), LONGEST_WAIT)?;
+        listener.wait(LONGEST_WAIT)?;
         let sent = newest(block, me - 1).load(Ordering::Acquire);
         if sent != last {
             last = sent;
@@ -201,13 +195,13 @@ fn pass_on(
 }
 
 /// Runs the last member: measures the latency from the first.
-fn measure(from: &Event, block: &ControlBlock) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
-    let listener = from.listener_builder().create()?;
+fn measure(from: &BareEvent, block: &ControlBlock) -> Result<Histogram<u64>, Box<dyn Error + Send + Sync>> {
+    let listener = from.listener()?;
     let mut times = timing::histogram();
     block.misses.fetch_add(1, Ordering::AcqRel);
     let mut last = 0;
     loop {
-        listener.timed_wait(|_| (), LONGEST_WAIT)?;
+        listener.wait(LONGEST_WAIT)?;
         let sent = newest(block, MEMBERS - 2).load(Ordering::Acquire);
         if sent == THE_END {
             return Ok(times);

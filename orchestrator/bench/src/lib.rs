@@ -4,7 +4,6 @@
 //! processes the transport of the same samples by iceoryx2 alone, for one process the five step functions called in a row.
 
 pub mod arguments;
-mod bare_ports;
 mod chain;
 mod deaths;
 mod in_a_row;

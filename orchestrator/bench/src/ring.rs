@@ -13,13 +13,12 @@ use std::time::{Duration, Instant};
 use runtime::deployment::{self, Scheduler};
 use runtime::descriptors::{hand_on, inherited};
 use runtime::doorbell::Doorbell;
-use runtime::ports::{Delivery, RECORDER_BUFFER, Receiver, RunNode, TopicPorts};
+use runtime::ports::{BarePorts, Delivery, RECORDER_BUFFER, Receiver, RunNode, TopicPorts};
 use runtime::ring_order::RingOrder;
 use runtime::shared_page::SharedPage;
 use scenario::Scenario;
 use shared_types::{Schedule, ServiceId};
 
-use super::bare_ports::BarePorts;
 use crate::member::{self, Ring, RingMember, RingWait};
 use command_line::failure::Failure;
 use command_line::output::print;

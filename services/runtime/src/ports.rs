@@ -5,6 +5,7 @@
 //! observer of the flight) loses samples instead of blocking it. In real time, publishers wait for no receiver: in a
 //! full buffer the newest sample replaces the oldest.
 
+mod bare;
 mod run_node;
 mod topic;
 mod typed;
@@ -19,8 +20,8 @@ use shared_types::{Schedule, ServiceId, Topic};
 use crate::doorbell::Doorbell;
 use crate::shared_page::SharedPage;
 
+pub use bare::{BareEvent, BareListener, BareNotifier, BarePorts};
 pub use run_node::RunNode;
-pub use typed::Wire;
 
 /// Capacity of the recorder's buffer of each topic: some ten milliseconds of the fastest flight.
 pub const RECORDER_BUFFER: usize = 1024;

@@ -60,9 +60,9 @@ impl RunNode {
         Ok(Self { node, prefix })
     }
 
-    /// Returns the node for ports of topics outside of the wiring table.
+    /// Returns the node for ports outside of the wiring table.
     #[must_use]
-    pub fn node(&self) -> &Node<ipc::Service> {
+    pub(super) fn node(&self) -> &Node<ipc::Service> {
         &self.node
     }
 

@@ -17,7 +17,7 @@ use super::{PortError, Receiver, Sender};
 
 /// Sample type in iceoryx2: named as in the log instead of by its path in Rust.
 #[repr(transparent)]
-pub struct Wire<T>(pub T);
+pub(super) struct Wire<T>(pub(super) T);
 
 impl<T: Sample> std::fmt::Debug for Wire<T> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -1,21 +1,31 @@
-//! The ports of one service through iceoryx2's own API, for the floor of lock-step flight.
+//! Ports through iceoryx2's own API: no page, no doorbells, no errors of Gerono's. The floors of flight, for benchmarks.
+//!
+//! Beside the ports of flights, because iceoryx2's code for each sample type is half of what this crate costs to compile:
+//! another crate would compile all of it again.
 
 use std::error::Error;
+use std::time::Duration;
 
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample as Received;
+use iceoryx2::service::builder::event::Builder as EventBuilder;
+use iceoryx2::service::port_factory::event::PortFactory as EventService;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-use runtime::ports::{RunNode, Wire};
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Published, Schedule, ServiceId, Topic};
+
+use super::RunNode;
+use super::typed::Wire;
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 /// A service's subscribers and publishers.
-pub(super) struct BarePorts {
+pub struct BarePorts {
     inputs: Vec<Input>,
     outputs: Vec<Box<dyn Publish>>,
 }
@@ -28,7 +38,10 @@ struct Input {
 
 impl BarePorts {
     /// Opens the topics that a service publishes or reads in a flight of this schedule.
-    pub(super) fn open(node: &RunNode, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn open(node: &RunNode, service: ServiceId, schedule: &Schedule) -> Outcome<Self> {
         let inputs = schedule.inputs_read(service).map(|(input, spec)| {
             let buffer = usize::try_from(schedule.buffer_size(spec.topic))?;
             Ok(Input {
@@ -50,7 +63,11 @@ impl BarePorts {
         })
     }
 
-    pub(super) fn connect(&mut self) -> Outcome<()> {
+    /// Connects the ports, once all of the run exist.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn connect(&mut self) -> Outcome<()> {
         self.inputs
             .iter_mut()
             .try_for_each(|input| input.port.connect())?;
@@ -59,8 +76,11 @@ impl BarePorts {
 
     /// Receives one sample of each input and holds it until the next one. `late_too` is `false` in the first round, in which late
     /// inputs have no sample yet.
+    ///
+    /// # Errors
+    /// Those of iceoryx2, and an input without a sample.
     #[inline]
-    pub(super) fn receive(&mut self, late_too: bool) -> Outcome<()> {
+    pub fn receive(&mut self, late_too: bool) -> Outcome<()> {
         for input in &mut self.inputs {
             if late_too || !input.is_late {
                 input.port.receive()?;
@@ -70,8 +90,11 @@ impl BarePorts {
     }
 
     /// Publishes one sample of each output.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
     #[inline]
-    pub(super) fn publish(&mut self) -> Outcome<()> {
+    pub fn publish(&mut self) -> Outcome<()> {
         self.outputs.iter_mut().try_for_each(|output| output.publish())
     }
 }
@@ -158,5 +181,74 @@ impl TopicVisitor for Publications<'_> {
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .create()?;
         Ok(Box::new(publisher))
+    }
+}
+
+/// An event that one process sends to another one.
+pub struct BareEvent(EventService<ipc::Service>);
+
+impl BareEvent {
+    /// Creates the event of a name.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn create(node: &RunNode, name: &str) -> Outcome<Self> {
+        Ok(Self(Self::builder(node, name)?.create()?))
+    }
+
+    /// Opens the event of a name.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn open(node: &RunNode, name: &str) -> Outcome<Self> {
+        Ok(Self(Self::builder(node, name)?.open()?))
+    }
+
+    fn builder(node: &RunNode, name: &str) -> Outcome<EventBuilder<ipc::Service>> {
+        Ok(node.node().service_builder(&ServiceName::new(name)?).event())
+    }
+
+    /// Makes the port that sends it.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn notifier(&self) -> Outcome<BareNotifier> {
+        Ok(BareNotifier(self.0.notifier_builder().create()?))
+    }
+
+    /// Makes the port that waits for it.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn listener(&self) -> Outcome<BareListener> {
+        Ok(BareListener(self.0.listener_builder().create()?))
+    }
+}
+
+/// Port that sends an event.
+pub struct BareNotifier(Notifier<ipc::Service>);
+
+impl BareNotifier {
+    /// Sends the event.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn notify(&self) -> Outcome<()> {
+        self.0.notify()?;
+        Ok(())
+    }
+}
+
+/// Port that waits for an event.
+pub struct BareListener(Listener<ipc::Service>);
+
+impl BareListener {
+    /// Waits for the event, up to a time.
+    ///
+    /// # Errors
+    /// Those of iceoryx2.
+    pub fn wait(&self, limit: Duration) -> Outcome<()> {
+        self.0.timed_wait(|_| (), limit)?;
+        Ok(())
     }
 }
