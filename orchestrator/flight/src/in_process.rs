@@ -13,6 +13,7 @@ use shared_types::service::ErasedService;
 
 use crate::failure::{FlightFailure, Suspects};
 use crate::interrupt::Interrupt;
+use crate::recording_sink::RecordingSink;
 use crate::{Ending, Outcome};
 
 /// Exit code of a process whose flight failed.
@@ -34,6 +35,18 @@ where
         return Err(FlightFailure::setup(reason));
     }
     fly_with(scenario, None, sink, interrupt)
+}
+
+/// As [`fly`], into a recording. Not generic, so that it is optimised as the services are, whatever its callers are.
+///
+/// # Errors
+/// As [`fly`].
+pub fn record(
+    scenario: &Scenario,
+    sink: &mut RecordingSink<'_>,
+    interrupt: &Interrupt,
+) -> Result<Ending, FlightFailure> {
+    fly(scenario, sink, interrupt)
 }
 
 /// As [`fly`], with a service of the caller's in place of Gerono's own.

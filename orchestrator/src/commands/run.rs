@@ -133,7 +133,7 @@ fn fly(
     clients: &Clients<'_>,
 ) -> Ending {
     let result = match arguments.host {
-        Host::Inprocess => in_process::fly(scenario, sink, clients.interrupt)
+        Host::Inprocess => in_process::record(scenario, sink, clients.interrupt)
             .map(Ending::from)
             .map_err(RunFailure::from),
         Host::Lockstep | Host::Realtime => fly_processes(arguments, scenario, folder, sink, clients),
@@ -163,7 +163,7 @@ fn fly_processes(
     let ending = if arguments.host == Host::Realtime {
         real_time::fly(scenario, &deployment, sink, clients, &mut record)?
     } else {
-        lock_step::fly(
+        lock_step::record(
             scenario,
             &deployment,
             sink,

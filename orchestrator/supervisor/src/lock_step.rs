@@ -21,11 +21,27 @@ use command_line::progress::Messages;
 use decisions::event::Action;
 use flight::failure::FlightFailure;
 use flight::interrupt::Interrupt;
+use flight::recording_sink::RecordingSink;
 use stall::StallWatch;
 use watchers::Watchers;
 
 /// Period of the recorder: within it, the fastest flight fills a tenth of its buffers.
 const RECORDER_PERIOD: Duration = Duration::from_millis(1);
+
+/// As [`fly`], into a recording. Not generic, so that it is optimised as the services are, whatever its callers are.
+///
+/// # Errors
+/// As [`fly`].
+pub fn record(
+    scenario: &Scenario,
+    deployment: &Deployment,
+    sink: &mut RecordingSink<'_>,
+    interrupt: &Interrupt,
+    messages: &Messages,
+    observer: &mut dyn SupervisionObserver,
+) -> Result<Ending, RunFailure> {
+    fly(scenario, deployment, sink, interrupt, messages, observer)
+}
 
 /// Flies `scenario` to its end or until `interrupt`, and passes all samples to `sink`. `messages` are shown at once.
 ///

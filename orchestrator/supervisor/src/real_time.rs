@@ -51,6 +51,7 @@ use decisions::event::Action;
 use decisions::failure::ServiceFailure;
 use decisions::shutdown::Shutdown;
 use flight::interrupt::Interrupt;
+use flight::recording_sink::RecordingSink;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_client::live_events::LiveEvents;
 use run_client::newest::Newest;
@@ -86,16 +87,13 @@ pub trait StepObserver: SupervisionObserver {
 ///
 /// # Errors
 /// [`RunFailure`] if the run cannot be set up. A failure in flight is in the [`Ending`].
-pub fn fly<S: TickSink>(
+pub fn fly(
     scenario: &Scenario,
     deployment: &Deployment,
-    sink: &mut S,
+    sink: &mut RecordingSink<'_>,
     clients: &Clients<'_>,
     observer: &mut dyn StepObserver,
-) -> Result<Ending, RunFailure>
-where
-    RunFailure: From<S::Error>,
-{
+) -> Result<Ending, RunFailure> {
     let kill_device = kill_switch::open(scenario)?;
     let context = RunContext::prepare(scenario, deployment)?;
     let mut recorder = Recorder::new(context.subscribe(Delivery::NewestWins)?, 0);
@@ -139,15 +137,12 @@ where
 ///
 /// # Errors
 /// [`RunFailure`] if the flight cannot be taken over. A failure in flight is in the [`Ending`].
-pub fn take_over<S: TickSink>(
+pub fn take_over(
     take_over: TakeOver,
-    sink: &mut S,
+    sink: &mut RecordingSink<'_>,
     clients: &Clients<'_>,
     observer: &mut dyn StepObserver,
-) -> Result<Ending, RunFailure>
-where
-    RunFailure: From<S::Error>,
-{
+) -> Result<Ending, RunFailure> {
     let TakeOver {
         take_over_lock: _only_one,
         context,
