@@ -19,6 +19,7 @@ mod values;
 mod view;
 mod world;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
@@ -282,17 +283,34 @@ pub enum Command {
     Header,
     /// Run one service; only `gerono run` can start it.
     #[command(hide = true)]
-    Service {
-        /// Name of the service, or of a standby process.
-        #[arg(value_parser = service_process)]
-        name: String,
-        /// Folder of the run, by which `gerono kill` and the like find it (`run_client::runs`).
-        #[arg(long)]
-        run: Option<PathBuf>,
-        /// Host of the run, for the same purpose.
-        #[arg(long)]
-        host: Option<String>,
-    },
+    Service(ServiceProcess),
+}
+
+/// Arguments of the process of a service.
+#[derive(Debug, Parser)]
+pub struct ServiceProcess {
+    /// Name of the service, or of a standby process.
+    #[arg(value_parser = service_process)]
+    pub name: String,
+    /// Folder of the run, by which `gerono kill` and the like find it (`run_client::runs`).
+    #[arg(long)]
+    pub run: Option<PathBuf>,
+    /// Host of the run, for the same purpose.
+    #[arg(long)]
+    pub host: Option<String>,
+}
+
+impl ServiceProcess {
+    /// Parses the arguments of this process if it is a service: a restart in flight does not wait for the arguments of all
+    /// commands.
+    #[must_use]
+    pub fn from_command_line() -> Option<Self> {
+        let mut arguments = std::env::args_os().skip(1).peekable();
+        arguments.next_if(|command| command == "service")?;
+        let program = std::iter::once(OsString::from("service"));
+        // What is wrong with them is said by the parser of all commands.
+        Self::try_parse_from(program.chain(arguments)).ok()
+    }
 }
 
 /// Arguments of `gerono man`.

@@ -6,7 +6,9 @@ use clap::CommandFactory;
 use command_line::exit::Exit;
 use command_line::interrupt::ignore_file_size_signal;
 use command_line::output::{self, print_error};
-use orchestrator::cli::{Cli, Command, Get, Operate, OperatorCommand, Postmortem, RcCommand, Set, groups};
+use orchestrator::cli::{
+    Cli, Command, Get, Operate, OperatorCommand, Postmortem, RcCommand, ServiceProcess, Set, groups,
+};
 use orchestrator::commands::{
     self, Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate,
     operator, rc, replay, report, reproduce, run, service, sweep, top, truth, view, world,
@@ -25,6 +27,9 @@ fn main() -> ExitCode {
     }
     if let Some(arguments) = Postmortem::from_command_line() {
         return output::conclude(commands::postmortem::postmortem(&arguments));
+    }
+    if let Some(process) = ServiceProcess::from_command_line() {
+        return output::conclude(service::service(&process.name).map(|()| Exit::Success));
     }
     let result = match groups::parse().command {
         Command::Run(arguments) => run::run(&arguments),
@@ -70,7 +75,7 @@ fn main() -> ExitCode {
         }
         Command::Completions { shell } => generated::completions(&shell).map(|()| Exit::Success),
         Command::Man(arguments) => generated::man(&arguments).map(|()| Exit::Success),
-        Command::Service { name, .. } => service::service(&name).map(|()| Exit::Success),
+        Command::Service(process) => service::service(&process.name).map(|()| Exit::Success),
     };
     output::conclude(result)
 }
