@@ -50,7 +50,7 @@ fn operate_from_the_host(preparation: &str, from: &str) {
     if !may_contain() {
         return;
     }
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = take_off(&place, preparation);
     for (arguments, code, words) in [
         (&["top", "--once"][..], 0, "1-0"),
@@ -88,7 +88,7 @@ fn inside_of_a_container_a_flight_outside_is_said_to_be_there_and_not_to_be_seen
     if !may_contain() {
         return;
     }
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = begin(&mut place.live_hover("out", &["--quiet"]));
     until("a flight that can be looked at", || place.look());
     for arguments in [
@@ -148,7 +148,7 @@ fn a_flight_in_a_container_that_has_lost_its_orchestrator_is_killed_from_the_hos
     if !may_contain() {
         return;
     }
-    let place = Place::new();
+    let place = Place::in_real_time();
     let (run, name, holds) = lose_the_orchestrator(&place, OWN_MEMORY);
     let refused = output(&mut place.gerono(&["attach", "--out", "none"]));
     assert_row(
@@ -168,7 +168,7 @@ fn a_flight_in_a_container_that_shares_the_memory_is_taken_over_from_the_host() 
     if !may_contain() {
         return;
     }
-    let place = Place::new();
+    let place = Place::in_real_time();
     let (run, name, holds) = lose_the_orchestrator(&place, SHARED_MEMORY);
     let attached = begin(&mut place.gerono(&["attach", "--quiet", "--out", "attached"]));
     let seen = until("the flight that was taken over", || place.look());

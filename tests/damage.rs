@@ -80,7 +80,7 @@ fn a_flight_whose_shared_memory_is_truncated_ends_with_an_error_that_says_so() {
 /// The services go on alone and are waited for, also by one who is in a hurry.
 #[test]
 fn nothing_is_left_of_a_flight_that_is_interrupted_while_its_services_end_alone() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let mut run = fly(&place, "realtime");
     let (orchestrator, pids) = (run.id(), pids_of(&run));
     shared_memory_of(orchestrator)
@@ -99,46 +99,54 @@ fn nothing_is_left_of_a_flight_that_is_interrupted_while_its_services_end_alone(
     assert_ended_in_words(&place, orchestrator, &pids, &ended, &["truncated"]);
 }
 
-/// Also memory of one kind, of which only a part of the processes notices anything.
 #[test]
-fn one_kind_of_shared_memory_that_is_truncated_or_overwritten_stops_nobody_from_ending_the_flight() {
+fn one_kind_of_shared_memory_that_is_truncated_stops_nobody_from_ending_the_flight_in_simulated_time() {
+    damage_each_kind(Place::new, HOSTS[0], |path, _| truncate(path));
+}
+
+#[test]
+fn one_kind_of_shared_memory_that_is_overwritten_stops_nobody_from_ending_the_flight_in_simulated_time() {
+    damage_each_kind(Place::new, HOSTS[0], overwrite);
+}
+
+#[test]
+fn one_kind_of_shared_memory_that_is_truncated_stops_nobody_from_ending_the_flight_in_real_time() {
+    damage_each_kind(Place::in_real_time, HOSTS[1], |path, _| truncate(path));
+}
+
+#[test]
+fn one_kind_of_shared_memory_that_is_overwritten_stops_nobody_from_ending_the_flight_in_real_time() {
+    damage_each_kind(Place::in_real_time, HOSTS[1], overwrite);
+}
+
+/// Damages memory of one kind, of which only a part of the processes notices anything, in a flight for each kind.
+fn damage_each_kind(place: fn() -> Place, host: &str, damage: fn(&Path, &mut ChaCha8Rng)) {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     for kind in [".data", ".connection", ".dynamic", ".global_mgmt"] {
-        for (host, truncates) in [
-            (HOSTS[0], true),
-            (HOSTS[1], true),
-            (HOSTS[0], false),
-            (HOSTS[1], false),
-        ] {
-            let place = Place::new();
-            let mut run = fly(&place, host);
-            let (orchestrator, mut pids) = (run.id(), pids_of(&run));
-            let segments = shared_memory_of(orchestrator);
-            for path in segments
-                .iter()
-                .filter(|path| path.to_string_lossy().ends_with(kind))
-            {
-                if truncates {
-                    truncate(path);
-                } else {
-                    overwrite(path, &mut random);
-                }
-            }
-            let deadline = Instant::now() + WHILE;
-            while run.try_wait().unwrap().is_none() && Instant::now() < deadline {
-                std::thread::sleep(Duration::from_millis(20));
-            }
-            pids.extend(pids_of(&run));
-            if run.try_wait().unwrap().is_none() {
-                signal(orchestrator, Signal::TERM);
-            }
-            let ended = finish(run);
-            if ended.status.code() == Some(143) {
-                place.assert_nothing_is_left_of(orchestrator);
-            } else {
-                let words = ["shared memory", "a sample of", "gave up", "died after tick"];
-                assert_ended_in_words(&place, orchestrator, &pids, &ended, &words);
-            }
+        let place = place();
+        let mut run = fly(&place, host);
+        let (orchestrator, mut pids) = (run.id(), pids_of(&run));
+        let segments = shared_memory_of(orchestrator);
+        for path in segments
+            .iter()
+            .filter(|path| path.to_string_lossy().ends_with(kind))
+        {
+            damage(path, &mut random);
+        }
+        let deadline = Instant::now() + WHILE;
+        while run.try_wait().unwrap().is_none() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        pids.extend(pids_of(&run));
+        if run.try_wait().unwrap().is_none() {
+            signal(orchestrator, Signal::TERM);
+        }
+        let ended = finish(run);
+        if ended.status.code() == Some(143) {
+            place.assert_nothing_is_left_of(orchestrator);
+        } else {
+            let words = ["shared memory", "a sample of", "gave up", "died after tick"];
+            assert_ended_in_words(&place, orchestrator, &pids, &ended, &words);
         }
     }
 }
@@ -156,7 +164,7 @@ fn overwrite(path: &Path, random: &mut ChaCha8Rng) {
 /// iceoryx2 waits for ever for memory without a size to get one.
 #[test]
 fn whoever_opens_truncated_memory_is_ended_and_the_flight_with_it() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = fly(&place, "realtime");
     let orchestrator = run.id();
     let dynamic = shared_memory_of(orchestrator).into_iter();
@@ -174,7 +182,7 @@ fn whoever_opens_truncated_memory_is_ended_and_the_flight_with_it() {
 
 #[test]
 fn a_service_that_cannot_open_its_topics_ends_with_its_orchestrator() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = fly(&place, "realtime");
     let orchestrator = run.id();
     let controller = await_process(orchestrator, ServiceId::Controller);

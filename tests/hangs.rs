@@ -8,6 +8,7 @@ use crate::common;
 use std::time::Duration;
 
 use common::logs::host_samples;
+use common::pilot::ask;
 use common::processes::{await_end, await_successor, is_alive, pid_of, processes_of, services_of, signal};
 use common::{Begun, Place, begin, finish, said, until};
 use decisions::restart_policy::{
@@ -186,7 +187,7 @@ fn largest_distance(distances: &[(u64, f64)], begun_ns: u64, until_ns: u64) -> f
 
 #[test]
 fn whatever_stops_or_dies_in_any_phase_of_its_life_is_replaced_within_its_limit() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let mut random = ChaCha8Rng::seed_from_u64(20);
     let child = take_off(&place);
     let orchestrator = child.id();
@@ -281,7 +282,7 @@ fn a_service_that_closes_its_control_channel_and_lives_is_replaced() {
 /// A plant that is late, or starts again, flies with the frames that were published: no tick of it is without thrust.
 #[test]
 fn a_plant_that_is_late_or_restarted_never_falls_freely() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let child = begin(&mut place.live_hover("out", &["--quiet"]));
     let orchestrator = child.id();
     place.await_log("out", 500_000);
@@ -413,7 +414,7 @@ fn orphaned_flight(place: &Place) -> (u32, Vec<(String, u32)>) {
 #[test]
 fn a_take_over_replaces_a_stopped_service() {
     for service in [ServiceId::PathGenerator, ServiceId::Plant] {
-        let place = Place::new();
+        let place = Place::in_real_time();
         let (first, processes) = orphaned_flight(&place);
         let is_it = |(name, _): &&(String, u32)| name == service.name();
         let (_, stopped) = *processes.iter().find(is_it).unwrap();
@@ -437,7 +438,7 @@ fn a_take_over_replaces_a_stopped_service() {
 /// `gerono clean` ends stopped processes once nothing else of their run lives, and none before.
 #[test]
 fn stopped_processes_of_a_dead_run_are_ended_by_clean() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let (first, mut processes) = orphaned_flight(&place);
     // The standby process is stopped by now, or has ended.
     let clean = common::succeed(&mut place.gerono(&["clean"]));
@@ -468,23 +469,36 @@ fn stopped_processes_of_a_dead_run_are_ended_by_clean() {
     place.assert_nothing_is_left_of(first);
 }
 
-/// A service that stops 0.1 s before the end does not keep the flight from it.
 #[test]
-fn a_flight_ends_although_a_service_hangs_in_its_last_moments() {
-    for service in [ServiceId::Estimator, ServiceId::RcOutput, ServiceId::Plant] {
-        let place = Place::new();
-        // Beyond the approach, in which the vehicle is fastest.
-        let child = begin(&mut place.rig_flight("out", 12.0, &["--host", "realtime", "--quiet"]));
-        let orchestrator = child.id();
-        let hanging = until("the last moments", || {
-            let is_last = place.look().is_some_and(|snapshot| snapshot.time > 11.85);
-            is_last.then(|| pid_of(orchestrator, service)).flatten()
-        });
-        send(hanging, Signal::STOP);
-        let ended = finish(child);
-        assert!(ended.status.success(), "{service}: {}", said(&ended));
-        place.assert_nothing_is_left_of(orchestrator);
-    }
+fn a_flight_ends_although_its_estimator_hangs_in_its_last_moments() {
+    ends_although_a_service_hangs(ServiceId::Estimator);
+}
+
+#[test]
+fn a_flight_ends_although_its_rc_output_hangs_in_its_last_moments() {
+    ends_although_a_service_hangs(ServiceId::RcOutput);
+}
+
+#[test]
+fn a_flight_ends_although_its_plant_hangs_in_its_last_moments() {
+    ends_although_a_service_hangs(ServiceId::Plant);
+}
+
+/// A service that stops 0.1 s before the end does not keep the flight from it.
+fn ends_although_a_service_hangs(service: ServiceId) {
+    let place = Place::in_real_time();
+    // Beyond the approach, in which the vehicle is fastest.
+    let child = begin(&mut place.rig_flight("out", 12.0, &["--host", "realtime", "--quiet"]));
+    let orchestrator = child.id();
+    ask("the last second", || (place.look()?.time > 11.0).then_some(()));
+    let hanging = until("the last moments", || {
+        let is_last = place.look().is_some_and(|snapshot| snapshot.time > 11.85);
+        is_last.then(|| pid_of(orchestrator, service)).flatten()
+    });
+    send(hanging, Signal::STOP);
+    let ended = finish(child);
+    assert!(ended.status.success(), "{service}: {}", said(&ended));
+    place.assert_nothing_is_left_of(orchestrator);
 }
 
 /// The table of docs/restarts_in_real_time.md states the limits that hold.

@@ -1,4 +1,4 @@
-//! Flights of processes, most of them in real time, two at a time: a machine of two cores has room for as many.
+//! Flights of processes, most of them in real time, of which a core has room for two.
 //!
 //! One program, because each is linked with the whole product.
 

@@ -65,7 +65,7 @@ fn on_the_ground(place: &Place, switch: &Switch, on_loss: &str) -> Begun {
 
 /// A vehicle with a kill switch on its path.
 fn in_the_air(on_loss: &str) -> (Place, Switch, Begun) {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let switch = Switch::new(&place);
     let run = on_the_ground(&place, &switch, on_loss);
     take_off_from_the_ground(&place);
@@ -174,7 +174,7 @@ fn a_loss_kills_if_the_scenario_says_so() {
 
 #[test]
 fn without_its_kill_switch_no_flight_begins_and_nobody_arms() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let mut switch = Switch::new(&place);
     switch.pull_out();
     let refused = output(flight_on_the_ground(&place).args(["--set", &switch.section("land")]));
@@ -210,7 +210,7 @@ fn without_its_kill_switch_no_flight_begins_and_nobody_arms() {
 #[test]
 fn a_byte_of_a_serial_button_kills_and_its_hang_up_ends_a_flight_that_cannot_land() {
     for presses in [true, false] {
-        let place = Place::new();
+        let place = Place::in_real_time();
         let (button, device) = serial_line();
         let section = format!("operator={{kill_device = \"{device}\"}}");
         let run = begin(&mut place.live_hover("out", &["--set", &section]));
@@ -254,7 +254,7 @@ fn probed(command: &mut Command, press: impl FnOnce()) -> String {
 
 #[test]
 fn a_probe_prints_what_a_device_sends_and_refuses_what_is_none() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let switch = Switch::new(&place);
     let path = switch.path.to_str().unwrap();
     let shown = probed(&mut place.gerono(&["operator", "probe", path]), || {
@@ -283,7 +283,7 @@ fn an_input_device_of_the_kernel_kills_and_its_loss_is_noticed() {
         eprintln!("SKIPPED: this machine has no /dev/uinput that may be used");
         return;
     };
-    let place = Place::new();
+    let place = Place::in_real_time();
     let path = until("the device", || keyboard.path().filter(|path| path.exists()));
     let path = path.to_str().unwrap();
     keyboard.send(ENTER, 1);

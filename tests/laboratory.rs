@@ -266,7 +266,7 @@ fn distance(position: [f64; 3]) -> f64 {
 
 #[test]
 fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let (receiver, port) = (Receiver::new(), free_port());
     let settings = settings(port, &receiver.device);
     let child = run(&place, &settings, &[]);
@@ -373,7 +373,7 @@ fn poses_come_in_frames_go_out_and_nobody_arms_before_both_are_well() {
 
 #[test]
 fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let receiver = Receiver::new();
     let missing = settings(free_port(), "/dev/no-such-radio");
     let elsewhere = [
@@ -404,7 +404,7 @@ fn what_is_not_there_ends_the_run_before_it_flies_with_the_fix() {
 
 #[test]
 fn a_laboratory_that_nobody_attends_is_refused() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let receiver = Receiver::new();
     let settings = settings(free_port(), &receiver.device);
     for (more, piece) in [
@@ -443,7 +443,7 @@ fn flight_with_the_captures_of(place: &Place, recording: &str, host: &str, more:
 
 #[test]
 fn the_cameras_of_a_recorded_flight_are_seen_through_again_also_after_a_death() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     succeed(&mut place.rig_flight("recorded", 2.0, &[]));
     let crash = ["--crash", "plant@1000:before-step"];
     succeed(&mut flight_with_the_captures_of(
@@ -480,7 +480,7 @@ fn the_cameras_of_a_recorded_flight_are_seen_through_again_also_after_a_death() 
 
 #[test]
 fn captures_that_cannot_be_seen_again_end_the_run_before_it_flies_with_the_fix() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let blind = ["--set", "cameras.occlusion=[{at = 0.0, lasts = 2.0}]"];
     fly_to_the_end(&mut place.rig_flight("blind", 1.0, &blind));
     for (recording, host, more, piece) in [

@@ -21,7 +21,7 @@ const TOUCH_DOWN: f64 = 0.8;
 
 /// A vehicle on its path, and the place of its run.
 fn in_the_air() -> (Place, Begun) {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = wait_on_the_ground(&place);
     take_off_from_the_ground(&place);
     (place, run)
@@ -62,7 +62,7 @@ fn a_log_that_is_deleted_lands_the_vehicle() {
 
 #[test]
 fn a_service_beyond_its_restarts_lands_the_vehicle() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = begin(flight_on_the_ground(&place).args(["--restarts", "0"]));
     take_off_from_the_ground(&place);
     let controller = until("the controller", || pid_of(run.id(), ServiceId::Controller));
@@ -74,7 +74,7 @@ fn a_service_beyond_its_restarts_lands_the_vehicle() {
 
 #[test]
 fn a_pipe_that_nobody_reads_holds_up_no_flight() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let (unread, full) = std::io::pipe().unwrap();
     rustix::io::ioctl_fionbio(&full, true).unwrap();
     while rustix::io::write(&full, &[b'.'; 4096]).is_ok() {}
@@ -93,7 +93,7 @@ fn a_pipe_that_nobody_reads_holds_up_no_flight() {
 
 #[test]
 fn a_terminal_that_is_closed_lands_the_vehicle() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let terminal = Terminal::open(100, 30);
     let mut run = Begun::from(terminal.start(&mut flight_on_the_ground(&place)));
     take_off_from_the_ground(&place);

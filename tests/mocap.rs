@@ -54,7 +54,7 @@ fn probed(place: &Place, system: &str, send: &[&str], probe: &[&str]) -> Output 
 
 #[test]
 fn every_system_that_is_sent_is_heard_and_believed() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for (system, send) in [
         ("vrpn", &[][..]),
         ("natnet", &["--natnet", "3.1"]),
@@ -76,7 +76,7 @@ fn every_system_that_is_sent_is_heard_and_believed() {
 
 #[test]
 fn a_name_that_is_nearly_the_sent_one_is_offered() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for (system, offered) in [
         ("vrpn", "announced: `Quad `"),
         ("natnet", "announced: `Quad `, which is `#1`"),
@@ -92,7 +92,7 @@ fn a_name_that_is_nearly_the_sent_one_is_offered() {
 /// A probe refuses what `gerono check` refuses in a scenario.
 #[test]
 fn what_a_scenario_may_not_state_cannot_be_probed() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for (arguments, words) in [
         (
             ["--source", "vicon", "--object", "quadcopter_experiment_number_01"],
@@ -116,7 +116,7 @@ fn what_a_scenario_may_not_state_cannot_be_probed() {
 /// A Motive of a version that is not understood, which answers every request until the test ends.
 #[test]
 fn a_version_of_natnet_that_is_not_understood_is_named() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let server = UdpSocket::bind("127.0.0.1:0").unwrap();
     server.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
     let port = server.local_addr().unwrap().port().to_string();
@@ -157,7 +157,7 @@ fn a_version_of_natnet_that_is_not_understood_is_named() {
 
 #[test]
 fn a_body_that_nobody_sends_is_named_with_those_that_came() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let output = probed(&place, "vrpn", &[], &["--object", "drone"]);
     let text = said(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
@@ -169,7 +169,7 @@ fn a_body_that_nobody_sends_is_named_with_those_that_came() {
 
 #[test]
 fn nobody_there_is_told_as_that() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let port = free_port().to_string();
     let arguments = [
         "mocap",
@@ -189,7 +189,7 @@ fn nobody_there_is_told_as_that() {
 /// The sections that were written are those of a scenario, and they let the body lie level at the origin.
 #[test]
 fn a_calibration_is_part_of_a_scenario() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let file = place.path("calibration.toml");
     let calibrate = ["--object", "quad", "--calibrate", file.to_str().unwrap()];
     let output = probed(&place, "natnet", &["--rest"], &calibrate);
@@ -219,7 +219,7 @@ fn a_calibration_is_part_of_a_scenario() {
 
 #[test]
 fn a_flight_never_takes_simulated_poses_for_those_of_a_network() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let scenario = common::scenario("fig3_6");
     let mut run = place.gerono(&[
         "run",

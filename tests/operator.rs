@@ -49,7 +49,7 @@ fn bare(place: &Place, arguments: &[&str]) -> Command {
 
 #[test]
 fn a_run_is_found_from_every_environment() {
-    let (place, elsewhere) = (Place::new(), tempfile::tempdir().unwrap());
+    let (place, elsewhere) = (Place::in_real_time(), tempfile::tempdir().unwrap());
     let run = take_off(&place, "out");
     let other_folder = |arguments: &[&str]| {
         let mut command = place.gerono(arguments);
@@ -92,7 +92,7 @@ fn a_run_is_found_from_every_environment() {
 
 #[test]
 fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = take_off(&place, "out");
     for _ in 0..3 {
         for (_, pid) in processes_of(run.id()) {
@@ -127,7 +127,7 @@ fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
 
 #[test]
 fn with_several_runs_the_commands_ask_which_and_reach_no_other() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let runs = ["one", "other"].map(|out| take_off(&place, out));
     for command in ["kill", "disarm", "stop", "arm"] {
         let asked = output(&mut place.gerono(&[command]));
@@ -153,7 +153,7 @@ fn with_several_runs_the_commands_ask_which_and_reach_no_other() {
 
 #[test]
 fn where_there_is_no_run_it_is_said_and_where_was_looked() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for arguments in [
         &["kill"][..],
         &["top", "--once"],
@@ -173,7 +173,7 @@ fn where_there_is_no_run_it_is_said_and_where_was_looked() {
 
 #[test]
 fn a_lock_on_the_folder_of_runs_keeps_no_operator_out_and_a_run_waits_for_it_no_longer_than_seconds() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = take_off(&place, "out");
     let folder = format!("gerono-{}", rustix::process::geteuid().as_raw());
     let door = place.path("tmp").join(folder).join("door");
@@ -192,7 +192,7 @@ fn a_lock_on_the_folder_of_runs_keeps_no_operator_out_and_a_run_waits_for_it_no_
 
 #[test]
 fn programs_that_connect_and_say_nothing_keep_no_operator_out() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = take_off(&place, "out");
     let folder = format!("gerono-{}/{}", rustix::process::geteuid().as_raw(), name_of(&run));
     let address = SocketAddrUnix::new(place.path("tmp").join(folder).join(SOCKET)).unwrap();
@@ -226,7 +226,7 @@ fn another_login_has_to_confirm_what_turns_motors() {
         eprintln!("SKIPPED: only root without a login can act as the `sudo` of another login");
         return;
     }
-    let place = Place::new();
+    let place = Place::in_real_time();
     let run = wait_on_the_ground(&place);
     await_phase(&place, "disarmed");
     let name = name_of(&run);

@@ -16,6 +16,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use common::processes::{await_process, await_successor, services_of, shared_memory_of, signal};
+use common::share::{Load, Share};
 use common::{Begun, begin, complaint, finish, hover_arguments, output, said, scenario, succeed, until};
 use run_client::runs::SCOPE;
 use run_client::{Answer, Question, SOCKET, Snapshot};
@@ -39,6 +40,7 @@ struct Users {
     other: u32,
     /// Place where the owner's results are, and a copy of the program that both may run.
     place: TempDir,
+    _share: Share,
 }
 
 impl Users {
@@ -48,11 +50,13 @@ impl Users {
             eprintln!("SKIPPED: only root can act as two users");
             return None;
         }
+        let share = Share::take(Load::InRealTime);
         let place = tempfile::tempdir().unwrap();
         let users = Self {
             owner: FIRST_USER + 2 * test,
             other: FIRST_USER + 2 * test + 1,
             place,
+            _share: share,
         };
         users.remove_folder();
         open_to(users.place.path(), 0o755);

@@ -66,7 +66,7 @@ fn assert_left_clean(terminal: &mut Terminal, mut program: Child, code: i32, set
 
 #[test]
 fn a_live_flight_is_looked_at_broken_and_left_behind_with_the_terminal_as_it_was() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let flight = take_off(&place);
     let mut terminal = Terminal::open(80, 24);
     let settings = terminal.settings();
@@ -194,7 +194,7 @@ fn printed_once(place: &Place) {
 
 #[test]
 fn without_a_terminal_or_a_run_it_says_what_to_do() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let no_terminal = output(&mut place.gerono(&["top"]));
     assert_eq!(no_terminal.status.code(), Some(1));
     let reason = String::from_utf8_lossy(&no_terminal.stderr).into_owned();

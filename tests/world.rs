@@ -105,7 +105,7 @@ fn flies_in_the_jet_and_through_deaths(place: &Place) -> bool {
 
 #[test]
 fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_its_services_die() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let names =
         ["1", "2", "3", "4", "5"].map(|attempt| [format!("flight{attempt}"), format!("world{attempt}")]);
     let flown = names.iter().find(|[flight, world]| flown(&place, flight, world));
@@ -164,7 +164,7 @@ fn flown_through_deaths_of_the_cameras_driver(place: &Place, flight: &str, world
 /// A restarted driver goes on with the clock, the track and the pose that it had.
 #[test]
 fn a_death_of_the_cameras_driver_costs_the_poses_of_its_restart() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let names =
         ["1", "2", "3", "4", "5"].map(|attempt| [format!("flight{attempt}"), format!("world{attempt}")]);
     let flown = names
@@ -272,15 +272,15 @@ fn lands(place: &Place, attempt: u32, duration: f64, end: impl FnOnce(u32), code
 
 #[test]
 fn a_full_disk_lands_a_vehicle_in_the_laboratory() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let landed = (0..5).any(|attempt| lands(&place, attempt, 120.0, fill_the_disk_of, 4));
     assert!(landed, "the machine stands still in every flight");
 }
 
 #[test]
 fn a_vehicle_that_nobody_lands_is_on_the_ground_at_the_end_of_the_duration() {
-    let place = Place::new();
-    let landed = (0..5).any(|attempt| lands(&place, attempt, 45.0, |_| (), 0));
+    let place = Place::in_real_time();
+    let landed = (0..5).any(|attempt| lands(&place, attempt, 30.0, |_| (), 0));
     assert!(landed, "the machine stands still in every flight");
 }
 
@@ -366,7 +366,7 @@ fn assert_it_fell(log: &Path) {
 
 #[test]
 fn a_kill_reaches_the_motors_while_the_orchestrator_is_stopped_and_after_its_death() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for signal in [Signal::STOP, Signal::KILL] {
         let fell = (0..5).any(|attempt| {
             let [flight, world] = ["flight", "world"].map(|name| format!("{name}-{signal:?}-{attempt}"));
@@ -378,7 +378,7 @@ fn a_kill_reaches_the_motors_while_the_orchestrator_is_stopped_and_after_its_dea
 
 #[test]
 fn every_system_that_a_world_seems_to_have_is_believed() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     for (source, probed) in [("natnet", "natnet"), ("vicon_udp", "vicon")] {
         let port = free_port();
         let mut settings = settings(&place, port);
@@ -408,7 +408,7 @@ fn every_system_that_a_world_seems_to_have_is_believed() {
 
 #[test]
 fn what_a_world_cannot_be_is_refused_with_the_fix() {
-    let place = Place::new();
+    let place = Place::in_real_time();
     let taken = place.path("taken");
     std::fs::write(&taken, "").unwrap();
     let port = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -7,6 +7,7 @@ pub(crate) mod logs;
 pub(crate) mod pilot;
 pub(crate) mod processes;
 mod rig;
+pub(crate) mod share;
 pub(crate) mod terminal;
 pub(crate) mod world;
 
@@ -24,6 +25,7 @@ use shared_types::ServiceId;
 use tempfile::TempDir;
 
 pub(crate) use rig::ALL_OF_THE_RIG;
+use share::{Load, Share};
 
 /// No command of a test may take longer; a hang becomes a failure.
 const WATCHDOG: Duration = Duration::from_secs(120);
@@ -49,17 +51,33 @@ pub(crate) fn scenario(name: &str) -> PathBuf {
 /// A place of its own for a test's runs: results, temporary files, and so the runs' shared memory.
 pub(crate) struct Place {
     folder: TempDir,
+    /// Given back when all else is swept up.
+    _share: Share,
 }
 
 impl Place {
+    /// A place for flights that need a core.
     pub(crate) fn new() -> Self {
+        Self::with_share(Load::Core)
+    }
+
+    /// A place for flights in real time, which need half a core.
+    pub(crate) fn in_real_time() -> Self {
+        Self::with_share(Load::InRealTime)
+    }
+
+    fn with_share(load: Load) -> Self {
+        let share = Share::take(load);
         let folder = tempfile::tempdir().unwrap();
         // Closed to other users, as such a folder must be.
         std::fs::DirBuilder::new()
             .mode(0o700)
             .create(folder.path().join("tmp"))
             .unwrap();
-        Self { folder }
+        Self {
+            folder,
+            _share: share,
+        }
     }
 
     /// Lets it outlive the test, so that what went wrong can be looked at.
