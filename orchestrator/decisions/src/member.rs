@@ -158,6 +158,8 @@ impl Member {
             (said, self.phase),
             (Said::Ready { .. } | Said::Deployed { .. }, Phase::Starting)
                 | (Said::Connected | Said::Finished, Phase::Flying)
+                // It was asked before its last message was read.
+                | (Said::Connected, Phase::Finished)
                 | (Said::Failed { .. }, _)
         )
     }

@@ -230,7 +230,8 @@ impl Supervision {
         self.members[at].birth = Some((birth, now));
         self.act(Action::Announce { birth });
         let external = self.members.iter();
-        let external = external.filter(|member| member.is_external && !member.process.has_ended);
+        // One that has finished does not need the new ports.
+        let external = external.filter(|member| member.is_external && member.phase == Phase::Flying);
         let external: Vec<_> = external.map(|member| member.process.number).collect();
         for process in external {
             self.act(Action::Connect { process, birth });

@@ -50,7 +50,8 @@ impl Standby {
 
     /// Returns whether there is one that is prepared for a role.
     pub(crate) fn is_prepared(&self) -> bool {
-        self.process.is_some() && self.answered_at.is_some()
+        let can_take_a_role = |process: &Process| process.hung_up_at.is_none();
+        self.process.as_ref().is_some_and(can_take_a_role) && self.answered_at.is_some()
     }
 
     fn take(&mut self) -> Option<Process> {
@@ -214,10 +215,11 @@ impl Supervision {
             };
             self.standby.dying.swap_remove(at)
         };
-        if !self.is_stopping {
-            self.standby
-                .note_failure(now, now.since(process.asked_at) > SETTLED);
+        if self.is_stopping {
+            return;
         }
+        self.standby
+            .note_failure(now, now.since(process.asked_at) > SETTLED);
         let description = format!("a standby process: {}", said.unwrap_or(exit.description));
         let killed = exit.killed;
         self.exits.push((None, process.pid, Exit { killed, description }));

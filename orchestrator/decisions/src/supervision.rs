@@ -269,7 +269,8 @@ impl Supervision {
             true => STUCK_LIMIT,
             false => READY_LIMIT,
         };
-        if process.outlives(now, end_limit) && !process.is_stuck && !self.is_stopping {
+        let is_needed = !self.is_stopping && !member.is_over();
+        if process.outlives(now, end_limit) && !process.is_stuck && is_needed {
             let failure = ServiceFailure::Stuck {
                 service: member.name.to_owned(),
                 pid: process.pid,
@@ -289,7 +290,7 @@ impl Supervision {
             .is_some_and(|closed_at| now.since(closed_at) > grace);
         if has_closed && !process.has_ended && process.killed_at.is_none() {
             let what = "has closed its control channel and did not end".to_owned();
-            if member.is_over() {
+            if self.is_stopping || member.is_over() {
                 self.kill(at, now);
             } else {
                 self.replace(at, now, what);
@@ -541,7 +542,9 @@ impl Supervision {
     #[must_use]
     pub fn has_flown_all(&self, service: ServiceId, facts: &dyn Facts) -> bool {
         let steps = &self.timetables[service.index()].steps;
-        let next = steps.first_at_or_after(facts.steps_until(service));
+        // A process that died at its last step may have written the checkpoint, and not the counter.
+        let flown_until = facts.steps_until(service).max(facts.next_tick(service));
+        let next = steps.first_at_or_after(flown_until);
         next.is_none_or(|next| next > self.schedule.last_tick())
     }
 

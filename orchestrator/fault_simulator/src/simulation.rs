@@ -1027,7 +1027,9 @@ impl<'a, W: World> Simulation<'a, W> {
             let count = own.clone().count();
             let service = process.service.map(|service| ServiceId::ALL[service]);
             let is_of_it = own.clone().all(|(whose, ..)| *whose == service);
-            let is_due = process.is_end_told && self.machine.is_numbered(process);
+            // A standby process that ends with the run is not worth a record.
+            let is_recorded = process.service.is_some() || !self.is_stopping;
+            let is_due = process.is_end_told && self.machine.is_numbered(process) && is_recorded;
             if count > 1 || (is_due && count == 0) || !is_of_it {
                 what = Some(format!(
                     "process {} (PID {}) of {service:?} is recorded {count} times",

@@ -152,13 +152,17 @@ impl Flight<'_> {
         if needs_care {
             self.recorder.receive()?;
         }
+        let mut announced = Ok(());
         for action in self.supervisor.look() {
             match action {
-                Action::Announce { birth } => self.supervisor.announce(birth, &mut self.recorder)?,
+                Action::Announce { birth } => {
+                    announced = announced.and(self.supervisor.announce(birth, &mut self.recorder));
+                }
                 Action::CatchUp { service } => self.supervisor.catch_up(service, &self.recorder),
                 action => self.supervisor.perform(action),
             }
         }
+        announced?;
         for news in self.supervisor.take_news() {
             self.handle(news)?;
         }

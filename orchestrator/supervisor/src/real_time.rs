@@ -171,8 +171,8 @@ pub fn take_over(
     let mut flight = Flight::new(&context, clock, supervisor, recorder, clients, observer);
     flight.monitor.begin_now(flight.supervisor.step_log());
     flight.inherit_tuning();
-    flight.inherit_kill_switch();
     flight.inherit_landing();
+    flight.inherit_kill_switch();
     Ok(flight.conduct(sink, &mut server, Vec::new()))
 }
 
@@ -428,10 +428,14 @@ impl<'a> Flight<'a> {
     fn look(&mut self) {
         let needs_care = self.supervisor.needs_care();
         // A restarted process receives the samples published before it was ready as messages, and later ones through
-        // its ports. A failed port does not prevent the restart of services.
-        if needs_care && let Err(failure) = self.recorder.receive() {
+        // its ports; and the progress of an external service is that of its samples. A failed port does not prevent the
+        // restart of services.
+        let supervision = self.supervisor.supervision();
+        let needs_samples = needs_care || supervision.external_services().next().is_some();
+        if needs_samples && let Err(failure) = self.recorder.receive() {
             self.fail(failure);
         }
+        self.note_external_steps();
         let (supervision, facts) = self.supervisor.supervision_mut();
         let hung_services = self.conduct.look(supervision, now(), self.clock.tick(), facts);
         for service in hung_services {
@@ -487,13 +491,18 @@ impl<'a> Flight<'a> {
         self.conduct
             .observe_motors(frame.as_ref(), self.clock.elapsed_ns(), can_receive);
         self.announce_decisions();
-        self.supervisor
-            .note_external_services_steps(|external_service| self.recorder.newest_of(external_service));
+        self.note_external_steps();
         self.observe_steps();
         let settled_ns = self.clock.elapsed_ns().saturating_sub(SETTLING_NS);
         let settled = (settled_ns / self.clock.tick_ns).min(self.schedule.last_tick() + 1);
         self.write_before(settled, sink)?;
         received
+    }
+
+    /// Updates the progress of external services from the samples received.
+    fn note_external_steps(&self) {
+        let newest = |external_service| self.recorder.newest_of(external_service);
+        self.supervisor.note_external_services_steps(newest);
     }
 
     /// Writes the ticks before `tick`, with their events.
