@@ -11,7 +11,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::edge_store::EdgeStore;
 use crate::sample_ring::SampleRing;
-use crate::step::NonFinite;
+use crate::step::{NonFinite, put_in_order};
 use history::History;
 use service_slot::{ServiceSlot, state_of};
 
@@ -94,13 +94,8 @@ impl InProcess {
     /// If `services` are not exactly those of the wiring table.
     #[must_use]
     pub fn new(schedule: Schedule, mut services: Vec<Box<dyn ErasedService>>) -> Self {
+        put_in_order(&mut services, &schedule);
         let order = schedule.order();
-        services.sort_by_key(|service| order.iter().position(|&other| other == service.id()));
-        let complete = services
-            .iter()
-            .map(|service| service.id())
-            .eq(order.iter().copied());
-        assert!(complete, "one of each service");
         let outputs = order.iter().flat_map(|&service| schedule.outputs(service));
         let histories: Vec<_> = outputs
             .map(|output| History::new(output.topic, &schedule, 1))

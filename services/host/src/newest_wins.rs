@@ -149,13 +149,7 @@ impl NewestWins {
     /// If `services` are not exactly those of the wiring table.
     #[must_use]
     pub fn new(schedule: Schedule, grace_ns: u64, mut services: Vec<Box<dyn ErasedService>>) -> Self {
-        let order = schedule.order();
-        services.sort_by_key(|service| order.iter().position(|&other| other == service.id()));
-        let complete = services
-            .iter()
-            .map(|service| service.id())
-            .eq(order.iter().copied());
-        assert!(complete, "one of each service");
+        step::put_in_order(&mut services, &schedule);
         let (mut inputs, mut slots) = (Vec::new(), Vec::new());
         for service in services {
             let first = inputs.len();

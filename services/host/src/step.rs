@@ -221,6 +221,17 @@ impl Timetable {
     }
 }
 
+/// Sorts the services of a flight in the order of their steps in a tick.
+///
+/// # Panics
+/// If they are not exactly those of the wiring table.
+pub(crate) fn put_in_order(services: &mut [Box<dyn ErasedService>], schedule: &Schedule) {
+    let order = schedule.order();
+    services.sort_by_key(|service| order.iter().position(|&other| other == service.id()));
+    let ids = services.iter().map(|service| service.id());
+    assert!(ids.eq(order.iter().copied()), "one of each service");
+}
+
 /// Returns the step to execute: the newest from `due` to `now`, or `due`. Two kinds of steps are never skipped: the newest
 /// one that publishes an output, and the one at which an `unseen` sample becomes due that the service must read.
 #[must_use]
