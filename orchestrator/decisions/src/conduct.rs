@@ -167,11 +167,6 @@ impl Conduct {
         self.shutdown
     }
 
-    #[must_use]
-    pub fn has_failed(&self) -> bool {
-        self.has_failed
-    }
-
     /// Returns whether a requested end may happen now.
     #[must_use]
     pub fn permits_end(&self) -> bool {
@@ -191,11 +186,6 @@ impl Conduct {
     /// Stores that the kill switch is lost, or back.
     pub fn note_kill_switch(&mut self, is_lost: bool) {
         (self.kill_switch.is_lost, self.kill_switch.is_handled) = (is_lost, false);
-    }
-
-    #[must_use]
-    pub fn is_kill_switch_lost(&self) -> bool {
-        self.kill_switch.is_lost
     }
 
     /// Returns the reaction to the loss of the kill switch, once for each loss while the vehicle `may_fly`.

@@ -59,22 +59,32 @@ impl Standby {
         self.process.take()
     }
 
-    /// Returns whether a process is or was a standby process, and has not ended.
-    pub(crate) fn knows(&self, number: ProcessNumber) -> bool {
-        let own = self
-            .process
-            .iter()
-            .chain(self.dying.iter().map(|(process, _)| process));
-        own.into_iter().any(|process| process.number == number)
-    }
-
     /// Returns the processes that have not ended.
     pub(crate) fn living(&self) -> impl Iterator<Item = ProcessNumber> {
-        let own = self
-            .process
-            .iter()
-            .chain(self.dying.iter().map(|(process, _)| process));
-        own.map(|process| process.number)
+        let dying = self.dying.iter().map(|(process, _)| process);
+        self.process.iter().chain(dying).map(|process| process.number)
+    }
+
+    /// Removes a process that has ended. Returns it with the reason for which it was killed, if it was.
+    fn remove(&mut self, number: ProcessNumber) -> Option<(Process, Option<String>)> {
+        if self.is(number) {
+            return self.take().map(|process| (process, None));
+        }
+        let mut dying = self.dying.iter();
+        let at = dying.position(|(process, _)| process.number == number)?;
+        Some(self.dying.swap_remove(at))
+    }
+
+    /// Returns whether a process is or was a standby process, and has not ended.
+    pub(crate) fn knows(&self, number: ProcessNumber) -> bool {
+        self.living().any(|other| other == number)
+    }
+
+    /// Returns whether a process is the standby process, and was not killed.
+    fn is(&self, number: ProcessNumber) -> bool {
+        self.process
+            .as_ref()
+            .is_some_and(|process| process.number == number)
     }
 
     /// Returns the missed deadline, as a sentence, and whether a beat is due.
@@ -157,11 +167,7 @@ impl Supervision {
 
     /// Handles an event of a standby process.
     pub(crate) fn handle_standby(&mut self, now: Moment, number: ProcessNumber, event: Event) {
-        let is_current = self
-            .standby
-            .process
-            .as_ref()
-            .is_some_and(|process| process.number == number);
+        let is_current = self.standby.is(number);
         match event {
             Event::Ended(exit) => self.reap_standby(now, number, exit),
             _ if !is_current => {}
@@ -194,30 +200,9 @@ impl Supervision {
 
     /// Records the end of a standby process, with its own report or else its exit, unless the run ends.
     fn reap_standby(&mut self, now: Moment, number: ProcessNumber, exit: Exit) {
-        let is_current = self
-            .standby
-            .process
-            .as_ref()
-            .is_some_and(|process| process.number == number);
-        let (process, said) = if is_current {
-            let Some(process) = self.standby.take() else {
-                return;
-            };
-            (process, None)
-        } else {
-            let Some(at) = self
-                .standby
-                .dying
-                .iter()
-                .position(|(process, _)| process.number == number)
-            else {
-                return;
-            };
-            self.standby.dying.swap_remove(at)
-        };
-        if self.is_stopping {
+        let Some((process, said)) = self.standby.remove(number).filter(|_| !self.is_stopping) else {
             return;
-        }
+        };
         self.standby
             .note_failure(now, now.since(process.asked_at) > SETTLED);
         let description = format!("a standby process: {}", said.unwrap_or(exit.description));

@@ -226,13 +226,18 @@ impl Supervision {
         }
     }
 
+    /// Returns the external service whose newest process this is, if it is one.
+    #[must_use]
+    pub fn external_service_of(&self, number: ProcessNumber) -> Option<ServiceId> {
+        let mut members = self.members.iter();
+        let member = members.find(|member| member.process.number == number)?;
+        member.is_external.then_some(member.service)
+    }
+
     /// Returns whether an external service may send this message now.
     #[must_use]
-    pub fn is_its_turn(&self, number: ProcessNumber, said: &crate::process::Said) -> bool {
-        let mut members = self.members.iter();
-        members
-            .find(|member| member.process.number == number)
-            .is_none_or(|member| !member.is_external || member.is_its_turn(said))
+    pub fn is_its_turn(&self, service: ServiceId, said: &Said) -> bool {
+        self.members[service.index()].is_its_turn(said)
     }
 
     /// Does what is due at this time.
@@ -454,16 +459,6 @@ impl Supervision {
         self.members
             .iter()
             .map(|member| (member.service, member.process.number, member.process.pid))
-    }
-
-    /// Returns whether a process has no task any more: it has ended, or nobody remembers it.
-    #[must_use]
-    pub fn has_ended(&self, number: ProcessNumber) -> bool {
-        let own = self.members.iter().map(|member| &member.process);
-        let mut living = own
-            .filter(|process| !process.has_ended)
-            .map(|process| process.number);
-        !living.any(|other| other == number) && !self.standby.knows(number)
     }
 
     /// Returns the exits of processes in their order; those of standby processes have no service.

@@ -457,12 +457,11 @@ impl<'a, W: World> Simulation<'a, W> {
             return;
         }
         let number = process.number;
+        let external_service = self.supervision.external_service_of(number);
+        let is_its_turn =
+            |said| external_service.is_none_or(|service| self.supervision.is_its_turn(service, said));
         let event = match event {
-            Event::Said(said)
-                if self.machine.is_external(at) && !self.supervision.is_its_turn(number, &said) =>
-            {
-                Event::Violated("speaks out of turn".to_owned())
-            }
+            Event::Said(said) if !is_its_turn(&said) => Event::Violated("speaks out of turn".to_owned()),
             event => event,
         };
         self.keep_account(at, &event);

@@ -295,9 +295,8 @@ impl<'a> Supervisor<'a> {
     pub fn await_ready(&mut self) -> Result<Vec<String>, RunFailure> {
         let mut notes = Vec::new();
         while !self.supervision.is_ready() {
-            for action in self.look() {
-                self.perform(action);
-            }
+            self.supervision.look(now(), &self.processes);
+            self.perform_all();
             self.watch(SETTLING_PERIOD);
             for news in self.take_news() {
                 match news {
@@ -327,9 +326,8 @@ impl<'a> Supervisor<'a> {
         self.perform_all();
         while !self.supervision.has_stopped(now()) {
             self.watch(SETTLING_PERIOD);
-            for action in self.look() {
-                self.perform(action);
-            }
+            self.supervision.look(now(), &self.processes);
+            self.perform_all();
         }
     }
 
@@ -433,12 +431,6 @@ impl Supervisor<'_> {
     #[must_use]
     pub fn restarts(&self) -> &[Restart] {
         self.supervision.restarts()
-    }
-
-    /// Returns 1 + the last tick at which a service has stepped.
-    #[must_use]
-    pub fn steps_until(&self, service: ServiceId) -> u64 {
-        self.processes.steps_until(service)
     }
 }
 

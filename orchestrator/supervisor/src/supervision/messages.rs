@@ -36,19 +36,8 @@ impl Supervisor<'_> {
         })
     }
 
-    fn service_of(&self, number: ProcessNumber) -> Option<ServiceId> {
-        let mut processes = self.supervision.processes();
-        let found = processes.find(|(_, other, _)| *other == number);
-        found.map(|(service, ..)| service)
-    }
-
-    fn is_external(&self, number: ProcessNumber) -> bool {
-        let service = self.service_of(number);
-        service.is_some_and(|service| self.processes.start.scenario.program_of(service).is_some())
-    }
-
     fn unreadable(&self, number: ProcessNumber, error: &ControlError) -> Event {
-        if !self.is_external(number) {
+        if self.supervision.external_service_of(number).is_none() {
             return Event::Unreadable(error.to_string());
         }
         // Without the advice for services of another build.
@@ -62,13 +51,12 @@ impl Supervisor<'_> {
     /// Returns a message as an event. That of an external service is validated, and its cell of the control block
     /// updated.
     fn validated(&self, number: ProcessNumber, message: ToOrchestrator) -> Event {
-        let service = self.service_of(number).filter(|_| self.is_external(number));
-        let Some(service) = service else {
+        let Some(service) = self.supervision.external_service_of(number) else {
             return Event::Said(said(message));
         };
         let cell = &self.page().control_block().cells[service.index()];
         let text = || presentable(&serde_json::to_string(&message).unwrap_or_default());
-        if !self.supervision.is_its_turn(number, &said(message.clone())) {
+        if !self.supervision.is_its_turn(service, &said(message.clone())) {
             return Event::Violated(format!("says {}, which it is not its turn to send", text()));
         }
         match &message {
