@@ -49,12 +49,10 @@ struct KillSwitch {
 /// What a request for the end leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndRequest {
-    /// The flight ends now.
-    Ends,
     /// The vehicle is to be asked to land; the flight ends after that.
     Land,
-    /// The vehicle lands already.
-    Lands,
+    /// Nothing is to be asked: the vehicle lands already, or the flight ends now.
+    Nothing,
 }
 
 impl Conduct {
@@ -150,10 +148,8 @@ impl Conduct {
         if self.shutdown == Shutdown::Land && before == Shutdown::None {
             // Also if the flight ends at once, because the motors rest: services that go on meanwhile must not take off.
             EndRequest::Land
-        } else if self.shutdown.permits_end(&self.motors) {
-            EndRequest::Ends
         } else {
-            EndRequest::Lands
+            EndRequest::Nothing
         }
     }
 

@@ -398,7 +398,7 @@ impl<'a> Flight<'a> {
         }
         let again = match request {
             EndRequest::Land => "The vehicle lands. The run ends 2 s after its motors have stopped.",
-            EndRequest::Lands | EndRequest::Ends => "The vehicle is still landing.",
+            EndRequest::Nothing => "The vehicle is still landing.",
         };
         format!(
             "{again} Ctrl-C and `gerono stop` change nothing more.\n\
