@@ -133,6 +133,16 @@ impl Member {
         matches!(self.phase, Phase::Finished | Phase::GivenUp)
     }
 
+    /// Notes the end of a process. `flown_until` is 1 + the last tick that the service has stepped.
+    pub(crate) fn note_progress(&mut self, flown_until: u64) {
+        self.fruitless = match flown_until > self.flown_until {
+            true => 0,
+            false => self.fruitless.saturating_add(1),
+        };
+        // A process that repeats steps is behind its predecessor.
+        self.flown_until = self.flown_until.max(flown_until);
+    }
+
     /// Takes what its process has said of its end: the number that is not finite, and the description.
     pub(crate) fn take_last_words(&mut self, flown_until: u64) -> (Option<NonFinite>, Option<String>) {
         let not_finite = self.not_finite.take();

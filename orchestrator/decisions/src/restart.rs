@@ -15,7 +15,8 @@ use crate::restart_policy::{EXTERNAL_LIMIT, MISSED_LIMIT};
 use crate::supervision::Supervision;
 
 impl Supervision {
-    /// Records the end of a process once. Returns how it ended, and the number that is not finite for which it did.
+    /// Records the end of a process once, and whether its service has made progress by it. Returns how it ended, and the
+    /// number that is not finite for which it did.
     pub(crate) fn record_exit(
         &mut self,
         at: usize,
@@ -27,7 +28,9 @@ impl Supervision {
             return (exit, None);
         }
         member.process.is_recorded = true;
-        let (not_finite, words) = member.take_last_words(facts.steps_until(member.service));
+        let flown_until = facts.steps_until(member.service);
+        member.note_progress(flown_until);
+        let (not_finite, words) = member.take_last_words(flown_until);
         if let Some(words) = words {
             exit.description = words;
         }
@@ -59,13 +62,6 @@ impl Supervision {
             self.news.push(lost);
             return;
         }
-        member.fruitless = if flown_until > member.flown_until {
-            0
-        } else {
-            member.fruitless + 1
-        };
-        // A process that repeats steps is behind its predecessor.
-        member.flown_until = flown_until.max(member.flown_until);
         let timetable = &self.timetables[at];
         let after = timetable.steps.first_at_or_after(flown_until);
         let is_planned = flown_until > 0 && timetable.dies_after(flown_until - 1, after);
@@ -123,16 +119,9 @@ impl Supervision {
             let service = self.members[at].service;
             self.act(Action::MarkGone { service });
             self.act(Action::ForgetReceivers { service });
-            let pause = self.longest_pause(at);
-            // It counts as a death without progress: its successor is not restarted sooner than others.
-            let member = &mut self.members[at];
-            member.fruitless = member.fruitless.saturating_add(1);
-            member.phase = Phase::Dead(now + pause);
+            let pause = self.policies[at].longest_pause;
+            self.members[at].phase = Phase::Dead(now + pause);
         }
-    }
-
-    pub(crate) fn longest_pause(&self, at: usize) -> Duration {
-        self.policies[at].longest_pause
     }
 
     /// Gives a service another process: the standby process, or a new one.

@@ -14,6 +14,9 @@ const AT_ONCE: u32 = 3;
 /// First back-off.
 const FIRST_PAUSE: Duration = Duration::from_millis(5);
 
+/// Pause after the system has refused to start a process of a service: short, because an attempt costs little.
+pub(crate) const NOT_STARTED_PAUSE: Duration = Duration::from_millis(10);
+
 /// Start-up limit of a service while the run is set up, and in lock step, where no vehicle is in the air.
 pub const READY_LIMIT: Duration = Duration::from_secs(30);
 

@@ -19,8 +19,8 @@ use crate::member::{Member, Phase};
 use crate::moment::Moment;
 use crate::process::{Exit, Process, ProcessNumber, Role, Said};
 use crate::restart_policy::{
-    AFTER_CLOSING, END_LIMIT, READY_LIMIT, RestartPolicy, STOP_LIMIT, STUCK_LIMIT, doubled,
-    external_start_limit,
+    AFTER_CLOSING, END_LIMIT, NOT_STARTED_PAUSE, READY_LIMIT, RestartPolicy, STOP_LIMIT, STUCK_LIMIT,
+    doubled, external_start_limit,
 };
 use crate::standby::Standby;
 
@@ -398,10 +398,10 @@ impl Supervision {
     }
 
     fn note_not_started(&mut self, at: usize, now: Moment, reason: String) {
-        let pause = self.longest_pause(at);
         let member = &mut self.members[at];
         member.process.has_ended = true;
-        member.phase = Phase::Dead(now + pause);
+        // Soon: the vehicle flies without this service.
+        member.phase = Phase::Dead(now + NOT_STARTED_PAUSE);
         self.news.push(News::Lost(ServiceFailure::NotStarted(reason)));
     }
 

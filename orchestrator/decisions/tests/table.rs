@@ -306,3 +306,19 @@ fn the_page_has_the_answers_of_the_state_machine() {
         }
     }
 }
+
+#[test]
+fn a_start_that_the_system_refused_is_tried_again_after_10_ms() {
+    let end: Happening = |all, own| tell(all, own, ended());
+    let look: Happening = |all, _| wait(all, Duration::ZERO);
+    let refuse: Happening = |all, own| tell(all, own, Event::NotStarted(reason()));
+    let mut all = after(true, &[end, look, refuse]);
+    let mut is_started_after = |milliseconds| {
+        all.take_actions();
+        wait(&mut all, Duration::from_millis(milliseconds));
+        let is_start = |action: &Action| matches!(action, Action::Start { role: Some(_), .. });
+        all.take_actions().iter().any(is_start)
+    };
+    assert!(!is_started_after(9));
+    assert!(is_started_after(11));
+}

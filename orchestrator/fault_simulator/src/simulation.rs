@@ -445,8 +445,9 @@ impl<'a, W: World> Simulation<'a, W> {
 
     fn tell_world(&mut self) {
         if self.machine.now >= self.machine.start_ns {
-            self.world
-                .advance_to(self.machine.tick(), &self.machine.present());
+            // The flight of the services ends with their last step.
+            let tick = self.machine.tick().min(self.schedule.last_tick() + 1);
+            self.world.advance_to(tick, &self.machine.present());
         }
     }
 
@@ -498,13 +499,15 @@ impl<'a, W: World> Simulation<'a, W> {
         match action {
             Action::Start { process, role } => {
                 let service = role.map(|role| role.service.index());
+                let tried_before = service.map(|service| self.ledger.tried_at[service]);
                 self.check_start(process, service);
                 match self.machine.start(process, role) {
                     Some(pid) => self.handle(process, Event::Started { pid }),
                     None => {
                         self.ledger.had_no_fork = true;
-                        if let Some(service) = service {
+                        if let (Some(service), Some(tried_at)) = (service, tried_before) {
                             self.ledger.tries[service] = self.ledger.tries[service].saturating_sub(1);
+                            self.ledger.tried_at[service] = tried_at;
                         }
                         self.handle(process, Event::NotStarted("no more processes".to_owned()));
                     }

@@ -251,4 +251,44 @@ fn a_service_that_gave_up_is_not_restarted_at_once_when_it_dies_again() {
             fault(345_219_472, FaultKind::Death, of_path_generator, 0),
         ],
     }]);
+    // The end of the process that gave up did not count.
+    let of_estimator = Target::Service(1);
+    assert_holds([History {
+        seed: 52_391_340,
+        setting: Setting {
+            restarts: 1,
+            loop_delay_ns: 8_000_000,
+            ..LONG
+        },
+        faults: vec![
+            fault(176_589_833, FaultKind::Fails, of_estimator, 0),
+            fault(
+                200_000_000,
+                FaultKind::MachineStalls,
+                Target::Machine,
+                156_000_000,
+            ),
+            fault(325_247_485, FaultKind::Death, Target::Service(0), 0),
+            fault(352_841_785, FaultKind::SlowForks, Target::Machine, 200_000_000),
+            fault(412_908_353, FaultKind::Death, of_estimator, 0),
+            fault(467_236_774, FaultKind::Panic, of_estimator, 0),
+        ],
+    }]);
+}
+
+/// Services that had done the last step of a flight counted as absent, and the vehicle flew on without them.
+#[test]
+fn a_vehicle_is_judged_until_the_last_step() {
+    assert_holds([History {
+        seed: 1_007_340,
+        setting: Setting {
+            length_ms: 1166,
+            ..LONG
+        },
+        faults: vec![
+            fault(14_446_919, FaultKind::NoForks, Target::Machine, 1_000_000_000),
+            fault(974_000_658, FaultKind::SendsGarbage, Target::Service(3), 0),
+            fault(1_162_537_351, FaultKind::Spins, Target::Service(3), FOR_EVER),
+        ],
+    }]);
 }
