@@ -55,6 +55,15 @@ pub enum EndRequest {
     Nothing,
 }
 
+/// Service that has not said that it has finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unfinished {
+    /// It has done its last step: the flight is complete.
+    NotEnded(ServiceId),
+    /// It has steps to do: the flight has failed.
+    NotDone(ServiceId),
+}
+
 impl Conduct {
     /// Creates the conduct of a flight of `scenario`.
     #[must_use]
@@ -177,6 +186,23 @@ impl Conduct {
         let is_past_its_end =
             since_end > STOP_LIMIT && (since_end > DELAYED_END_LIMIT || !supervision.is_delayed(facts));
         supervision.unfinished().next().is_none() || is_past_its_end || self.permits_end()
+    }
+
+    /// Returns what is missing of a flight that is over by its time: the services that have not said that they have
+    /// finished.
+    #[must_use]
+    pub fn unfinished(&self, supervision: &Supervision, facts: &dyn Facts) -> Vec<Unfinished> {
+        if self.has_failed || self.shutdown != Shutdown::None {
+            return Vec::new();
+        }
+        let has_flown_all = |service| supervision.has_flown_all(service, facts);
+        let unfinished = supervision
+            .unfinished()
+            .map(|service| match has_flown_all(service) {
+                true => Unfinished::NotEnded(service),
+                false => Unfinished::NotDone(service),
+            });
+        unfinished.collect()
     }
 
     /// Stores that the kill switch is lost, or back.

@@ -5,6 +5,7 @@
 //! makes events of signals, messages and timers, and performs the actions; a simulator does the same a million times a
 //! minute.
 
+pub mod arming;
 pub mod conduct;
 pub mod event;
 pub mod failure;

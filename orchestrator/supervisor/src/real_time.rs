@@ -46,7 +46,7 @@ use super::run_context::RunContext;
 use super::supervision::{News, RESTART_POLL_PERIOD, SupervisionObserver, Supervisor, now};
 use super::{Ending, Outcome, RunFailure};
 use command_line::progress::Messages;
-use decisions::conduct::{Conduct, EndRequest};
+use decisions::conduct::{Conduct, EndRequest, Unfinished};
 use decisions::event::Action;
 use decisions::failure::ServiceFailure;
 use decisions::shutdown::Shutdown;
@@ -336,27 +336,26 @@ impl<'a> Flight<'a> {
         Duration::from_nanos(monotonic_ns().saturating_sub(last))
     }
 
-    /// Handles services that have not finished in time. A service that has not done its last step makes the flight
-    /// incomplete, which is a failure. One that has only not exited leaves it complete, with a warning.
+    /// Handles services that have not finished in time: the first one with steps to do is the failure of the flight, and
+    /// those that have only not ended are warned of.
     fn note_unfinished(&mut self) -> Vec<String> {
-        if self.conduct.shutdown() != Shutdown::None || self.failure.is_some() {
-            return Vec::new();
-        }
         let limit = self.since_end().as_secs();
         let mut warnings = Vec::new();
         let supervision = self.supervisor.supervision();
-        for service in supervision.unfinished() {
-            let name = supervision.name_of(service).to_owned();
-            if supervision.has_flown_all(service, self.supervisor.facts()) {
-                warnings.push(format!(
-                    "`{name}` has done its last step and not ended for {limit} s, and was killed: a device, or `destroy` of a \
-                     plug-in, does not return"
-                ));
-            } else {
-                let reason = format!("it had not done its last step {limit} s after the end of the flight");
-                let service = name;
-                self.failure = Some(ServiceFailure::GaveUp { service, reason }.into());
-                break;
+        for unfinished in self.conduct.unfinished(supervision, self.supervisor.facts()) {
+            match unfinished {
+                Unfinished::NotEnded(service) => warnings.push(format!(
+                    "`{}` has done its last step and not ended for {limit} s, and was killed: a device, or `destroy` of a \
+                     plug-in, does not return",
+                    supervision.name_of(service)
+                )),
+                Unfinished::NotDone(service) => {
+                    let reason =
+                        format!("it had not done its last step {limit} s after the end of the flight");
+                    let service = supervision.name_of(service).to_owned();
+                    self.failure = Some(ServiceFailure::GaveUp { service, reason }.into());
+                    break;
+                }
             }
         }
         for warning in &warnings {

@@ -2,23 +2,16 @@
 
 use std::borrow::Cow;
 
-use metrics::summary::not_level_in_words;
 use runtime::shared_page::Request;
-use shared_types::ServiceId;
-use shared_types::flight_phase::{FlightPhase, NotReady, ReadyLimits};
-use shared_types::rotation::tilt;
-use shared_types::samples::{RcFrame, RunEvent, VehicleState};
-use shared_types::service::{Operator, nanoseconds, seconds};
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{RunEvent, VehicleState};
+use shared_types::service::{Operator, seconds};
 
 use super::Flight;
-use super::kill_switch::KillSwitch;
 use run_client::newest::Newest;
 use run_client::snapshot::ServiceSnapshot;
 use run_client::{Answer, Description, Question, Snapshot};
 use runtime::control::Host;
-
-/// Maximum age of the vehicle's state for arming, s.
-const STALE: f64 = 0.1;
 
 /// Ratio of the measured position deviation on the ground to the configured one above which arming warns. The filter
 /// uses a quarter of the measured variance, so the cameras then scatter three times as much as configured.
@@ -124,73 +117,6 @@ impl Flight<'_> {
         let tick = tick.min(self.schedule.last_tick());
         self.supervisor.page().control_block().ask(request);
         self.pending_events.push((tick, kind, event.into()));
-    }
-
-    /// Returns why the vehicle may not be armed now, if so.
-    fn refusal_to_arm(&self) -> Option<String> {
-        let Some(settings) = &self.scenario.flight else {
-            return Some(
-                "the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned(),
-            );
-        };
-        if let Some(reason) = self.end_of_arming().or_else(|| self.too_late_to_arm()) {
-            return Some(reason);
-        }
-        if let Some(missing) = ServiceId::ALL
-            .into_iter()
-            .find(|&service| !self.supervisor.flies(service))
-        {
-            return Some(format!("`{missing}` does not fly"));
-        }
-        if let Some(reason) = self.kill_switch.as_ref().and_then(KillSwitch::refusal_to_arm) {
-            return Some(reason);
-        }
-        let elapsed_ns = self.clock.elapsed_ns();
-        let block = self.supervisor.page().control_block();
-        if let Some(reason) = self.laboratory.refusal_to_arm(block, elapsed_ns) {
-            return Some(reason);
-        }
-        let Some(state) = self.recorder.newest::<VehicleState>() else {
-            return Some("no state of the vehicle was received yet".to_owned());
-        };
-        let fence = self
-            .scenario
-            .envelope
-            .as_ref()
-            .and_then(|envelope| envelope.r#box.as_ref());
-        let outside = fence.map_or(0.0, |fence| fence.distance_outside(&state.position_world));
-        if state.tracked.is_set() && outside > 0.0 {
-            return Some(format!(
-                "the vehicle stands {outside:.2} m outside of `envelope.box`: carry it back, or state a larger box"
-            ));
-        }
-        let age_ns = |stamp_ns| elapsed_ns.saturating_sub(stamp_ns);
-        let state_age_ns = age_ns(state.header.stamp_ns);
-        let frame = self.recorder.newest::<RcFrame>();
-        let frame = frame.as_ref().map(|frame| (frame, age_ns(frame.header.stamp_ns)));
-        let limits = ReadyLimits {
-            state_age_ns: nanoseconds(STALE),
-            // The path generator, which is closer to the radio link, checks the frame's age itself.
-            frame_age_ns: u64::MAX,
-            ..self.scenario.ready_limits()?
-        };
-        let (sigma, largest) = (state.position_sigma, settings.position_sigma_max);
-        Some(
-            match NotReady::find(&limits, Some((&state, state_age_ns)), frame)? {
-                NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
-                NotReady::Sight => "the cameras do not see the vehicle".to_owned(),
-                NotReady::Estimate => format!(
-                    "the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed"
-                ),
-                NotReady::Level => not_level_in_words(tilt(&state.world_from_body), limits.tilt),
-                NotReady::Motion => {
-                    let speed = state.velocity_world().norm();
-                    format!("the vehicle moves at {speed:.1} m/s: let it stand")
-                }
-                NotReady::Transmitter => "the transmitter lacks an input".to_owned(),
-                NotReady::Demand => "the transmitter demands a landing or a kill".to_owned(),
-            },
-        )
     }
 
     fn break_service(&mut self, name: &str, how: Break) -> Answer {

@@ -1,48 +1,37 @@
-//! Arming, and the decisions of transmitter and path generator: which requests still have an effect, and the messages
-//! to the user.
+//! Arming, and the messages on decisions of transmitter and path generator.
 
 use metrics::summary::{cause_in_words, limit_in_words, not_ready_in_words};
-use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady};
+use shared_types::ServiceId;
+use shared_types::flight_phase::{FlightPhase, NotReady};
 use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::Operator;
 
 use super::Flight;
-use decisions::shutdown::Shutdown;
+use super::kill_switch::KillSwitch;
+use decisions::arming::{self, Situation};
 use run_client::newest::Newest;
 
 impl Flight<'_> {
-    /// Returns why arming can have no effect now, if so: the request would be used up at once.
-    pub(super) fn end_of_arming(&self) -> Option<String> {
-        let Operator { land, killed, .. } = self.operator();
-        if killed {
-            return Some("a kill stopped the motors for the rest of the run; start another run".to_owned());
-        }
-        if land || self.conduct.shutdown() != Shutdown::None {
-            return Some(
-                "a landing was requested, which holds until the end of the run; start another run".to_owned(),
-            );
-        }
-        let phase = self.phase()?;
-        if phase != FlightPhase::Disarmed {
-            return Some(format!(
-                "the vehicle is armed already, in the phase `{}`",
-                phase.name()
-            ));
-        }
-        let frame = self.recorder.newest::<RcFrame>()?;
-        let limit = || limit_in_words(frame.limit);
-        match frame.action {
-            RcFrame::ACTION_KILL => Some(format!(
-                "{}, and a kill stopped the motors for the rest of the run; start another run",
-                limit()
-            )),
-            RcFrame::ACTION_LAND => Some(format!(
-                "{}, and the demand to land lasts until the motors have rested for {GROUNDED_AFTER} s",
-                limit()
-            )),
-            _ => None,
-        }
+    /// Returns why the vehicle may not be armed now, if so.
+    pub(super) fn refusal_to_arm(&self) -> Option<String> {
+        let elapsed_ns = self.clock.elapsed_ns();
+        let block = self.supervisor.page().control_block();
+        let mut services = ServiceId::ALL.into_iter();
+        let (frame, state) = (self.recorder.newest(), self.recorder.newest());
+        let situation = Situation {
+            operator: self.operator(),
+            shutdown: self.conduct.shutdown(),
+            time_left: self.time_to_the_end(),
+            elapsed_ns,
+            phase: self.phase(),
+            frame: frame.as_ref(),
+            state: state.as_ref(),
+            missing: services.find(|&service| !self.supervisor.flies(service)),
+            kill_switch: self.kill_switch.as_ref().and_then(KillSwitch::loss),
+            laboratory: self.laboratory.failure(block, elapsed_ns),
+        };
+        arming::refusal(self.scenario, &situation)
     }
 
     /// After a take-over, the motors may turn, and a landing continues that was requested from the previous orchestrator:

@@ -48,10 +48,9 @@ impl KillSwitch {
         })
     }
 
-    /// Returns why the vehicle may not be armed, if so.
-    pub(super) fn refusal_to_arm(&self) -> Option<String> {
-        let reason = self.lost.as_ref()?;
-        Some(format!("the kill switch is lost: {reason}"))
+    /// Returns the reason of its loss, if it is lost.
+    pub(super) fn loss(&self) -> Option<&str> {
+        self.lost.as_deref()
     }
 }
 

@@ -79,9 +79,9 @@ impl<'a> Laboratory<'a> {
         LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())
     }
 
-    /// Returns why the vehicle may not be armed at a time since the start of the flight, if so.
+    /// Returns the failure of the radio link or of the cameras at a time since the start of the flight, if there is one.
     #[must_use]
-    pub fn refusal_to_arm(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
+    pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
         self.failures(block, elapsed_ns).into_iter().flatten().next()
     }
 
@@ -213,7 +213,7 @@ mod tests {
 
     /// Returns the reason for which arming is refused with them.
     fn refusal(figures: &CaptureFigures, state: u32) -> Option<String> {
-        laboratory(&stated()).refusal_to_arm(&told(figures, state), NOW_NS)
+        laboratory(&stated()).failure(&told(figures, state), NOW_NS)
     }
 
     #[test]

@@ -32,20 +32,8 @@ impl Flight<'_> {
         }
     }
 
-    /// Returns why it is too late to arm, if so.
-    pub(super) fn too_late_to_arm(&self) -> Option<String> {
-        let phases = self.scenario.flight.as_ref()?;
-        let needed = phases.shortest_time();
-        let left = self.time_to_the_end().filter(|&left| left < needed)?;
-        Some(format!(
-            "the flight ends in {:.0} s, its `duration`, and to take off and land takes {needed:.0} s; start another run, \
-             with a longer `duration` if need be",
-            left.max(0.0)
-        ))
-    }
-
     /// Returns the time left for a real vehicle, s; `None` for a simulated one, whose world ends with the flight.
-    fn time_to_the_end(&self) -> Option<f64> {
+    pub(super) fn time_to_the_end(&self) -> Option<f64> {
         let last_ns = self.schedule.time_ns(self.schedule.last_tick());
         let left = seconds(last_ns) - seconds(self.clock.elapsed_ns());
         (!self.schedule.simulates_the_world()).then_some(left)

@@ -1,0 +1,241 @@
+//! Why a vehicle may not be armed now.
+
+use metrics::summary::{limit_in_words, not_level_in_words};
+use scenario::Scenario;
+use shared_types::ServiceId;
+use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady, ReadyLimits};
+use shared_types::rotation::tilt;
+use shared_types::samples::{RcFrame, VehicleState};
+use shared_types::service::{Operator, nanoseconds, seconds};
+
+use crate::shutdown::Shutdown;
+
+/// Maximum age of the vehicle's state for arming, s.
+const STALE: f64 = 0.1;
+
+/// What is known when the operator asks to arm.
+#[derive(Debug)]
+pub struct Situation<'a> {
+    /// Earlier requests.
+    pub operator: Operator,
+    pub shutdown: Shutdown,
+    /// Time until the end of `duration`, s; `None` if the world ends with the flight, as a simulated one does.
+    pub time_left: Option<f64>,
+    /// Time of the flight, ns.
+    pub elapsed_ns: u64,
+    pub phase: Option<FlightPhase>,
+    /// Newest samples.
+    pub frame: Option<&'a RcFrame>,
+    pub state: Option<&'a VehicleState>,
+    /// A service that does not fly.
+    pub missing: Option<ServiceId>,
+    /// Reason for which the kill switch is lost, if it is.
+    pub kill_switch: Option<&'a str>,
+    /// Failure of the radio link or of the cameras, if there is one.
+    pub laboratory: Option<String>,
+}
+
+/// Returns why the vehicle may not be armed, if so.
+#[must_use]
+pub fn refusal(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
+    let Some(phases) = &scenario.flight else {
+        return Some("the scenario has no phases (`[flight]`), the vehicle flies from the start".to_owned());
+    };
+    end_of_arming(now)
+        .or_else(|| too_late(phases.shortest_time(), now.time_left?))
+        .or_else(|| Some(format!("`{}` does not fly", now.missing?)))
+        .or_else(|| Some(format!("the kill switch is lost: {}", now.kill_switch?)))
+        .or_else(|| now.laboratory.clone())
+        .or_else(|| unfit_state(scenario, now))
+}
+
+/// Returns why arming can have no effect, if so: the request would be used up at once.
+fn end_of_arming(now: &Situation<'_>) -> Option<String> {
+    if now.operator.killed {
+        return Some("a kill stopped the motors for the rest of the run; start another run".to_owned());
+    }
+    if now.operator.land || now.shutdown != Shutdown::None {
+        return Some(
+            "a landing was requested, which holds until the end of the run; start another run".to_owned(),
+        );
+    }
+    let phase = now.phase?;
+    if phase != FlightPhase::Disarmed {
+        let phase = phase.name();
+        return Some(format!("the vehicle is armed already, in the phase `{phase}`"));
+    }
+    let frame = now.frame?;
+    let limit = || limit_in_words(frame.limit);
+    match frame.action {
+        RcFrame::ACTION_KILL => Some(format!(
+            "{}, and a kill stopped the motors for the rest of the run; start another run",
+            limit()
+        )),
+        RcFrame::ACTION_LAND => Some(format!(
+            "{}, and the demand to land lasts until the motors have rested for {GROUNDED_AFTER} s",
+            limit()
+        )),
+        _ => None,
+    }
+}
+
+fn too_late(needed: f64, left: f64) -> Option<String> {
+    (left < needed).then(|| {
+        format!(
+            "the flight ends in {:.0} s, its `duration`, and to take off and land takes {needed:.0} s; start another run, \
+             with a longer `duration` if need be",
+            left.max(0.0)
+        )
+    })
+}
+
+/// Returns why the vehicle may not take off from where it is, if so.
+fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
+    let Some(state) = now.state else {
+        return Some("no state of the vehicle was received yet".to_owned());
+    };
+    let envelope = scenario.envelope.as_ref();
+    let fence = envelope.and_then(|envelope| envelope.r#box.as_ref());
+    let outside = fence.map_or(0.0, |fence| fence.distance_outside(&state.position_world));
+    if state.tracked.is_set() && outside > 0.0 {
+        return Some(format!(
+            "the vehicle stands {outside:.2} m outside of `envelope.box`: carry it back, or state a larger box"
+        ));
+    }
+    let age_ns = |stamp_ns| now.elapsed_ns.saturating_sub(stamp_ns);
+    let state_age_ns = age_ns(state.header.stamp_ns);
+    let frame = now.frame.map(|frame| (frame, age_ns(frame.header.stamp_ns)));
+    let limits = ReadyLimits {
+        state_age_ns: nanoseconds(STALE),
+        // The path generator, which is closer to the radio link, checks the frame's age itself.
+        frame_age_ns: u64::MAX,
+        ..scenario.ready_limits()?
+    };
+    let (sigma, largest) = (state.position_sigma, scenario.flight.as_ref()?.position_sigma_max);
+    Some(
+        match NotReady::find(&limits, Some((state, state_age_ns)), frame)? {
+            NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
+            NotReady::Sight => "the cameras do not see the vehicle".to_owned(),
+            NotReady::Estimate => format!(
+                "the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed"
+            ),
+            NotReady::Level => not_level_in_words(tilt(&state.world_from_body), limits.tilt),
+            NotReady::Motion => {
+                let speed = state.velocity_world().norm();
+                format!("the vehicle moves at {speed:.1} m/s: let it stand")
+            }
+            NotReady::Transmitter => "the transmitter lacks an input".to_owned(),
+            NotReady::Demand => "the transmitter demands a landing or a kill".to_owned(),
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use zerocopy::FromZeros;
+
+    use super::*;
+
+    fn scenario() -> Scenario {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/takeoff_and_land.toml");
+        scenario_file::load(&file, &[], None).unwrap()
+    }
+
+    /// A vehicle that stands level and is seen.
+    fn standing() -> (VehicleState, RcFrame) {
+        let mut state = VehicleState::new_zeroed();
+        state.tracked = true.into();
+        for axis in [0, 4, 8] {
+            state.world_from_body[axis] = 1.0;
+        }
+        let mut frame = RcFrame::new_zeroed();
+        frame.inputs_fresh = true.into();
+        (state, frame)
+    }
+
+    fn on_the_ground<'a>(state: &'a VehicleState, frame: &'a RcFrame) -> Situation<'a> {
+        Situation {
+            operator: Operator::default(),
+            shutdown: Shutdown::None,
+            time_left: None,
+            elapsed_ns: 0,
+            phase: Some(FlightPhase::Disarmed),
+            frame: Some(frame),
+            state: Some(state),
+            missing: None,
+            kill_switch: None,
+            laboratory: None,
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_stands_level_and_is_seen_may_be_armed() {
+        let (state, frame) = standing();
+        assert_eq!(refusal(&scenario(), &on_the_ground(&state, &frame)), None);
+    }
+
+    #[test]
+    fn each_obstacle_is_named() {
+        type Obstacle = fn(&mut Situation<'_>);
+        let obstacles: [(Obstacle, &str); 9] = [
+            (|now| now.operator.killed = true, "a kill stopped"),
+            (|now| now.operator.land = true, "a landing was requested"),
+            (|now| now.shutdown = Shutdown::Land, "a landing was requested"),
+            (|now| now.phase = Some(FlightPhase::TakeOff), "armed already"),
+            (|now| now.time_left = Some(1.0), "the flight ends in 1 s"),
+            (|now| now.missing = Some(ServiceId::Plant), "`plant` does not fly"),
+            (|now| now.kill_switch = Some("unplugged"), "unplugged"),
+            (|now| now.laboratory = Some("no camera".to_owned()), "no camera"),
+            (|now| now.state = None, "no state"),
+        ];
+        let (state, frame) = standing();
+        for (obstruct, words) in obstacles {
+            let mut now = on_the_ground(&state, &frame);
+            obstruct(&mut now);
+            let refusal = refusal(&scenario(), &now).expect(words);
+            assert!(refusal.contains(words), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn each_unfit_state_is_named() {
+        type Unfit = fn(&mut VehicleState, &mut RcFrame);
+        let unfit: [(Unfit, &str); 8] = [
+            (
+                |_, frame| frame.action = RcFrame::ACTION_KILL,
+                "a kill stopped the motors",
+            ),
+            (
+                |_, frame| frame.action = RcFrame::ACTION_LAND,
+                "the demand to land",
+            ),
+            (
+                |state, _| state.position_world[0] = 7.0,
+                "5.00 m outside of `envelope.box`",
+            ),
+            (|state, _| state.tracked = false.into(), "do not see"),
+            (|state, _| state.position_sigma = 1.0, "not converged"),
+            (|state, _| state.world_from_body[8] = 0.7, "tilted by 45.6°"),
+            (|state, _| state.velocity_body[0] = 1.0, "moves at 1.0 m/s"),
+            (
+                |_, frame| frame.inputs_fresh = false.into(),
+                "the transmitter lacks an input",
+            ),
+        ];
+        for (make_unfit, words) in unfit {
+            let (mut state, mut frame) = standing();
+            make_unfit(&mut state, &mut frame);
+            let refusal = refusal(&scenario(), &on_the_ground(&state, &frame)).expect(words);
+            assert!(refusal.contains(words), "{refusal}");
+        }
+        let (state, frame) = standing();
+        let mut late = on_the_ground(&state, &frame);
+        late.elapsed_ns = 200_000_000;
+        assert_eq!(
+            refusal(&scenario(), &late).as_deref(),
+            Some("the vehicle's state is 0.2 s old")
+        );
+    }
+}
