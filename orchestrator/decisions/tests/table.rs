@@ -9,6 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use decisions::Phase;
+use decisions::conduct::{Conduct, EndRequest};
 use decisions::event::{Action, Event, Facts, News};
 use decisions::moment::Moment;
 use decisions::process::{Exit, ProcessNumber, Said};
@@ -16,7 +17,10 @@ use decisions::restart_policy::{AFTER_CLOSING, FRESH_LIMIT, READY_LIMIT};
 use decisions::supervision::{RestartPolicies, Supervision};
 use host::activity::Activity;
 use host::step::NonFinite;
+use scenario::{KillSwitchLoss, OperatorDevices};
+use shared_types::samples::RcFrame;
 use shared_types::{Schedule, ServiceId};
+use zerocopy::FromZeros;
 
 const SERVICE: ServiceId = ServiceId::Controller;
 const NOW: Moment = Moment(60_000_000_000);
@@ -275,6 +279,120 @@ fn table(is_real_time: bool) -> String {
     text
 }
 
+/// A flight in real time of this scenario.
+fn conduct_of(name: &str, on_loss: Option<KillSwitchLoss>) -> Conduct {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
+    let mut scenario = scenario_file::load(&file, &[], None).unwrap();
+    scenario.operator = on_loss.map(|on_loss| OperatorDevices {
+        on_loss,
+        ..toml::from_str("kill_device = \"/dev/input/event3\"").unwrap()
+    });
+    Conduct::new(&scenario, &Schedule::ideal(1_000_000, LAST_TICK))
+}
+
+/// The motors turn, or have rested for this time.
+fn observe(conduct: &mut Conduct, rest: Duration) {
+    let mut frame = RcFrame::new_zeroed();
+    conduct.observe_motors(Some(&frame), 0, true);
+    frame.failsafe = true.into();
+    let step = Duration::from_millis(50);
+    for number in 1..=rest.div_duration_f64(step) as u64 {
+        frame.header.stamp_ns = number * step.as_nanos() as u64;
+        conduct.observe_motors(Some(&frame), frame.header.stamp_ns, true);
+    }
+}
+
+type Incident = (&'static str, fn(&mut Conduct) -> &'static str);
+
+fn answer(request: Option<EndRequest>) -> &'static str {
+    match request {
+        Some(EndRequest::Land) => "ask for a landing",
+        Some(EndRequest::Nothing) | None => "",
+    }
+}
+
+const INCIDENTS: [Incident; 5] = [
+    ("a failure", |conduct| answer(conduct.fail())),
+    ("a request for the end", |conduct| {
+        answer(Some(conduct.request_end()))
+    }),
+    ("the motors have rested for 1.9 s", |conduct| {
+        observe(conduct, Duration::from_millis(1900));
+        ""
+    }),
+    ("the motors have rested for 2.1 s", |conduct| {
+        observe(conduct, Duration::from_millis(2100));
+        ""
+    }),
+    ("the kill switch is lost", |conduct| {
+        conduct.note_kill_switch(true);
+        let reaction = conduct.reaction_to_loss(true);
+        assert_eq!(conduct.reaction_to_loss(true), None, "once for each loss");
+        match reaction {
+            Some(KillSwitchLoss::Kill) => "stop the motors",
+            Some(KillSwitchLoss::Land) => answer(Some(conduct.request_end())),
+            Some(KillSwitchLoss::Ignore) => "say so",
+            None => "",
+        }
+    }),
+];
+
+/// The rows of a flight as a whole.
+fn table_of_flight() -> String {
+    let mut text = "| the flight | and | what is done |\n| --- | --- | --- |\n".to_owned();
+    let with_switch = |on_loss| conduct_of("takeoff_and_land", Some(on_loss));
+    let after = |incident: fn(&mut Conduct)| {
+        let mut conduct = with_switch(KillSwitchLoss::Kill);
+        observe(&mut conduct, Duration::ZERO);
+        incident(&mut conduct);
+        conduct
+    };
+    let flights = [
+        ("has phases, `on_loss = \"kill\"`", after(|_| ())),
+        (
+            "has phases, `on_loss = \"land\"`",
+            with_switch(KillSwitchLoss::Land),
+        ),
+        (
+            "has phases, `on_loss = \"ignore\"`",
+            with_switch(KillSwitchLoss::Ignore),
+        ),
+        (
+            "is to land",
+            after(|conduct| {
+                conduct.request_end();
+            }),
+        ),
+        (
+            "has failed",
+            after(|conduct| {
+                conduct.fail();
+            }),
+        ),
+        ("has no phases", conduct_of("fig1", None)),
+    ];
+    for (flight, conduct) in flights {
+        for (incident, happen) in INCIDENTS {
+            let mut conduct = conduct.clone();
+            observe(&mut conduct, Duration::ZERO);
+            let done = happen(&mut conduct);
+            let end = if conduct.permits_end() {
+                "**the flight ends**"
+            } else {
+                ""
+            };
+            let done = [done, end]
+                .into_iter()
+                .filter(|words| !words.is_empty())
+                .collect::<Vec<_>>();
+            if !done.is_empty() {
+                let _ = writeln!(text, "| {flight} | {incident} | {} |", done.join(", "));
+            }
+        }
+    }
+    text
+}
+
 fn documented(page: &str, name: &str) -> String {
     let (_, rest) = page.split_once(&format!("<!-- {name} -->\n")).expect(name);
     rest.split_once(&format!("<!-- end of {name} -->"))
@@ -287,8 +405,11 @@ fn documented(page: &str, name: &str) -> String {
 fn the_page_has_the_answers_of_the_state_machine() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/decision_table.md");
     let mut page = std::fs::read_to_string(&path).unwrap();
-    for (name, is_real_time) in [("real time", true), ("lock step", false)] {
-        let table = table(is_real_time);
+    for (name, table) in [
+        ("real time", table(true)),
+        ("the flight", table_of_flight()),
+        ("lock step", table(false)),
+    ] {
         let stated = documented(&page, name);
         if std::env::var_os("GERONO_BLESS").is_some() {
             page = page.replace(
