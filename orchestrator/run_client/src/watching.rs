@@ -42,7 +42,7 @@ fn link_of(scenario: &Scenario) -> String {
         .as_ref()
         .and_then(|link| link.transmitter.as_ref());
     let end = transmitter.and_then(|end| {
-        let ends = [&end.device, &end.tcp, &end.udp];
+        let ends = [&end.device, &end.tcp, &end.udp, &end.uri];
         ends.into_iter().find_map(Option::as_ref)
     });
     match end {

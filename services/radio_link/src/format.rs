@@ -10,7 +10,7 @@ use scenario::{RadioProtocol, RcLink, Transmitter};
 use crate::channel_map::{ChannelMap, Units};
 use crate::frame::Frame;
 use crate::sticks::Sticks;
-use crate::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
+use crate::{ChannelCodes, DecodeError, crazyflie, crsf, mavlink, msp, multi, sbus};
 
 /// Encoder and decoder of a link's frames.
 pub trait Format: Debug + Send {
@@ -25,6 +25,11 @@ pub trait Format: Debug + Send {
 
     /// Returns whether frames have a failsafe flag. Without one, stopping the frames signals failsafe.
     fn has_failsafe_flag(&self) -> bool {
+        false
+    }
+
+    /// Returns whether a frame is a packet whose end the transport states. A decoder gets it alone and whole.
+    fn has_packets(&self) -> bool {
         false
     }
 }
@@ -42,6 +47,7 @@ pub fn for_link(link: &RcLink, transmitter: &Transmitter) -> Option<Box<dyn Form
             &transmitter.mavlink.unwrap_or_default(),
             link,
         )),
+        RadioProtocol::Crazyflie => Box::new(crazyflie::Crazyflie::new(link)),
     })
 }
 
@@ -69,6 +75,8 @@ pub enum Decoded {
     Override(usize, ChannelCodes),
     /// A frame with body rates, rad/s, and a normalised thrust.
     Rates(usize, [f64; 3], f64),
+    /// A frame that stops the motors.
+    Stop(usize),
     /// A frame without a command.
     Other(usize),
     /// An incomplete frame.

@@ -3,8 +3,8 @@
 //! * [`sticks`]: the part of an [`RcFrame`](shared_types::samples::RcFrame) that a link needs, and a cell that hands the
 //!   newest sticks to the sender thread;
 //! * [`channel_map`]: the function of each channel, and its travel;
-//! * [`mod@format`]: the trait of a link's frame format, implemented by [`crsf`], [`sbus`], [`multi`], [`msp`] and
-//!   [`mavlink`];
+//! * [`mod@format`]: the trait of a link's frame format, implemented by [`crsf`], [`sbus`], [`multi`], [`msp`],
+//!   [`mavlink`] and [`crazyflie`];
 //! * [`encoder`]: sticks to a frame of the scenario's link;
 //! * [`port`]: a serial device or socket that never blocks;
 //! * [`sender`]: a thread that sends frames at exact times;
@@ -13,7 +13,8 @@
 //! The formats are implemented here, because each only packs some 26 bytes. Existing crates allocate or only decode
 //! (`sbus-rs`, which checks our frames in the tests), and have large dependencies: `crsf` 2.0 a derive of error types,
 //! `mavlink` 0.21 a generator that compiles hundreds of messages, of which we send three, `serialport` 4.10 a second set
-//! of system calls beside `rustix`.
+//! of system calls beside `rustix`. The USB dongle of a Crazyflie is driven by the crate `crazyradio`, with the feature of
+//! that name: it needs libusb, which it builds from source where the system has none.
 //!
 //! Failure policy:
 //! * a device that is missing, not permitted or in use when a link is opened is an error that names the fix;
@@ -24,6 +25,7 @@
 #![warn(missing_docs)]
 
 pub mod channel_map;
+pub mod crazyflie;
 pub mod crsf;
 pub mod encoder;
 pub mod format;

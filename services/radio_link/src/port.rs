@@ -4,8 +4,16 @@
 //! so that frames never interleave; until then frames are dropped. Frames are also dropped while more than a few wait in
 //! the kernel's buffer, because a frame that waits there becomes old.
 //!
+//! A dongle is the exception: its driver blocks until the vehicle has acknowledged a packet or it has given up. The thread
+//! of the [`sender`](crate::sender) waits for it, and takes the newest sticks afterwards.
+//!
 //! A lost device or connection is reopened with exponential back-off from [`FIRST_PAUSE_NS`] to [`LONGEST_PAUSE_NS`].
 
+#[cfg(feature = "crazyradio")]
+mod dongle;
+#[cfg(not(feature = "crazyradio"))]
+#[path = "port/no_dongle.rs"]
+mod dongle;
 mod queue;
 pub mod serial;
 mod socket;
@@ -16,8 +24,10 @@ use std::path::PathBuf;
 
 use rustix::io::Errno;
 pub use scenario::ByteFormat;
-use scenario::{RadioProtocol, Transmitter};
+use scenario::{CrazyflieUri, RadioAddress, RadioProtocol, Transmitter};
 
+use self::dongle::Dongle;
+use crate::crazyflie;
 use crate::frame::CAPACITY;
 
 /// Pause before the first attempt to reopen a lost device, ns.
@@ -46,6 +56,10 @@ pub enum Target {
     Tcp(SocketAddr),
     /// Destination of UDP packets.
     Udp(SocketAddr),
+    /// A simulator of a Crazyflie: UDP packets, after a null packet that it answers.
+    Crazyflie(SocketAddr),
+    /// A Crazyflie on the air, by a USB dongle.
+    Dongle(RadioAddress),
 }
 
 /// Error of a port that cannot be opened.
@@ -101,6 +115,37 @@ pub enum OpenError {
         /// The system's error.
         source: Errno,
     },
+    /// A simulator does not answer.
+    #[error("nothing answers at {address}; start the simulator first and check address and port")]
+    Unanswered {
+        /// The address.
+        address: SocketAddr,
+    },
+    /// There is no such dongle.
+    #[error(
+        "there is no Crazyradio dongle {index}, counted from 0; is it plugged in? `lsusb -d 1915:7777` lists them"
+    )]
+    NoDongle {
+        /// Index of the dongle.
+        index: usize,
+    },
+    /// The dongle does not work.
+    #[error(
+        "cannot use the Crazyradio dongle {index}: {reason}; with `Access` it needs the udev rule of docs/radio_links.md, with \
+         `Busy` end the program that uses it, and otherwise plug it in again"
+    )]
+    Dongle {
+        /// Index of the dongle.
+        index: usize,
+        /// The driver's reason.
+        reason: String,
+    },
+    /// The program has no driver of dongles.
+    #[error(
+        "this program was built without a driver of Crazyradio dongles; build it with `cargo build --release --features \
+         crazyradio`"
+    )]
+    NoDriver,
     /// Any other error.
     #[error("cannot use {}: {source}", .path.display())]
     Device {
@@ -116,7 +161,7 @@ pub enum OpenError {
 pub enum Sent {
     /// Accepted by the kernel.
     Accepted,
-    /// Dropped: previous frames are still queued.
+    /// Dropped: previous frames are still queued, or the vehicle has not acknowledged it.
     Busy,
     /// Dropped: there is no device, no connection or no receiver of packets.
     Closed,
@@ -127,7 +172,7 @@ pub enum Sent {
 pub struct Counts {
     /// Frames accepted by the kernel.
     pub sent: u64,
-    /// Frames dropped because others were still queued.
+    /// Frames dropped because others were still queued, or not acknowledged.
     pub busy: u64,
     /// Frames dropped because the device or connection was lost.
     pub closed: u64,
@@ -145,6 +190,8 @@ pub struct Port {
     /// Remainder of a frame that the kernel accepted only in part.
     remainder: [u8; CAPACITY],
     remainder_length: usize,
+    /// `true` if the simulator of a Crazyflie has had a null packet since it was reached, from which it learns our address.
+    is_greeted: bool,
     counts: Counts,
     retry_at_ns: u64,
     pause_ns: u64,
@@ -153,6 +200,8 @@ pub struct Port {
 #[derive(Debug)]
 enum State {
     Open(OwnedFd),
+    /// A dongle, whose calls block for as long as it takes a packet.
+    Dongle(Dongle),
     /// A connection in progress.
     Connecting(OwnedFd),
     Closed,
@@ -171,6 +220,10 @@ impl Target {
         device
             .or_else(|| address(&transmitter.tcp).map(Self::Tcp))
             .or_else(|| address(&transmitter.udp).map(Self::Udp))
+            .or_else(|| match transmitter.uri.as_ref()?.parse().ok()? {
+                CrazyflieUri::Udp(address) => Some(Self::Crazyflie(address)),
+                CrazyflieUri::Radio(address) => Some(Self::Dongle(address)),
+            })
     }
 
     /// Opens the target. A connection may still be in progress.
@@ -178,8 +231,14 @@ impl Target {
         match self {
             Self::Serial { path, baud, byte } => serial::open(path, *baud, *byte).map(State::Open),
             Self::Tcp(address) => socket::connect_tcp(*address).map(State::Connecting),
-            Self::Udp(address) => socket::connect_udp(*address).map(State::Open),
+            Self::Udp(address) | Self::Crazyflie(address) => socket::connect_udp(*address).map(State::Open),
+            Self::Dongle(address) => Dongle::open(address).map(State::Dongle),
         }
+    }
+
+    /// Returns whether frames are UDP packets, which a missing receiver refuses one by one.
+    fn is_udp(&self) -> bool {
+        matches!(self, Self::Udp(_) | Self::Crazyflie(_))
     }
 
     /// Returns the queue length in the kernel's buffer above which a frame is dropped, bytes.
@@ -187,13 +246,13 @@ impl Target {
         match self {
             Self::Serial { .. } => QUEUED_ON_LINE * frame.len(),
             Self::Tcp(_) => QUEUED_ON_CONNECTION * frame.len(),
-            Self::Udp(_) => usize::MAX,
+            Self::Udp(_) | Self::Crazyflie(_) | Self::Dongle(_) => usize::MAX,
         }
     }
 }
 
 impl Port {
-    /// Opens a port and waits up to 2 s for a connection.
+    /// Opens a port and waits up to 2 s for a connection, or for the answer of a Crazyflie's simulator.
     ///
     /// # Errors
     /// [`OpenError`], with the fix.
@@ -203,10 +262,15 @@ impl Port {
                 socket::wait_until_connected(&socket, *address)?;
                 State::Open(socket)
             }
+            (State::Open(socket), Target::Crazyflie(address)) => {
+                socket::wait_for_answer(&socket, &[crazyflie::NULL], *address)?;
+                State::Open(socket)
+            }
             (state, _) => state,
         };
         Ok(Self {
             state,
+            is_greeted: true,
             counts: Counts::default(),
             ..Self::lost(target)
         })
@@ -221,6 +285,7 @@ impl Port {
             state: State::Closed,
             remainder: [0; CAPACITY],
             remainder_length: 0,
+            is_greeted: false,
             counts: Counts {
                 losses: 1,
                 ..Counts::default()
@@ -230,13 +295,17 @@ impl Port {
         }
     }
 
-    /// Sends or drops a frame without blocking. Times are those of `CLOCK_MONOTONIC`.
+    /// Sends or drops a frame without blocking; a dongle blocks until it has taken the frame, 1 s at most for each of its two
+    /// transfers. Times are those of `CLOCK_MONOTONIC`.
     #[inline]
     pub fn send(&mut self, frame: &[u8], now_ns: u64) -> Sent {
         self.reopen_if_due(now_ns);
         let sent = match self.try_send(frame) {
             Ok(sent) => sent,
-            Err(Errno::CONNREFUSED) if matches!(self.target, Target::Udp(_)) => Sent::Closed,
+            Err(Errno::CONNREFUSED) if self.target.is_udp() => {
+                self.is_greeted = false;
+                Sent::Closed
+            }
             Err(_) => {
                 self.handle_loss(now_ns);
                 Sent::Closed
@@ -257,13 +326,16 @@ impl Port {
             return 0;
         };
         match rustix::io::read(descriptor, &mut *bytes) {
-            Ok(0) if !bytes.is_empty() && !matches!(self.target, Target::Udp(_)) => {
+            Ok(0) if !bytes.is_empty() && !self.target.is_udp() => {
                 self.handle_loss(now_ns);
                 0
             }
             Ok(count) => count,
             Err(Errno::AGAIN | Errno::INTR) => 0,
-            Err(Errno::CONNREFUSED) if matches!(self.target, Target::Udp(_)) => 0,
+            Err(Errno::CONNREFUSED) if self.target.is_udp() => {
+                self.is_greeted = false;
+                0
+            }
             Err(_) => {
                 self.handle_loss(now_ns);
                 0
@@ -280,14 +352,19 @@ impl Port {
     /// Returns whether the port is open.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        matches!(self.state, State::Open(_))
+        matches!(self.state, State::Open(_) | State::Dongle(_))
     }
 
     #[inline]
     fn try_send(&mut self, frame: &[u8]) -> Result<Sent, Errno> {
-        let State::Open(descriptor) = &self.state else {
-            return Ok(Sent::Closed);
+        let descriptor = match &mut self.state {
+            State::Open(descriptor) => descriptor,
+            State::Dongle(dongle) => return dongle.send(frame),
+            State::Connecting(_) | State::Closed => return Ok(Sent::Closed),
         };
+        if !self.is_greeted && matches!(self.target, Target::Crazyflie(_)) {
+            self.is_greeted = write(descriptor, &[crazyflie::NULL])? > 0;
+        }
         if self.remainder_length > 0 {
             let written = write(descriptor, &self.remainder[..self.remainder_length])?;
             self.remainder.copy_within(written..self.remainder_length, 0);
@@ -313,7 +390,7 @@ impl Port {
     /// Reopens a lost port once its pause is over, and completes a connection in progress.
     fn reopen_if_due(&mut self, now_ns: u64) {
         match &self.state {
-            State::Open(_) => {}
+            State::Open(_) | State::Dongle(_) => {}
             State::Connecting(socket) => match socket::is_connected(socket) {
                 Ok(false) if now_ns < self.retry_at_ns => {}
                 Ok(true) => self.complete_connection(),

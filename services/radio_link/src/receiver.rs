@@ -76,31 +76,54 @@ impl Receiver {
         })
     }
 
-    /// Decodes received bytes and passes their commands to `sink`, oldest first.
+    /// Decodes received bytes and passes their commands to `sink`, oldest first. Of a format of packets these are the bytes
+    /// of one packet.
     pub fn push(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Command)) {
+        if self.format.has_packets() {
+            self.push_packet(bytes, sink);
+            return;
+        }
         self.bytes.extend_from_slice(bytes);
         let mut at = 0;
         while at < self.bytes.len() {
-            let (length, command) = match self.format.decode(&self.bytes[at..]) {
-                Decoded::Channels(length, codes, failsafe) => {
-                    (length, Some(self.channel_command(&codes, failsafe)))
-                }
-                Decoded::Override(length, fields) => (length, Some(self.override_command(&fields))),
-                Decoded::Rates(length, rates, share) => (length, Some(self.rate_command(rates, share))),
-                Decoded::Other(length) => (length, None),
+            at += match self.format.decode(&self.bytes[at..]) {
                 Decoded::Incomplete if self.bytes.len() - at < BUFFER => break,
                 Decoded::Incomplete | Decoded::Noise => {
                     self.received.skipped += 1;
-                    (1, None)
+                    1
                 }
+                decoded => self.take(&decoded, sink),
             };
-            at += length;
-            if let Some(command) = command {
-                self.received.frames += 1;
-                sink(&command);
-            }
         }
         self.bytes.drain(..at);
+    }
+
+    fn push_packet(&mut self, bytes: &[u8], sink: &mut dyn FnMut(&Command)) {
+        match self.format.decode(bytes) {
+            Decoded::Incomplete | Decoded::Noise => self.received.skipped += bytes.len() as u64,
+            decoded => {
+                self.take(&decoded, sink);
+            }
+        }
+    }
+
+    /// Passes the command of a frame, if it has one, to `sink`. Returns the length of the frame.
+    fn take(&mut self, decoded: &Decoded, sink: &mut dyn FnMut(&Command)) -> usize {
+        let (length, command) = match decoded {
+            Decoded::Channels(length, codes, failsafe) => {
+                (*length, Some(self.channel_command(codes, *failsafe)))
+            }
+            Decoded::Override(length, fields) => (*length, Some(self.override_command(fields))),
+            Decoded::Rates(length, rates, share) => (*length, Some(self.rate_command(*rates, *share))),
+            Decoded::Stop(length) => (*length, Some(self.stop_command())),
+            Decoded::Other(length) => (*length, None),
+            Decoded::Incomplete | Decoded::Noise => (0, None),
+        };
+        if let Some(command) = command {
+            self.received.frames += 1;
+            sink(&command);
+        }
+        length
     }
 
     /// Returns the counters since the start.
@@ -131,8 +154,17 @@ impl Receiver {
         self.channel_command(&pulses, is_missing)
     }
 
-    /// Interprets `SET_ATTITUDE_TARGET` by its definition: rates about the body's axes, and thrust from 0 (least) to 1
-    /// (largest), independent of the transmitter's channels and sticks.
+    /// Returns the command of a frame that stops the motors.
+    fn stop_command(&self) -> Command {
+        Command {
+            codes: [0; 16],
+            travels: [self.map.least_thrust().value(), 0.0, 0.0, 0.0],
+            is_armed: false,
+        }
+    }
+
+    /// Interprets a message by its definition: rates about the body's axes, and thrust from 0 (least) to 1 (largest),
+    /// independent of the transmitter's channels and sticks.
     fn rate_command(&self, rates: [f64; 3], share: f64) -> Command {
         let RcLink {
             thrust_offset: offset,

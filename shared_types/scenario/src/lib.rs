@@ -9,6 +9,7 @@
 mod cameras;
 mod check;
 mod controller;
+mod crazyflie_uri;
 mod curve;
 mod envelope;
 mod estimator;
@@ -49,6 +50,7 @@ use serde::{Deserialize, Serialize};
 use crate::range::positive;
 pub use cameras::{Cameras, MarkerSwap, Occlusion};
 pub use controller::{Bounds, Controller, ControllerChange, Harmonics, InitialEstimates, RateCommand};
+pub use crazyflie_uri::{CrazyflieUri, CrazyflieUriError, RadioAddress, RadioRate};
 pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use estimator::{Estimator, Kalman};

@@ -34,6 +34,8 @@ pub enum RadioProtocol {
     Msp,
     /// An autopilot that accepts MAVLink 2.
     Mavlink,
+    /// A Crazyflie quadcopter, by CRTP.
+    Crazyflie,
 }
 
 /// Properties of a radio link that a scenario depends on.
@@ -41,9 +43,11 @@ pub enum RadioProtocol {
 pub struct RadioProperties {
     /// Name in `rc_output.link`.
     pub name: &'static str,
-    /// Key of the socket that can carry the frames instead of a serial device, if any.
+    /// `true` if a serial device can carry the frames.
+    pub serial: bool,
+    /// Key of the other destination that can receive the frames, if any.
     pub socket: Option<&'static str>,
-    /// Baud rate of the serial device: the link's only one, or the default of most receivers.
+    /// Baud rate of the serial device: the link's only one, or the default of most receivers. Bit rate of the air without one.
     pub baud: u32,
     /// Framing of a byte on the serial line.
     pub byte: ByteFormat,
@@ -71,7 +75,7 @@ pub enum ByteFormat {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Transmitter {
-    /// Serial device, such as one of /dev/serial/by-id; one of `device`, `tcp` and `udp` must be stated.
+    /// Serial device, such as one of /dev/serial/by-id; one of `device`, `tcp`, `udp` and `uri` must be stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// Rate of the serial device, baud; the link's standard rate unless stated.
@@ -84,6 +88,9 @@ pub struct Transmitter {
     /// Destination address and port of UDP packets, such as 127.0.0.1:14540; for `mavlink`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub udp: Option<String>,
+    /// Address of a Crazyflie: radio://0/80/2M/E7E7E7E7E7 by the first dongle, or udp://127.0.0.1:19850 of a simulator; for `crazyflie`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
     /// Frame rate, independent of new commands, 1/s; the link's usual rate unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = between(1.0, 1000.0), extend("x-hint" = "leave it out for the link's own"))]
@@ -202,6 +209,7 @@ impl Default for Transmitter {
             baud: None,
             tcp: None,
             udp: None,
+            uri: None,
             frame_rate: None,
             order: "AETR".to_owned(),
             reversed: String::new(),
@@ -244,7 +252,14 @@ impl Default for Mavlink {
 
 impl RadioProtocol {
     /// All links except the simulated one.
-    pub const ALL: [Self; 5] = [Self::Crsf, Self::Sbus, Self::Multi, Self::Msp, Self::Mavlink];
+    pub const ALL: [Self; 6] = [
+        Self::Crsf,
+        Self::Sbus,
+        Self::Multi,
+        Self::Msp,
+        Self::Mavlink,
+        Self::Crazyflie,
+    ];
 
     /// Returns the properties of the link.
     #[must_use]
@@ -252,6 +267,7 @@ impl RadioProtocol {
         match self {
             Self::Simulated => &RadioProperties {
                 name: "simulated",
+                serial: true,
                 socket: None,
                 baud: 115_200,
                 byte: ByteFormat::Plain,
@@ -261,6 +277,7 @@ impl RadioProtocol {
             },
             Self::Crsf => &RadioProperties {
                 name: "crsf",
+                serial: true,
                 socket: None,
                 baud: 420_000,
                 byte: ByteFormat::Plain,
@@ -271,6 +288,7 @@ impl RadioProtocol {
             },
             Self::Sbus => &RadioProperties {
                 name: "sbus",
+                serial: true,
                 socket: None,
                 baud: 100_000,
                 byte: ByteFormat::EvenTwo,
@@ -281,6 +299,7 @@ impl RadioProtocol {
             },
             Self::Multi => &RadioProperties {
                 name: "multi",
+                serial: true,
                 socket: None,
                 baud: 100_000,
                 byte: ByteFormat::EvenTwo,
@@ -291,6 +310,7 @@ impl RadioProtocol {
             },
             Self::Msp => &RadioProperties {
                 name: "msp",
+                serial: true,
                 socket: Some("tcp"),
                 baud: 115_200,
                 byte: ByteFormat::Plain,
@@ -301,6 +321,7 @@ impl RadioProtocol {
             },
             Self::Mavlink => &RadioProperties {
                 name: "mavlink",
+                serial: true,
                 socket: Some("udp"),
                 baud: 921_600,
                 byte: ByteFormat::Plain,
@@ -308,6 +329,18 @@ impl RadioProtocol {
                 // With the heartbeat once a second.
                 longest_frame: 51 + 21,
                 // 1.2 · 500 µs.
+                largest_travel: 1.2,
+            },
+            Self::Crazyflie => &RadioProperties {
+                name: "crazyflie",
+                serial: false,
+                socket: Some("uri"),
+                baud: 2_000_000,
+                byte: ByteFormat::Plain,
+                // A dongle carries some 500 packets per second.
+                frame_rate: 200.0,
+                longest_frame: 17,
+                // The packet has no channels.
                 largest_travel: 1.2,
             },
         }
@@ -368,11 +401,14 @@ impl Transmitter {
         self.baud.unwrap_or_else(|| link.properties().baud)
     }
 
-    /// Returns whether the frames have channels: `SET_ATTITUDE_TARGET` has none.
+    /// Returns whether the frames have channels: `SET_ATTITUDE_TARGET` and the packets of a Crazyflie have none.
     #[must_use]
     pub fn has_channels(&self, link: RadioProtocol) -> bool {
-        let message = self.mavlink.unwrap_or_default().message;
-        link != RadioProtocol::Mavlink || message == MavlinkMessage::RcOverride
+        match link {
+            RadioProtocol::Mavlink => self.mavlink.unwrap_or_default().message == MavlinkMessage::RcOverride,
+            RadioProtocol::Crazyflie => false,
+            _ => true,
+        }
     }
 }
 

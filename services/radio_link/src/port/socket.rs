@@ -2,15 +2,19 @@
 
 use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
+use rustix::io::{Errno, read, write};
 use rustix::net::{AddressFamily, SocketFlags, SocketType, connect, socket_with, sockopt};
 
 use super::OpenError;
 
 /// Timeout of the first connection, s.
 const FIRST_CONNECTION: i64 = 2;
+/// Pause after which an unanswered packet is sent again, and number of packets.
+const ANSWER_PAUSE_NS: i64 = 100_000_000;
+const QUESTIONS: usize = 20;
 /// Size of the kernel's send buffer of a connection, bytes: close to the permitted minimum.
 const SEND_BUFFER: usize = 2048;
 /// Time without an acknowledgement after which a connection is lost, ms.
@@ -66,6 +70,33 @@ pub(super) fn wait_until_connected(socket: &OwnedFd, address: SocketAddr) -> Res
         Ok(false) => Err(failed(Errno::TIMEDOUT)),
         Err(error) => Err(failed(error)),
     }
+}
+
+/// Sends a packet until anything answers it, 2 s at most.
+pub(super) fn wait_for_answer(
+    socket: &OwnedFd,
+    question: &[u8],
+    address: SocketAddr,
+) -> Result<(), OpenError> {
+    let timeout = Timespec {
+        tv_sec: 0,
+        tv_nsec: ANSWER_PAUSE_NS,
+    };
+    let mut answer = [0; 64];
+    for _ in 0..QUESTIONS {
+        // A refused packet is a simulator that does not listen yet.
+        let _sent = write(socket, question);
+        let mut polled = [PollFd::new(socket, PollFlags::IN)];
+        let _ended = poll(&mut polled, Some(&timeout));
+        match read(socket, &mut answer) {
+            Ok(_) => return Ok(()),
+            Err(Errno::CONNREFUSED) => {
+                std::thread::sleep(Duration::from_nanos(ANSWER_PAUSE_NS.unsigned_abs()));
+            }
+            Err(_) => {}
+        }
+    }
+    Err(OpenError::Unanswered { address })
 }
 
 fn poll_connection(socket: &OwnedFd, seconds: i64) -> Result<bool, Errno> {

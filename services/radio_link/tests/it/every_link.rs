@@ -14,8 +14,10 @@ use super::allocations;
 
 /// Returns a link whose frames have channels, or, by MAVLink, body rates.
 fn link(protocol: RadioProtocol, message: MavlinkMessage) -> (RcLink, Transmitter) {
+    let is_serial = protocol.properties().serial;
     let transmitter = Transmitter {
-        device: Some("/dev/ttyUSB0".to_owned()),
+        device: is_serial.then(|| "/dev/ttyUSB0".to_owned()),
+        uri: (!is_serial).then(|| "radio://0/80/2M/E7E7E7E7E7".to_owned()),
         mavlink: Some(Mavlink {
             message,
             ..Mavlink::default()
@@ -67,6 +69,10 @@ fn the_longest_frame_and_the_byte_of_the_line_are_those_of_the_record() {
         assert!(longest <= properties.longest_frame as usize, "{link:?} {longest}");
         assert!(properties.longest_frame as usize <= CAPACITY);
         let target = Target::new(link.link, &transmitter).unwrap();
+        if !properties.serial {
+            assert!(matches!(target, Target::Dongle(_)), "{target:?}");
+            continue;
+        }
         let Target::Serial { byte, baud, .. } = target else {
             panic!("{target:?}")
         };

@@ -1,6 +1,7 @@
 //! Frames of every link: what is decoded is what was encoded, and no bytes do harm.
 
 use proptest::prelude::*;
+use radio_link::crazyflie::{self, CrazyfliePacket, RateSetpoint};
 use radio_link::frame::Frame;
 use radio_link::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use radio_link::{ChannelCodes, DecodeError, crsf, mavlink, msp, multi, sbus};
@@ -45,6 +46,23 @@ fn mavlink_frame(message: &MavlinkPacket, sender: Sender, sequence: u8) -> Frame
     frame
 }
 
+fn crazyflie_packet() -> impl Strategy<Value = CrazyfliePacket> {
+    let rates = proptest::array::uniform3(-2e3_f32..2e3);
+    prop_oneof![
+        (rates, any::<u16>())
+            .prop_map(|(rates, thrust)| CrazyfliePacket::Rates(RateSetpoint { rates, thrust })),
+        Just(CrazyfliePacket::Stop),
+        any::<u32>().prop_map(CrazyfliePacket::NotifySetpointsEnd),
+        Just(CrazyfliePacket::Null),
+    ]
+}
+
+fn crazyflie_frame(packet: &CrazyfliePacket) -> Frame {
+    let mut frame = Frame::default();
+    crazyflie::encode(packet, &mut frame);
+    frame
+}
+
 /// Every decoder, on the same bytes. What one of them takes is encoded as the same bytes again.
 fn decode_with_all(bytes: &[u8]) {
     if let Ok(channels) = crsf::decode(bytes) {
@@ -67,6 +85,14 @@ fn decode_with_all(bytes: &[u8]) {
         let again = mavlink_frame(&message, sender, sequence);
         let kept = mavlink::decode(again.bytes()).unwrap();
         assert_eq!((kept.1, kept.2), (sender, sequence));
+    }
+    if let Ok(packet) = crazyflie::decode(bytes) {
+        // Radio links use two bits of the header for themselves.
+        let again = crazyflie_frame(&packet);
+        assert_eq!(
+            (again.bytes()[0], &again.bytes()[1..]),
+            (bytes[0] | 0b1100, &bytes[1..])
+        );
     }
     let mut receiver = msp::Receiver::default();
     for &byte in bytes {
@@ -111,6 +137,35 @@ proptest! {
     }
 
     #[test]
+    fn crtp_carries_every_packet(packet in crazyflie_packet()) {
+        prop_assert_eq!(crazyflie::decode(crazyflie_frame(&packet).bytes()), Ok(packet));
+    }
+
+    #[test]
+    fn crtp_carries_rates_about_forward_right_and_down_and_a_share_of_the_thrust(
+        rates in proptest::array::uniform3(-35.0..35.0_f64), share in 0.0..=1.0_f64,
+    ) {
+        let setpoint = RateSetpoint::new(rates, share);
+        let [right, nose_up, counter_clockwise] = setpoint.rates.map(f64::from);
+        for (sent, meant) in [(right, rates[0]), (nose_up, rates[1]), (counter_clockwise, -rates[2])] {
+            prop_assert!((sent - meant.to_degrees()).abs() < 1e-3);
+        }
+        for (read, meant) in setpoint.rates_body().into_iter().zip(rates) {
+            prop_assert!((read - meant).abs() < 1e-5);
+        }
+        prop_assert!((setpoint.thrust_share() - share).abs() <= 0.5 / 65_535.0 + 1e-12);
+    }
+
+    #[test]
+    fn a_crtp_packet_of_another_length_is_refused(packet in crazyflie_packet(), more in 1..15_usize, cut in any::<prop::sample::Index>()) {
+        let frame = crazyflie_frame(&packet);
+        let longer = [frame.bytes(), &[1; 15][..more]].concat();
+        prop_assert!(crazyflie::decode(&longer).is_err());
+        let shorter = &frame.bytes()[..cut.index(frame.bytes().len())];
+        prop_assert!(crazyflie::decode(shorter).is_err());
+    }
+
+    #[test]
     fn no_bytes_do_harm(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
         decode_with_all(&bytes);
     }
@@ -119,13 +174,14 @@ proptest! {
     #[test]
     fn a_frame_with_one_spoilt_bit_is_refused_or_another_whole_frame(
         channels in eleven_bits(), message in message(), sender in sender(), bit in any::<prop::sample::Index>(),
-        cut in any::<prop::sample::Index>(),
+        cut in any::<prop::sample::Index>(), packet in crazyflie_packet(),
     ) {
         let frames = [
             crsf::encode(&channels).to_vec(),
             sbus::encode(&channels, sbus::Flags::default()).to_vec(),
             msp::encode(&channels).to_vec(),
             mavlink_frame(&message, sender, 7).bytes().to_vec(),
+            crazyflie_frame(&packet).bytes().to_vec(),
         ];
         for (index, frame) in frames.iter().enumerate() {
             decode_with_all(&frame[..cut.index(frame.len())]);
@@ -230,6 +286,7 @@ fn the_corpus_does_no_harm_and_its_good_frames_are_taken() {
             "sbus" => sbus::decode(&bytes).is_ok(),
             "multi" => multi::decode(&bytes).is_ok(),
             "msp" => msp::decode(&bytes).is_ok(),
+            "crazyflie" => crazyflie::decode(&bytes).is_ok(),
             _ => mavlink::decode(&bytes).is_ok(),
         };
         assert_eq!(is_taken, name.ends_with("good"), "{}", path.display());

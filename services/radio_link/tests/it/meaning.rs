@@ -98,8 +98,33 @@ fn read(protocol: RadioProtocol, bytes: &[u8]) -> Read {
             f64::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]))
         }),
         RadioProtocol::Mavlink => of_mavlink(mavlink_payload(bytes)),
+        RadioProtocol::Crazyflie => of_crazyflie(bytes),
         RadioProtocol::Simulated => panic!("it has no frames"),
     }
+}
+
+/// After `manualDecoder` and `stopDecoder` of the firmware's `crtp_commander_generic.c`, and `controllerPid`, which compares
+/// the setpoint with the gyro's x, −y and z; its axes are forward, left, up.
+fn of_crazyflie(bytes: &[u8]) -> Read {
+    assert_eq!(
+        (bytes[0] >> 4, bytes[0] & 3),
+        (7, 0),
+        "the port and channel of setpoints"
+    );
+    if bytes[1] == 0 {
+        assert_eq!(bytes.len(), 2);
+        return Read::Attitude([0.0; 4]);
+    }
+    assert_eq!(
+        (bytes[1], bytes.len(), bytes[16]),
+        (11, 17, 1),
+        "rates, of the asserted length"
+    );
+    let rate = |at: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|byte| bytes[at + byte])));
+    let gyro = [rate(2), -rate(6), rate(10)].map(f64::to_radians);
+    let [forward, left, up] = gyro;
+    let thrust = f64::from(u16::from_le_bytes([bytes[14], bytes[15]])) / f64::from(u16::MAX);
+    Read::Attitude([forward, -left, -up, thrust])
 }
 
 /// After the definitions 70 and 82 of MAVLink's `common.xml`.

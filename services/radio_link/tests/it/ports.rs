@@ -9,11 +9,11 @@ use radio_link::link::RadioLink;
 use radio_link::port::{ByteFormat, Counts, FIRST_PAUSE_NS, LONGEST_PAUSE_NS, OpenError, Port, Sent, Target};
 use radio_link::sender::Sender;
 use radio_link::sticks::Sticks;
-use radio_link::{crsf, sbus};
+use radio_link::{crazyflie, crsf, sbus};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, tcgetattr};
-use scenario::{RadioProtocol, RcLink, Transmitter};
+use scenario::{CrazyflieUri, RadioProtocol, RcLink, Transmitter};
 
 /// Longest wait for an event before a test gives up, s: only a broken test waits for it.
 const WATCHDOG: i64 = 20;
@@ -235,6 +235,104 @@ fn packets_without_a_receiver_are_counted_and_the_socket_stays() {
     let mut read = [0; 64];
     let (count, _) = peer.recv_from(&mut read).unwrap();
     assert_eq!(read[..count], frame(5));
+}
+
+/// A simulator of a Crazyflie, and the thread that answers its first packet.
+fn answering_once(server: UdpSocket) -> std::thread::JoinHandle<UdpSocket> {
+    std::thread::spawn(move || {
+        let mut read = [0; 64];
+        let (count, from) = server.recv_from(&mut read).unwrap();
+        assert_eq!(read[..count], [crazyflie::NULL]);
+        server.send_to(&[crazyflie::NULL], from).unwrap();
+        server
+    })
+}
+
+fn packet_at(server: &UdpSocket) -> Vec<u8> {
+    let mut read = [0; 64];
+    let (count, _) = server.recv_from(&mut read).unwrap();
+    read[..count].to_vec()
+}
+
+#[test]
+fn a_simulator_of_a_crazyflie_is_greeted_before_the_first_packet_and_after_its_restart() {
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    let answering = answering_once(server);
+    let mut port = Port::open(Target::Crazyflie(address)).unwrap();
+    let server = answering.join().unwrap();
+    let stop = [0x7c, 0];
+    assert_eq!(port.send(&stop, 0), Sent::Accepted);
+    assert_eq!(packet_at(&server), stop, "a packet is a datagram");
+    drop(server);
+    while port.counts().closed == 0 {
+        port.send(&stop, 0);
+    }
+    let server = UdpSocket::bind(address).unwrap();
+    while port.send(&stop, 0) != Sent::Accepted {}
+    assert_eq!(
+        [packet_at(&server), packet_at(&server)],
+        [vec![crazyflie::NULL], stop.to_vec()]
+    );
+    assert_eq!((port.counts().losses, port.is_open()), (0, true));
+}
+
+#[test]
+fn a_simulator_that_does_not_answer_is_an_error_with_the_fix() {
+    let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = silent.local_addr().unwrap();
+    let refused = Port::open(Target::Crazyflie(address)).unwrap_err();
+    assert_eq!(refused, OpenError::Unanswered { address });
+    assert!(refused.to_string().contains("start the simulator first"));
+}
+
+#[test]
+fn a_dongle_that_cannot_be_used_is_an_error_with_the_fix() {
+    let CrazyflieUri::Radio(address) = "radio://15/80".parse().unwrap() else {
+        panic!()
+    };
+    let shown = Port::open(Target::Dongle(address)).unwrap_err().to_string();
+    if cfg!(feature = "crazyradio") {
+        assert!(shown.contains("dongle 15"), "{shown}");
+    } else {
+        assert!(shown.contains("--features crazyradio"), "{shown}");
+    }
+    // In flight the link is a lost one that is tried again.
+    let mut port = Port::lost(Target::Dongle(address));
+    assert_eq!(port.send(&[0x7c, 0], 0), Sent::Closed);
+    assert!(!port.is_open());
+}
+
+#[test]
+fn a_crazyflie_whose_command_is_lost_gets_stop_for_as_long_as_the_sender_lives() {
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let link = RcLink {
+        link: RadioProtocol::Crazyflie,
+        transmitter: Some(Transmitter {
+            uri: Some(format!("udp://{}", server.local_addr().unwrap())),
+            silence_after: 0.02,
+            ..Transmitter::default()
+        }),
+        ..RcLink::default()
+    };
+    let answering = answering_once(server);
+    let opened = RadioLink::open(&link).unwrap().unwrap();
+    let server = answering.join().unwrap();
+    let sender = Sender::start(opened, 1_000_000).unwrap();
+    sender.set(&Sticks::flying([1500, 1000, 1000, 1000]));
+    while packet_at(&server)[1] != 11 {}
+    let sticks = Sticks {
+        is_lost: true,
+        ..Sticks::MOTORS_OFF
+    };
+    sender.set(&sticks);
+    while packet_at(&server)[1] != 0 {}
+    // Nothing renews these sticks either.
+    for _ in 0..100 {
+        assert_eq!(packet_at(&server), [0x7c, 0]);
+    }
+    let report = sender.stop().unwrap();
+    assert_eq!(report.silent, 0);
 }
 
 fn crsf_link(path: &Path) -> RcLink {

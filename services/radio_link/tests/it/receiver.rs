@@ -5,7 +5,7 @@ use radio_link::encoder::Encoder;
 use radio_link::frame::Frame;
 use radio_link::receiver::{Command, Receiver};
 use radio_link::sticks::Sticks;
-use scenario::{Mavlink, RcLink, Transmitter};
+use scenario::{Mavlink, RadioProtocol, RcLink, Transmitter};
 
 use super::vehicles::protocols;
 
@@ -80,7 +80,7 @@ proptest! {
     fn noise_between_frames_is_skipped_and_frames_may_come_in_pieces(
         noise in proptest::collection::vec(proptest::collection::vec(0_u8..=0x0e, 0..40), 4), piece in 1..60_usize,
     ) {
-        for link in links() {
+        for link in links().into_iter().filter(|link| link.link != RadioProtocol::Crazyflie) {
             let (mut encoder, mut receiver) = ends(&link);
             let mut bytes = Vec::new();
             for (count, noise) in noise.iter().enumerate() {
@@ -91,6 +91,27 @@ proptest! {
             prop_assert_eq!(commands.len(), noise.len(), "{:?}", link.link);
             prop_assert_eq!(receiver.received().skipped, noise.iter().map(|noise| noise.len() as u64).sum::<u64>());
         }
+    }
+
+    #[test]
+    fn a_packet_is_taken_whole_or_not_at_all(
+        before in proptest::collection::vec(any::<u8>(), 0..4), after in proptest::collection::vec(any::<u8>(), 0..4),
+        codes in proptest::array::uniform4(0..=2047_u16), cut in any::<prop::sample::Index>(),
+    ) {
+        let crazyflie = links().into_iter().find(|link| link.link == RadioProtocol::Crazyflie).unwrap();
+        let (mut encoder, mut receiver) = ends(&crazyflie);
+        let packet = sent(&mut encoder, &flying(codes), false);
+        let padded = [before.as_slice(), &packet, &after].concat();
+        let is_whole = before.is_empty() && after.is_empty();
+        prop_assert_eq!(heard(&mut receiver, &padded).len(), usize::from(is_whole));
+        prop_assert_eq!(receiver.received().skipped, if is_whole { 0 } else { padded.len() as u64 });
+        // The rest of a packet is not another one's beginning.
+        let (first, rest) = packet.split_at(cut.index(packet.len()));
+        prop_assert_eq!(heard(&mut receiver, first), []);
+        if !first.is_empty() {
+            prop_assert_eq!(heard(&mut receiver, rest), []);
+        }
+        prop_assert_eq!(heard(&mut receiver, &packet).len(), 1);
     }
 
     #[test]
@@ -126,6 +147,28 @@ fn the_flag_of_sbus_takes_the_arming_away() {
     let (mut encoder, mut receiver) = ends(&sbus);
     let bytes = sent(&mut encoder, &flying([1500; 4]), true);
     assert!(!heard(&mut receiver, &bytes)[0].is_armed);
+}
+
+#[test]
+fn stop_and_failsafe_of_a_crazyflie_are_a_packet_of_their_own() {
+    let crazyflie = links()
+        .into_iter()
+        .find(|link| link.link == RadioProtocol::Crazyflie)
+        .unwrap();
+    let (mut encoder, mut receiver) = ends(&crazyflie);
+    for (sticks, failsafe) in [(Sticks::MOTORS_OFF, false), (flying([1500; 4]), true)] {
+        let bytes = sent(&mut encoder, &sticks, failsafe);
+        assert_eq!(bytes, [0x7c, 0]);
+        let [command] = heard(&mut receiver, &bytes)[..] else {
+            panic!("{bytes:?}")
+        };
+        assert!(!command.is_armed && command.thrust(&crazyflie) == 0.0);
+    }
+    // What asks for an answer or ends the setpoints commands nothing.
+    for other in [&[0xff][..], &[0xf3], &[0x7d, 0, 0, 0, 0, 0]] {
+        assert_eq!(heard(&mut receiver, other), []);
+    }
+    assert_eq!(receiver.received().skipped, 0);
 }
 
 #[test]

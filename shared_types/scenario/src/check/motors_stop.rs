@@ -1,7 +1,7 @@
 //! Checks that the motors stop: with the frames that stop them, and in the receiver's failsafe.
 
 use super::{Findings, six_digits};
-use crate::{Key, RcLink, ThrustChannel, Transmitter};
+use crate::{Key, RadioProtocol, RcLink, ThrustChannel, Transmitter};
 
 /// Share of the largest thrust up to which motors count as stopped, because fitted calibrations are not exact.
 const STOPPED: f64 = 0.01;
@@ -64,16 +64,23 @@ impl RcLink {
         }
     }
 
-    /// Checks `SET_ATTITUDE_TARGET`, which has no channels but a normalised thrust, of which 0 stops the motors.
+    /// Checks a message without channels but with a normalised thrust, of which 0 stops the motors: `SET_ATTITUDE_TARGET`
+    /// and the packets of a Crazyflie.
     fn check_normalised_thrust(&self, transmitter: &Transmitter, at: &Key, found: &mut Findings) {
         let least = self.thrust_offset - self.thrust_slope.abs();
+        let is_mavlink = self.link == RadioProtocol::Mavlink;
         if self.turns_motors(least) {
             let reason = format!(
                 "a thrust of 0 stops the motors, but would command {} N",
                 six_digits(least)
             );
             let fix = "check `thrust_offset` and `thrust_slope`: a thrust of 0 is a travel of -1, or of 1 if the slope is negative";
-            found.add(at.then("mavlink").then("message"), reason, fix);
+            let key = if is_mavlink {
+                at.then("mavlink").then("message")
+            } else {
+                at.then("uri")
+            };
+            found.add(key, reason, fix);
         }
         for (name, is_stated) in [
             ("arming_channel", transmitter.arming_channel.is_some()),
@@ -82,12 +89,18 @@ impl RcLink {
             ("failsafe", transmitter.failsafe.is_some()),
         ] {
             if is_stated {
-                let fix = format!("leave `{name}` out, or state `mavlink.message = \"rc_override\"`");
-                found.add(
-                    at.then(name),
-                    "the message `attitude_target` has no channels",
-                    fix,
-                );
+                let (reason, fix) = if is_mavlink {
+                    (
+                        "the message `attitude_target` has no channels",
+                        format!("leave `{name}` out, or state `mavlink.message = \"rc_override\"`"),
+                    )
+                } else {
+                    (
+                        "the packets of `crazyflie` have no channels",
+                        format!("leave `{name}` out"),
+                    )
+                };
+                found.add(at.then(name), reason, fix);
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use super::Findings;
-use crate::{Key, RadioProtocol, RcLink, Transmitter};
+use crate::{CrazyflieUri, CrazyflieUriError, Key, RadioProtocol, RcLink, Transmitter};
 
 /// Letters of the sticks: thrust, roll, pitch, yaw.
 const STICKS: [char; 4] = ['T', 'A', 'E', 'R'];
@@ -17,7 +17,7 @@ impl RcLink {
             (None, link) => found.add(
                 at.then("link"),
                 format!("the destination of the frames of `{}` is not stated", link.name()),
-                "add `[rc_output.transmitter]` with `device`, `tcp` or `udp`, or leave `link` out",
+                "add `[rc_output.transmitter]` with `device`, `tcp`, `udp` or `uri`, or leave `link` out",
             ),
             (Some(_), RadioProtocol::Simulated) => {
                 let [others @ .., last] = RadioProtocol::ALL.map(RadioProtocol::name);
@@ -49,12 +49,18 @@ impl Transmitter {
 
     /// Requires one destination of a kind that the link supports.
     fn check_destination(&self, link: RadioProtocol, at: &Key, found: &mut Findings) {
-        let socket = link.properties().socket;
-        let destinations = [("device", &self.device), ("tcp", &self.tcp), ("udp", &self.udp)];
-        let fix = socket.map_or_else(
-            || "state `device`, and nothing else".to_owned(),
-            |socket| format!("state one of `device` and `{socket}`"),
-        );
+        let properties = link.properties();
+        let destinations = [
+            ("device", &self.device),
+            ("tcp", &self.tcp),
+            ("udp", &self.udp),
+            ("uri", &self.uri),
+        ];
+        let fix = match (properties.serial, properties.socket) {
+            (true, Some(socket)) => format!("state one of `device` and `{socket}`"),
+            (false, Some(socket)) => format!("state `{socket}`, and nothing else"),
+            (_, None) => "state `device`, and nothing else".to_owned(),
+        };
         let stated = destinations
             .iter()
             .filter(|(_, destination)| destination.is_some());
@@ -64,7 +70,15 @@ impl Transmitter {
         }
         for (name, destination) in destinations {
             let Some(destination) = destination else { continue };
-            if name == "device" {
+            let is_supported = if name == "device" {
+                properties.serial
+            } else {
+                properties.socket == Some(name)
+            };
+            if !is_supported {
+                let reason = format!("`{}` is not sent by `{name}`", link.name());
+                found.add(at.then(name), reason, fix.clone());
+            } else if name == "device" {
                 if destination.is_empty() {
                     found.add(
                         at.then(name),
@@ -72,9 +86,8 @@ impl Transmitter {
                         "give its path, such as /dev/ttyUSB0",
                     );
                 }
-            } else if socket != Some(name) {
-                let reason = format!("`{}` is not sent by `{name}`", link.name());
-                found.add(at.then(name), reason, fix.clone());
+            } else if name == "uri" {
+                check_uri(destination, &at.then(name), found);
             } else if destination.parse::<SocketAddr>().is_err() {
                 let reason = format!("`{destination}` is not an address with a port");
                 found.add(
@@ -194,6 +207,21 @@ impl Transmitter {
                 found.add(at.then(owner.name()), reason, fix);
             }
         }
+    }
+}
+
+/// Requires the address of a Crazyflie.
+fn check_uri(uri: &str, key: &Key, found: &mut Findings) {
+    if let Err(reason) = uri.parse::<CrazyflieUri>() {
+        let fix = match reason {
+            CrazyflieUriError::Address(_) => {
+                "give numbers, such as udp://127.0.0.1:19850; names are not resolved"
+            }
+            _ => {
+                "give an address such as radio://0/80/2M/E7E7E7E7E7, or udp://127.0.0.1:19850 of a simulator"
+            }
+        };
+        found.add(key.clone(), format!("`{uri}`: {reason}"), fix);
     }
 }
 

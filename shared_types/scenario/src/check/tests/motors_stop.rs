@@ -165,6 +165,16 @@ fn attitude_targets_have_no_switches_and_no_thrust_at_a_share_of_none() {
         (link.thrust_slope, stated.reversed) = (-3.138, "T".to_owned());
     };
     assert_eq!(by_mavlink(turned, MavlinkMessage::AttitudeTarget), []);
+    let to_a_crazyflie = problems(|link, stated| {
+        (link.link, link.thrust_offset) = (RadioProtocol::Crazyflie, 3.4);
+        (stated.device, stated.uri) = (None, Some("radio://0/80".to_owned()));
+    });
+    assert_only(
+        &to_a_crazyflie,
+        "rc_output.transmitter.uri",
+        "would command 0.262 N",
+        "`thrust_offset`",
+    );
     let found = by_mavlink(|link, _| link.thrust_offset = 3.4, MavlinkMessage::AttitudeTarget);
     assert_only(
         &found,

@@ -6,8 +6,10 @@ use crate::{ChannelSwitch, MultiModule, Problem, RadioProtocol, Scenario, Transm
 
 /// The problems of a flight in the laboratory whose frames leave on a link, after its transmitter has been spoilt.
 fn problems(link: RadioProtocol, spoil: impl FnOnce(&mut Transmitter)) -> Vec<Problem> {
+    let is_serial = link.properties().serial;
     let mut transmitter = Transmitter {
-        device: Some("/dev/ttyUSB0".to_owned()),
+        device: is_serial.then(|| "/dev/ttyUSB0".to_owned()),
+        uri: (!is_serial).then(|| "radio://0/80/2M/E7E7E7E7E7".to_owned()),
         ..Transmitter::default()
     };
     spoil(&mut transmitter);
@@ -30,7 +32,7 @@ fn refused(link: RadioProtocol, spoil: impl FnOnce(&mut Transmitter), key: &str,
 const LINKS: [RadioProtocol; RadioProtocol::ALL.len()] = RadioProtocol::ALL;
 
 #[test]
-fn every_link_goes_by_a_serial_device_with_its_defaults() {
+fn every_link_goes_by_a_serial_device_or_a_dongle_with_its_defaults() {
     for link in LINKS {
         assert_eq!(problems(link, |_| {}), []);
     }
@@ -92,6 +94,59 @@ fn frames_go_to_one_place_that_the_link_knows() {
     refused(Mavlink, named, ".udp", "not an address with a port", "127.0.0.1");
     let reached = |stated: &mut Transmitter| (stated.device, stated.tcp) = (None, address());
     assert_eq!(problems(Msp, reached), []);
+}
+
+#[test]
+fn a_crazyflie_has_an_address_of_its_own_kind_and_no_channels() {
+    use RadioProtocol::{Crazyflie, Crsf};
+    let at = |uri: &'static str| move |stated: &mut Transmitter| stated.uri = Some(uri.to_owned());
+    for uri in [
+        "udp://127.0.0.1:19850",
+        "radio://1/100/1M/E7E7E7E701",
+        "radio://0/80",
+    ] {
+        assert_eq!(problems(Crazyflie, at(uri)), []);
+    }
+    for (uri, reason, fix) in [
+        (
+            "udp://localhost:19850",
+            "`localhost:19850` is not an address with a port",
+            "not resolved",
+        ),
+        (
+            "usb://0",
+            "neither with `udp://` nor with `radio://`",
+            "radio://0/80/2M/E7E7E7E7E7",
+        ),
+        (
+            "radio://0/200/2M",
+            "`200` is not a channel from 0 to 125",
+            "udp://127.0.0.1:19850",
+        ),
+    ] {
+        refused(Crazyflie, at(uri), ".uri", reason, fix);
+    }
+    let by_device = |stated: &mut Transmitter| {
+        (stated.uri, stated.device) = (None, Some("/dev/ttyUSB0".to_owned()));
+    };
+    refused(
+        Crazyflie,
+        by_device,
+        ".device",
+        "`crazyflie` is not sent by `device`",
+        "state `uri`, and nothing else",
+    );
+    let by_uri = |stated: &mut Transmitter| {
+        (stated.device, stated.uri) = (None, Some("radio://0/80".to_owned()));
+    };
+    refused(Crsf, by_uri, ".uri", "is not sent by `uri`", "state `device`");
+    refused(
+        Crazyflie,
+        |stated| stated.arming_channel = Some(5),
+        ".arming_channel",
+        "the packets of `crazyflie` have no channels",
+        "leave `arming_channel` out",
+    );
 }
 
 #[test]

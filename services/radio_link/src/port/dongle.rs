@@ -1,0 +1,96 @@
+//! The USB dongle of a Crazyflie.
+//!
+//! The vehicle acknowledges each packet; the dongle repeats an unacknowledged one three times by itself, and then reports
+//! it. It is not repeated here, because the next frame is newer, except one that stops the motors: it may be the last.
+
+use std::fmt;
+use std::panic::catch_unwind;
+use std::path::Path;
+
+use crazyradio::{Channel, Crazyradio, Datarate, Error, Power};
+use rustix::io::Errno;
+use scenario::{RadioAddress, RadioRate};
+
+use super::{OpenError, Sent};
+use crate::crazyflie::{CrazyfliePacket, decode};
+
+/// Folder of the USB devices of a machine that has any.
+const USB_DEVICES: &str = "/dev/bus/usb";
+
+/// Attempts at a packet that stops the motors. Each takes some milliseconds at most.
+const STOPS: usize = 10;
+
+/// A dongle set to a vehicle's channel and address.
+pub(super) struct Dongle(Crazyradio);
+
+impl fmt::Debug for Dongle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Dongle")
+    }
+}
+
+impl Dongle {
+    /// Opens and configures a dongle.
+    ///
+    /// # Errors
+    /// [`OpenError`], with the fix.
+    pub(super) fn open(address: &RadioAddress) -> Result<Self, OpenError> {
+        let index = address.dongle;
+        let failed = |error: Error| open_error(index, &error);
+        if !Path::new(USB_DEVICES).exists() {
+            return Err(OpenError::NoDongle { index });
+        }
+        // The driver panics if libusb cannot be initialised, as in a container without USB events.
+        let opened = catch_unwind(|| Crazyradio::open_nth(index)).map_err(|_| OpenError::Dongle {
+            index,
+            reason: "libusb cannot be initialised".to_owned(),
+        })?;
+        let mut radio = opened.map_err(failed)?;
+        radio
+            .set_channel(Channel::from_number(address.channel).map_err(failed)?)
+            .map_err(failed)?;
+        radio.set_datarate(data_rate(address.rate)).map_err(failed)?;
+        radio.set_address(&address.address).map_err(failed)?;
+        radio.set_power(Power::P0dBm).map_err(failed)?;
+        Ok(Self(radio))
+    }
+
+    /// Sends a packet and waits until it is acknowledged or given up.
+    ///
+    /// # Errors
+    /// [`Errno::IO`] if the dongle does not work, or does not answer within a second.
+    pub(super) fn send(&mut self, frame: &[u8]) -> Result<Sent, Errno> {
+        let attempts = if matches!(decode(frame), Ok(CrazyfliePacket::Stop)) {
+            STOPS
+        } else {
+            1
+        };
+        // What comes back is telemetry, which is not read.
+        let mut answer = [0; 32];
+        for _ in 0..attempts {
+            let ack = self.0.send_packet(frame, &mut answer).map_err(|_| Errno::IO)?;
+            if ack.received {
+                return Ok(Sent::Accepted);
+            }
+        }
+        Ok(Sent::Busy)
+    }
+}
+
+fn data_rate(rate: RadioRate) -> Datarate {
+    match rate {
+        RadioRate::Kilobits250 => Datarate::Dr250K,
+        RadioRate::Megabit1 => Datarate::Dr1M,
+        RadioRate::Megabits2 => Datarate::Dr2M,
+    }
+}
+
+fn open_error(index: usize, error: &Error) -> OpenError {
+    match error {
+        Error::NotFound => OpenError::NoDongle { index },
+        error => OpenError::Dongle {
+            index,
+            reason: error.to_string(),
+        },
+    }
+}
