@@ -5,14 +5,14 @@
 
 use crate::common;
 
-use std::net::TcpListener;
+use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 
 use common::laboratory::free_port;
 use common::logs::last_of_host;
 use common::pilot::{ask, comes_to_the_path};
 use common::processes::{await_end, fill_the_disk_of, services_of, signal};
-use common::world::{World, arguments, kept_time, samples};
+use common::world::{World, arguments, arguments_of, kept_time, samples};
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};
 use run_log::CaptureFigures;
 use rustix::process::Signal;
@@ -282,6 +282,73 @@ fn a_vehicle_that_nobody_lands_is_on_the_ground_at_the_end_of_the_duration() {
     let place = Place::in_real_time();
     let landed = (0..5).any(|attempt| lands(&place, attempt, 30.0, |_| (), 0));
     assert!(landed, "the machine stands still in every flight");
+}
+
+/// Scenario of a vehicle that takes packets of its own.
+const CRAZYFLIE: &str = "laboratory_crazyflie";
+
+/// Largest error of the vehicle by its own packets, as a multiple of that by CRSF.
+const BY_ITS_OWN_PACKETS: f64 = 1.1;
+
+/// Time that it flies on the path, s, and time of that in which the error is measured.
+const FLOWN_AND_MEASURED: [f64; 2] = [20.0, 12.0];
+
+/// Flies the Crazyflie by a link from the ground to the ground. Returns its error in flight, root mean square, m; `None` if
+/// the machine stands still.
+fn error_of_a_crazyflie(place: &Place, name: &str, link: &[String]) -> Option<f64> {
+    let [flight, world] = ["flight", "world"].map(|kind| format!("{kind}-{name}"));
+    let port = format!("motion_capture.port={}", free_port());
+    let mut settings = vec![port, "flight.spool_up=0.2".to_owned()];
+    settings.extend_from_slice(link);
+    let simulated = World::begin_of(CRAZYFLIE, place, &settings, &["--out", &world]);
+    until("the world", || place.path(&world).exists().then_some(()));
+    let run = ["--host", "realtime", "--out", &flight];
+    let run = begin(&mut place.gerono(&arguments_of(CRAZYFLIE, "run", &settings, &run)));
+    let comes = comes_to_the_path(place);
+    let now = || Some(place.look()?.time);
+    if comes {
+        let began = ask("the time", now);
+        ask("the flight", || {
+            (now()? > began + FLOWN_AND_MEASURED[0]).then_some(())
+        });
+    }
+    place.gerono(&["stop"]).output().unwrap();
+    let ended = finish(run);
+    simulated.end();
+    if !comes || !kept_time(place, &world) {
+        return None;
+    }
+    assert!(ended.status.success(), "{}", said(&ended));
+    assert_it_came_from_the_ground_and_returned(&place.log(&world));
+    let measured = format!("{}", FLOWN_AND_MEASURED[1]);
+    let compared = ["truth", &flight, "--world", &world, "--last", &measured, "--json"];
+    let compared = succeed(&mut place.gerono(&compared));
+    let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    part(&truth, "last")["rmse"].as_f64()
+}
+
+#[test]
+fn a_crazyflie_flies_as_well_by_its_own_packets_as_by_crsf() {
+    let place = Place::in_real_time();
+    let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let own = [format!("rc_output.transmitter.uri='udp://{free}'")];
+    let device = place.path("radio").display().to_string();
+    let crsf = [
+        "rc_output.link=crsf".to_owned(),
+        format!("rc_output.transmitter={{device='{device}',arming_channel=5}}"),
+    ];
+    let flown = |name: &str, link: &[String]| {
+        let attempt = |number| error_of_a_crazyflie(&place, &format!("{name}{number}"), link);
+        (0..5)
+            .find_map(attempt)
+            .expect("the machine stands still in every flight")
+    };
+    let [by_its_own, by_crsf] = [flown("own", &own), flown("crsf", &crsf)];
+    println!("by its own packets {by_its_own} m, by CRSF {by_crsf} m");
+    assert!(
+        by_its_own <= BY_ITS_OWN_PACKETS * by_crsf,
+        "{by_its_own} {by_crsf}"
+    );
 }
 
 /// Slowest descent that is a fall and no landing, m/s: from the path it comes to more than twice that.

@@ -10,12 +10,20 @@ use super::{Begun, Place, begin, finish, said, scenario, wait};
 /// For how long the machine may stand still, s: half of what the oldest state may be before the vehicle is levelled.
 pub(crate) const STANDSTILL: f64 = 0.1;
 
+/// Scenario of the simulated laboratory.
+const LABORATORY: &str = "laboratory_simulated";
+
 /// A world that is ended with the test.
 pub(crate) struct World(Option<Begun>);
 
 impl World {
     pub(crate) fn begin(place: &Place, settings: &[String], more: &[&str]) -> Self {
-        let mut world = place.gerono(&arguments("world", settings, more));
+        Self::begin_of(LABORATORY, place, settings, more)
+    }
+
+    /// Begins the world of a scenario.
+    pub(crate) fn begin_of(name: &str, place: &Place, settings: &[String], more: &[&str]) -> Self {
+        let mut world = place.gerono(&arguments_of(name, "world", settings, more));
         Self(Some(begin(&mut world)))
     }
 
@@ -39,8 +47,18 @@ impl Drop for World {
 
 /// `gerono COMMAND` of the simulated laboratory.
 pub(crate) fn arguments<'a>(command: &'a str, settings: &'a [String], more: &[&'a str]) -> Vec<&'a str> {
+    arguments_of(LABORATORY, command, settings, more)
+}
+
+/// `gerono COMMAND` of a scenario.
+pub(crate) fn arguments_of<'a>(
+    name: &str,
+    command: &'a str,
+    settings: &'a [String],
+    more: &[&'a str],
+) -> Vec<&'a str> {
     let file = Box::leak(
-        scenario("laboratory_simulated")
+        scenario(name)
             .into_os_string()
             .into_string()
             .unwrap()

@@ -45,10 +45,11 @@ impl Autopilot {
         }
     }
 
-    /// Updates the sensor readings of Betaflight.
+    /// Updates the sensor readings.
     pub(super) fn update_sensors(&mut self, truth: &VehicleTruth) {
-        if let Self::Betaflight(betaflight) = self {
-            betaflight.update_sensors(truth);
+        match self {
+            Self::RateLoop(_, radio) => radio.update_sensors(truth),
+            Self::Betaflight(betaflight) => betaflight.update_sensors(truth),
         }
     }
 

@@ -10,17 +10,18 @@
 //! begins k·h after the first, and frames that arrive later do not act in it.
 //!
 //! * [`mod@receiver_input`]: the port at which frames arrive;
-//! * [`radio`]: the receiver, with its latency;
+//! * [`radio`]: the receiver, with its latency, and [`crazyflie`], what that vehicle does without setpoints;
 //! * [`autopilot`]: the scenario's rate loop, or [`betaflight`], the real firmware of a flight controller;
 //! * [`cameras`]: poses, sent with the latency of a real system;
 //! * [`record`]: the log of the truth.
 //!
 //! Failure policy: a port or address that cannot be opened at the start is an error with the fix. Later a missing flight is
-//! no error: without frames for [`link_loss_timer::LOST_AFTER_NS`] the vehicle stops its motors.
+//! no error: without frames for [`link_loss_timer::LOST_AFTER_NS`] the vehicle stops its motors; a Crazyflie levels first.
 
 pub mod autopilot;
 pub mod betaflight;
 pub mod cameras;
+pub mod crazyflie;
 pub mod link_loss_timer;
 pub mod radio;
 pub mod receiver_input;

@@ -1,15 +1,17 @@
 //! The receiver: decodes bytes to frames and delays them by the radio's latency.
 //!
 //! A frame acts a stated latency, that of the air link and the flight controller, after its last byte has arrived. Without a
-//! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors.
+//! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors; a Crazyflie does what
+//! its [`Supervisor`] does.
 
 use std::collections::VecDeque;
 
 use radio_link::receiver::{Command, ReceivedCommands, Receiver};
-use scenario::{RcLink, Transmitter};
-use shared_types::samples::RcFrame;
+use scenario::{RadioProtocol, RcLink, Transmitter};
+use shared_types::samples::{RcFrame, VehicleTruth};
 use zerocopy::FromZeros;
 
+use super::crazyflie::Supervisor;
 use super::link_loss_timer::LinkLossTimer;
 
 /// A receiver with its delayed frames.
@@ -20,9 +22,18 @@ pub struct Radio {
     latency_ns: u64,
     /// Frames with the times at which they begin to act, oldest first.
     pending: VecDeque<(u64, RcFrame)>,
-    link_loss: LinkLossTimer,
+    loss: Loss,
     /// Number of frames so far: the sequence number of the next one.
     count: u64,
+}
+
+/// What the vehicle does without frames.
+#[derive(Debug)]
+enum Loss {
+    /// Stops its motors.
+    Stops(LinkLossTimer),
+    /// What the firmware of a Crazyflie does.
+    Crazyflie(Box<Supervisor>),
 }
 
 impl Radio {
@@ -34,7 +45,11 @@ impl Radio {
             receiver: Receiver::new(link, transmitter)?,
             latency_ns,
             pending: VecDeque::new(),
-            link_loss: LinkLossTimer::default(),
+            loss: if link.link == RadioProtocol::Crazyflie {
+                Loss::Crazyflie(Box::default())
+            } else {
+                Loss::Stops(LinkLossTimer::default())
+            },
             count: 0,
         })
     }
@@ -46,12 +61,13 @@ impl Radio {
             receiver,
             latency_ns,
             pending,
-            link_loss,
+            loss,
             count,
-            ..
         } = self;
         receiver.push(bytes, &mut |command| {
-            link_loss.restart(now_ns);
+            if let Loss::Stops(timer) = loss {
+                timer.restart(now_ns);
+            }
             pending.push_back((now_ns + *latency_ns, frame_of(command, link, *count)));
             *count += 1;
         });
@@ -63,12 +79,34 @@ impl Radio {
         while let Some((_, frame)) = self.pending.pop_front_if(|(acts_at, _)| *acts_at <= at_ns) {
             newest = Some(frame);
         }
-        if self.link_loss.expires(at_ns) {
-            self.count += 1;
-            self.pending.clear();
-            return Some(stopped_frame(self.count - 1));
+        match &mut self.loss {
+            Loss::Stops(timer) => {
+                if !timer.expires(at_ns) {
+                    return newest;
+                }
+                self.pending.clear();
+                Some(self.numbered(stopped_frame(0)))
+            }
+            Loss::Crazyflie(supervisor) => {
+                let is_command = newest.is_some();
+                let acting = supervisor.acting(newest, at_ns)?;
+                Some(if is_command { acting } else { self.numbered(acting) })
+            }
         }
-        newest
+    }
+
+    /// Gives a frame of the vehicle's own the next number.
+    fn numbered(&mut self, mut frame: RcFrame) -> RcFrame {
+        frame.header.seq = self.count;
+        self.count += 1;
+        frame
+    }
+
+    /// Updates the sensors of a vehicle that levels itself.
+    pub fn update_sensors(&mut self, truth: &VehicleTruth) {
+        if let Loss::Crazyflie(supervisor) = &mut self.loss {
+            supervisor.update_sensors(truth);
+        }
     }
 
     /// Returns the counts of commands since the start.
@@ -80,7 +118,10 @@ impl Radio {
     /// Returns the number of losses of the link.
     #[must_use]
     pub fn losses(&self) -> u64 {
-        self.link_loss.losses()
+        match &self.loss {
+            Loss::Stops(timer) => timer.losses(),
+            Loss::Crazyflie(supervisor) => supervisor.losses(),
+        }
     }
 }
 
@@ -113,9 +154,9 @@ mod tests {
     use radio_link::sticks::Sticks;
     use scenario::RadioProtocol;
 
-    fn link() -> RcLink {
+    fn link(protocol: RadioProtocol) -> RcLink {
         RcLink {
-            link: RadioProtocol::Crsf,
+            link: protocol,
             transmitter: Some(Transmitter {
                 arming_channel: Some(5),
                 ..Transmitter::default()
@@ -125,7 +166,11 @@ mod tests {
     }
 
     fn radio(latency_ns: u64) -> (Radio, impl FnMut(&Sticks) -> Vec<u8>) {
-        let link = link();
+        radio_of(RadioProtocol::Crsf, latency_ns)
+    }
+
+    fn radio_of(protocol: RadioProtocol, latency_ns: u64) -> (Radio, impl FnMut(&Sticks) -> Vec<u8>) {
+        let link = link(protocol);
         let transmitter = link.transmitter.as_ref().unwrap();
         let mut encoder = Encoder::new(&link, transmitter).unwrap();
         let radio = Radio::new(&link, transmitter, latency_ns).unwrap();
@@ -175,5 +220,47 @@ mod tests {
         radio.receive(&send(&armed()), 200 + LOST_AFTER_NS);
         let frame = radio.acting(200 + LOST_AFTER_NS).unwrap();
         assert!(!frame.failsafe.is_set() && radio.losses() == 1);
+    }
+
+    #[test]
+    fn a_crazyflie_levels_then_stops_and_its_frames_have_numbers_of_their_own() {
+        let (mut radio, mut send) = radio_of(RadioProtocol::Crazyflie, 0);
+        let mut truth = VehicleTruth::new_zeroed();
+        truth.world_from_body = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        radio.update_sensors(&truth);
+        radio.receive(&send(&armed()), 100);
+        let flown = radio.acting(100).unwrap();
+        assert!(radio.acting(100 + LOST_AFTER_NS).is_none());
+        let level = radio.acting(101 + LOST_AFTER_NS).unwrap();
+        assert_eq!((level.thrust, level.header.seq), (flown.thrust, 1));
+        assert!(level.rates_body.iter().all(|rate| *rate == 0.0));
+        let stopped = radio.acting(101 + 4 * LOST_AFTER_NS).unwrap();
+        assert!(stopped.failsafe.is_set() && stopped.thrust == 0.0 && stopped.header.seq == 2);
+        assert_eq!(radio.losses(), 1);
+        // Locked until it is restarted.
+        radio.receive(&send(&armed()), 5 * LOST_AFTER_NS);
+        assert!(radio.acting(5 * LOST_AFTER_NS).is_none());
+    }
+
+    /// Packets have no numbers: the last to arrive acts, and one that comes twice acts as it did.
+    #[test]
+    fn packets_of_a_crazyflie_that_are_late_or_come_twice_act_until_the_next() {
+        let (mut radio, mut send) = radio_of(RadioProtocol::Crazyflie, 0);
+        let [late, newest] = [1200, 1300].map(|thrust| send(&Sticks::flying([thrust, 1000, 1100, 1023])));
+        radio.receive(&newest, 1);
+        let first = radio.acting(1).unwrap();
+        radio.receive(&newest, 2);
+        let again = radio.acting(2).unwrap();
+        assert_eq!((again.thrust, again.rates_body), (first.thrust, first.rates_body));
+        radio.receive(&late, 3);
+        assert!(radio.acting(3).unwrap().thrust < first.thrust);
+        radio.receive(&newest, 4);
+        assert_eq!(radio.acting(4).unwrap().thrust, first.thrust);
+        // A stop that is overtaken does not last, so it is repeated for as long as the motors must rest.
+        radio.receive(&send(&Sticks::MOTORS_OFF), 5);
+        radio.receive(&newest, 6);
+        assert!(radio.acting(6).unwrap().thrust > 0.0);
+        radio.receive(&send(&Sticks::MOTORS_OFF), 7);
+        assert!(radio.acting(7).unwrap().failsafe.is_set());
     }
 }

@@ -6,6 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
+use radio_link::crazyflie::{self, CrazyfliePacket};
 use radio_link::port::Target;
 use runtime::flight_clock::{deadline, monotonic_ns};
 use rustix::event::{PollFd, PollFlags, poll};
@@ -39,6 +40,11 @@ pub enum ReceiverInputError {
     /// There are no pseudo-terminals.
     #[error("cannot open a pseudo-terminal: {0}; check that /dev/pts exists")]
     Terminal(#[source] std::io::Error),
+    /// A vehicle on the air cannot be simulated.
+    #[error(
+        "a dongle reaches no simulated vehicle; state `rc_output.transmitter.uri`, such as \"udp://127.0.0.1:19850\""
+    )]
+    Dongle,
     /// The socket cannot be opened.
     #[error("cannot listen at {at}: {source}; give a free port of this machine in `rc_output.transmitter`")]
     Socket {
@@ -58,6 +64,8 @@ pub enum ReceiverInput {
     Tcp(TcpListener, Option<TcpStream>),
     /// A UDP socket.
     Udp(UdpSocket),
+    /// A UDP socket that answers null packets.
+    Crazyflie(UdpSocket),
 }
 
 /// A pseudo-terminal under the name of a serial device. Dropping it removes the name.
@@ -86,11 +94,15 @@ impl ReceiverInput {
                 listener.set_nonblocking(true).map_err(failed(*at))?;
                 Ok(Self::Tcp(listener, None))
             }
-            Target::Udp(at) => {
+            Target::Udp(at) | Target::Crazyflie(at) => {
                 let socket = UdpSocket::bind(at).map_err(failed(*at))?;
                 socket.set_nonblocking(true).map_err(failed(*at))?;
-                Ok(Self::Udp(socket))
+                Ok(match target {
+                    Target::Crazyflie(_) => Self::Crazyflie(socket),
+                    _ => Self::Udp(socket),
+                })
             }
+            Target::Dongle(_) => Err(ReceiverInputError::Dongle),
         }
     }
 
@@ -118,7 +130,7 @@ impl ReceiverInput {
         match self {
             Self::Serial(serial) => (serial.receiver.as_fd(), None),
             Self::Tcp(listener, client) => (listener.as_fd(), client.as_ref().map(AsFd::as_fd)),
-            Self::Udp(socket) => (socket.as_fd(), None),
+            Self::Udp(socket) | Self::Crazyflie(socket) => (socket.as_fd(), None),
         }
     }
 
@@ -151,6 +163,17 @@ impl ReceiverInput {
             Self::Udp(socket) => {
                 if let Ok(count) = socket.recv(&mut piece) {
                     sink(&piece[..count], now_ns);
+                }
+            }
+            Self::Crazyflie(socket) => {
+                if let Ok((count, from)) = socket.recv_from(&mut piece) {
+                    let packet = &piece[..count];
+                    if crazyflie::decode(packet) == Ok(CrazyfliePacket::Null) {
+                        // A lost answer is requested again.
+                        let _sent = socket.send_to(&[crazyflie::NULL], from);
+                    } else {
+                        sink(packet, now_ns);
+                    }
                 }
             }
         }
@@ -226,10 +249,15 @@ mod tests {
         let mut received = Vec::new();
         let give_up_ns = monotonic_ns() + 10_000_000_000;
         while received.len() < count && monotonic_ns() < give_up_ns {
-            line.listen_until(monotonic_ns() + 1_000_000, &mut |bytes, _| {
-                received.extend_from_slice(bytes);
-            });
+            received.extend(received_by(line, monotonic_ns() + 1_000_000));
         }
+        received
+    }
+
+    /// Receives until a time, ns.
+    fn received_by(line: &mut ReceiverInput, until_ns: u64) -> Vec<u8> {
+        let mut received = Vec::new();
+        line.listen_until(until_ns, &mut |bytes, _| received.extend_from_slice(bytes));
         received
     }
 
@@ -251,6 +279,30 @@ mod tests {
             }
         }
         assert!(!device.exists(), "the name of the device is gone with it");
+    }
+
+    #[test]
+    fn a_null_packet_is_answered_and_commands_nothing() {
+        let target = Target::Crazyflie(free_address());
+        let mut line = ReceiverInput::open(&target).unwrap();
+        let mut port = Port::lost(target.clone());
+        let stop = [0x7c, 0];
+        assert_eq!(port.send(&stop, monotonic_ns()), Sent::Accepted);
+        assert_eq!(received(&mut line, stop.len()), stop);
+        let mut answer = [0; 64];
+        let count = port.receive(&mut answer, monotonic_ns());
+        assert_eq!(answer[..count], [crazyflie::NULL]);
+        let waiting = std::thread::spawn(move || Port::open(target).map(drop));
+        while !waiting.is_finished() {
+            assert!(received_by(&mut line, monotonic_ns() + 1_000_000).is_empty());
+        }
+        assert_eq!(waiting.join().unwrap(), Ok(()));
+        let dongle = match "radio://0/80".parse() {
+            Ok(scenario::CrazyflieUri::Radio(address)) => Target::Dongle(address),
+            other => panic!("{other:?}"),
+        };
+        let shown = ReceiverInput::open(&dongle).unwrap_err().to_string();
+        assert!(shown.contains("state `rc_output.transmitter.uri`"), "{shown}");
     }
 
     #[test]
