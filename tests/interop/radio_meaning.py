@@ -3,9 +3,11 @@
 A line states a vehicle in pulses of its flight controller. What it does with a frame must be what was asked for."""
 
 import json
+import math
+import struct
 import sys
 
-from radio import bits, crsf, messages
+from radio import bits, crsf, crtp, messages
 
 
 def betaflight_crsf(code):
@@ -42,15 +44,33 @@ def overridden(m):
     return [None if field == 65535 or i >= 8 and field == 0 else field for i, field in enumerate(fields)]
 
 
+def rates_of_a_crazyflie(frame):
+    """manualDecoder and stopDecoder of the firmware: roll right, pitch nose up and yaw counter-clockwise are positive."""
+    packet = crtp(frame)
+    assert (packet.port, packet.channel) == (7, 0)
+    if bytes(packet.data) == b"\0":
+        return [0, 0, 0, 0]
+    kind, roll, pitch, yaw, thrust, rate = struct.unpack("<BfffHB", packet.data)
+    assert (kind, rate) == (11, 1)
+    return [thrust / 65535] + [math.radians(number) for number in (roll, pitch, -yaw)]
+
+
+def of_a_share(line, share, rates):
+    idle = line["idle_share"]
+    assert 0 <= share <= 1
+    return [max(0, (share - idle) / (1 - idle)) * line["largest"], *rates]
+
+
 def understood(line, frame):
     link = line["link"]
+    if link == "crazyflie":
+        share, *rates = rates_of_a_crazyflie(frame)
+        return of_a_share(line, share, rates)
     if link == "mavlink":
         m = messages(frame)[-1]
         if m.get_type() == "SET_ATTITUDE_TARGET":
-            idle = line["idle_share"]
-            assert 0 <= m.thrust <= 1 and m.type_mask == 128
-            share = max(0, (m.thrust - idle) / (1 - idle))
-            return [share * line["largest"], m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate]
+            assert m.type_mask == 128
+            return of_a_share(line, m.thrust, [m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate])
         received = overridden(m)
         assert [i for i, pulse in enumerate(received) if pulse is not None] == sorted(line["channels"])
     else:
@@ -74,5 +94,5 @@ for text in open(sys.argv[1]):
     for one, other, most in zip(found, asked, [thrust, rate, rate, rate]):
         assert abs(one - other) <= most, f"{one} for {other}, {text}"
     count[line["link"]] = count.get(line["link"], 0) + 1
-assert len(count) == 5
+assert len(count) == 6
 print(", ".join(f"{link}: {frames}" for link, frames in count.items()), "frames understood as they were meant")

@@ -1,7 +1,8 @@
 //! Random frames for third-party decoders: `random_frames LINK COUNT SEED FRAMES VALUES`.
 //!
 //! Writes the concatenated frames to the file FRAMES, and their contents to VALUES: a line of numbers per frame. LINK is
-//! crsf, sbus, multi, mavlink (`SET_ATTITUDE_TARGET`) or override (`RC_CHANNELS_OVERRIDE`).
+//! crsf, sbus, multi, mavlink (`SET_ATTITUDE_TARGET`), override (`RC_CHANNELS_OVERRIDE`) or crazyflie. The contents of the
+//! last are rates about forward, right, down in µrad/s, and the thrust of 65535.
 //!
 //! `random_frames msp COUNT SEED ADDRESS` tests a flight controller instead: it sends channels by `MSP_SET_RAW_RC` and
 //! polls `MSP_RC` until the flight controller reports exactly these.
@@ -13,6 +14,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use radio_link::crazyflie::{self, CrazyfliePacket, RateSetpoint};
 use radio_link::frame::Frame;
 use radio_link::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
 use radio_link::{ChannelCodes, crsf, mavlink, msp, multi, sbus};
@@ -104,6 +106,16 @@ fn random_frame(
                 channels,
             };
             (mavlink_bytes(&message, sequence), words(channels))
+        }
+        "crazyflie" => {
+            // Up to 35 rad/s.
+            let rates = [(); 3].map(|()| f64::from(random.next_u32() % 70_000_001) - 35e6);
+            let thrust = u32::from(channels(random, 0, u16::MAX)[0]);
+            let setpoint = RateSetpoint::new(rates.map(|rate| 1e-6 * rate), f64::from(thrust) / 65_535.0);
+            let mut frame = Frame::default();
+            crazyflie::encode(&CrazyfliePacket::Rates(setpoint), &mut frame);
+            let carried = words(rates.into_iter().chain([f64::from(thrust)]));
+            (frame.bytes().to_vec(), carried)
         }
         "mavlink" => {
             let number = |random: &mut ChaCha8Rng| random.next_u32() as f32 / u32::MAX as f32;
