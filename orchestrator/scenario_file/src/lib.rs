@@ -5,6 +5,7 @@
 //! All errors of a step are reported together. The document stores the position of every value, also in arguments
 //! (`sources`).
 
+mod beyond_end;
 mod curve_file;
 mod document;
 mod error;
@@ -14,6 +15,7 @@ pub mod printable;
 mod read;
 mod read_files;
 mod setting;
+pub mod slips;
 mod snippet;
 mod sources;
 mod structure;
@@ -29,6 +31,7 @@ use toml::de::DeTable;
 
 pub use error::{Finding, ScenarioError};
 pub use keys::{key_table, keys_for_completion, unit_of_key};
+pub use read::find;
 pub use read_files::{ReadFile, files_of};
 pub use setting::{concerns, key_of_setting, path_of};
 use sources::Sources;
@@ -39,6 +42,22 @@ use sources::Sources;
 /// [`ScenarioError`] if the file cannot be read, or the scenario cannot be flown.
 pub fn load(path: &Path, sets: &[String], seed: Option<u64>) -> Result<Scenario, ScenarioError> {
     load_from(path, &read::text(path)?, sets, seed)
+}
+
+/// As [`load`], but a duration in `sets` leaves out what the file plans after it. Returns a note about what was left out, if any.
+///
+/// # Errors
+/// [`ScenarioError`] if the file cannot be read, or the scenario cannot be flown.
+pub fn load_shortened(
+    path: &Path,
+    sets: &[String],
+    seed: Option<u64>,
+) -> Result<(Scenario, Option<String>), ScenarioError> {
+    let text = read::text(path)?;
+    let mut note = None;
+    let scenario = load_from_file(path, &text, sets, seed, Some(&mut note))?;
+    refuse_unused_gains(&scenario, path, &text, sets)?;
+    Ok((scenario, note))
 }
 
 /// As [`load`], for the text of a file.
@@ -66,10 +85,21 @@ pub fn load_drawn(
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
+    load_from_file(path, text, sets, seed, None)
+}
+
+/// Reads the text of a file, and what is relative to its folder. With `note` as [`load_shortened`].
+fn load_from_file(
+    path: &Path,
+    text: &str,
+    sets: &[String],
+    seed: Option<u64>,
+    note: Option<&mut Option<String>>,
+) -> Result<Scenario, ScenarioError> {
     // Without a working directory relative paths cannot be resolved anyway.
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let folder = file.parent().unwrap_or(Path::new("/"));
-    let mut scenario = load_in(Some(folder), path, text, sets, seed)?;
+    let mut scenario = load_in(Some(folder), path, text, sets, seed, note)?;
     if let Some(programs) = &mut scenario.programs {
         programs.anchor(folder);
     }
@@ -89,7 +119,8 @@ pub fn refusal(path: &Path, sets: &[String], problem: &Problem) -> ScenarioError
     };
     let file = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let name = path.display().to_string();
-    let read = scenario_from_text(&name, &text, sets, file.parent(), std::slice::from_ref(problem));
+    let further = std::slice::from_ref(problem);
+    let read = scenario_from_text(&name, &text, sets, file.parent(), further, Some(&mut None));
     ScenarioError::refused(path, read.expect_err("the problem is a finding"))
 }
 
@@ -103,7 +134,7 @@ pub fn load_text(
     sets: &[String],
     seed: Option<u64>,
 ) -> Result<Scenario, ScenarioError> {
-    let scenario = load_in(None, path, text, sets, seed)?;
+    let scenario = load_in(None, path, text, sets, seed, None)?;
     refuse_unused_gains(&scenario, path, text, sets)?;
     Ok(scenario)
 }
@@ -148,10 +179,11 @@ fn load_in(
     text: &str,
     sets: &[String],
     seed: Option<u64>,
+    note: Option<&mut Option<String>>,
 ) -> Result<Scenario, ScenarioError> {
     let refused = |findings| ScenarioError::refused(path, findings);
     let name = path.display().to_string();
-    let mut scenario = scenario_from_text(&name, text, sets, folder, &[]).map_err(refused)?;
+    let mut scenario = scenario_from_text(&name, text, sets, folder, &[], note).map_err(refused)?;
     scenario.seed = seed.unwrap_or(scenario.seed);
     Ok(scenario)
 }
@@ -178,22 +210,37 @@ pub fn json_schema() -> String {
     text
 }
 
-/// Reads a scenario from a text, and the file of its path relative to `folder`. `further` are problems beside its own.
+/// Returns the fix for a number with a comma or a unit on the line of an offset.
+fn slip_on_line(text: &str, offset: usize) -> Option<String> {
+    let before = text.get(..offset)?;
+    let line = &text[before.rfind('\n').map_or(0, |end| end + 1)..];
+    let (_, value) = line.lines().next()?.split_once('=')?;
+    slips::advice(value.split('#').next()?, None)
+}
+
+/// Reads a scenario from a text, and the file of its path relative to `folder`. `further` are problems beside its own. With `note` as
+/// [`load_shortened`].
 fn scenario_from_text(
     name: &str,
     text: &str,
     sets: &[String],
     folder: Option<&Path>,
     further: &[Problem],
+    note: Option<&mut Option<String>>,
 ) -> Result<Scenario, Vec<Finding>> {
     let sources = Sources::new(name, text, sets);
     let values = setting::placed_values(&sources);
     let mut document = DeTable::parse(text).map_err(|error| {
         let span = error.span().unwrap_or_default();
-        let fix = "see https://toml.io for the syntax of TOML, or a committed scenario";
+        let fix = slip_on_line(text, span.start).unwrap_or_else(|| {
+            "see https://toml.io for the syntax of TOML, or a committed scenario".to_owned()
+        });
         vec![sources.finding(span, "this is not TOML", error.message(), fix)]
     })?;
     setting::apply_all(&sources, &values, document.get_mut())?;
+    if let Some(note) = note {
+        *note = beyond_end::remove(&sources, &mut document);
+    }
 
     let (mut scenario, mut findings) = structure::read(&sources, &mut document);
     if let (Some(scenario), Some(folder)) = (&mut scenario, folder)

@@ -58,11 +58,15 @@ pub(super) fn bytes(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 fn unreadable(path: &Path, error: &io::Error) -> ScenarioError {
+    let shipped = SHIPPED.map(PathBuf::from);
     let (reason, fix) = match error.kind() {
-        io::ErrorKind::NotFound => ("there is no such file".to_owned(), nearest_scenario(path)),
+        io::ErrorKind::NotFound => (
+            "there is no such file".to_owned(),
+            nearest_scenario(path, &shipped),
+        ),
         io::ErrorKind::IsADirectory => (
             "it is a folder".to_owned(),
-            nearest_scenario(&path.join("*.toml")),
+            nearest_scenario(&path.join("*.toml"), &shipped),
         ),
         _ => (error.to_string(), "check the permissions of the file".to_owned()),
     };
@@ -74,13 +78,39 @@ fn unreadable(path: &Path, error: &io::Error) -> ScenarioError {
     }
 }
 
+/// Folders of shipped scenarios: that of a clone, and that of the Debian package.
+const SHIPPED: [&str; 2] = ["scenarios", "/usr/share/gerono/scenarios"];
+
+/// Returns the file that an argument means: the file itself or, for a name without a folder such as `fig1`, the file with the
+/// ending, or the shipped scenario.
+#[must_use]
+pub fn find(argument: PathBuf) -> PathBuf {
+    if !is_bare(&argument) || argument.exists() {
+        return argument;
+    }
+    let file = argument.with_extension("toml");
+    let shipped = SHIPPED.iter().map(|folder| Path::new(folder).join(&file));
+    let found = std::iter::once(file.clone())
+        .chain(shipped)
+        .find(|file| file.is_file());
+    found.unwrap_or(argument)
+}
+
+/// Returns whether a path is a name alone.
+fn is_bare(path: &Path) -> bool {
+    path.file_name() == Some(path.as_os_str())
+}
+
 /// Returns advice for a missing file: the scenario with the closest name in the folder `scenarios` beside it or in its own
 /// folder, or all of them.
-fn nearest_scenario(path: &Path) -> String {
+pub(super) fn nearest_scenario(path: &Path, shipped: &[PathBuf]) -> String {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let known = [folder.join("scenarios"), folder.to_owned()]
-        .iter()
-        .map(|folder| scenarios_in(folder))
+    let shipped = shipped.iter().filter(|_| is_bare(path)).cloned();
+    // The shipped ones first: the working directory may hold other TOML files.
+    let known = std::iter::once(folder.join("scenarios"))
+        .chain(shipped)
+        .chain([folder.to_owned()])
+        .map(|folder| scenarios_in(&folder))
         .find(|scenarios| !scenarios.is_empty())
         .unwrap_or_default();
     let stem = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -90,6 +120,11 @@ fn nearest_scenario(path: &Path) -> String {
     let nearest =
         nearest.and_then(|nearest| known.iter().find(|path| stem(path).as_deref() == Some(nearest)));
     match (nearest, known.as_slice()) {
+        (Some(nearest), _) if is_bare(path) => format!(
+            "did you mean {}? There are {}",
+            nearest.display(),
+            stems.join(", ")
+        ),
         (Some(nearest), _) => format!("did you mean {}?", nearest.display()),
         (None, []) => "give the path of a scenario file, such as scenarios/fig1.toml".to_owned(),
         (None, known) => {

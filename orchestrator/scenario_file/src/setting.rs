@@ -5,11 +5,12 @@ use std::net::{IpAddr, SocketAddr};
 use std::ops::Range;
 
 use scenario::{Key, LawKind};
+use shared_types::Topic;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
-use super::Finding;
 use super::sources::Sources;
+use super::{Finding, keys, slips};
 
 /// Key of each value in [`placed_values`].
 const VALUE: &str = "v";
@@ -124,7 +125,7 @@ impl<'i> Setting<'i> {
         };
         Ok(Self {
             path: parse_path(key, start)?,
-            value: parse_value(value)?,
+            value: parse_value(value, key)?,
         })
     }
 
@@ -197,6 +198,11 @@ fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> 
     };
     let assignment = format!("{key}=0");
     let table = DeTable::parse(&assignment).map_err(|error| {
+        if let Some(fix) = unquoted_name(key) {
+            let span = error.span().unwrap_or_default();
+            let span = start + span.start..start + span.end;
+            return Refusal::new(span, format!("this is not a key: {}", error.message()), fix);
+        }
         refused(
             error.span().unwrap_or_default(),
             &format!("this is not a key: {}", error.message()),
@@ -218,8 +224,33 @@ fn parse_path(key: &str, start: usize) -> Result<Vec<Spanned<String>>, Refusal> 
     Err(refused(0..key.len(), "this is not a key"))
 }
 
+/// Returns the fix for a key such as `schedule.latency.rc/frame`, whose last name is a topic or an edge without quotes.
+fn unquoted_name(key: &str) -> Option<String> {
+    // Tables with free names that are topics, or edges of topics.
+    const OF_TOPICS: [&str; 3] = ["schedule.period.", "schedule.phase.", "record.every."];
+    const OF_EDGES: [&str; 2] = ["schedule.latency.", "safety."];
+    let tables = OF_TOPICS.map(|table| (table, false)).into_iter();
+    let mut tables = tables.chain(OF_EDGES.map(|table| (table, true)));
+    let (table, is_of_edges) = tables.find(|(table, _)| key.starts_with(table))?;
+    let name = key[table.len()..].trim().trim_matches('"');
+    let topic = Topic::ALL
+        .into_iter()
+        .find(|topic| name.starts_with(topic.name()))?;
+    let names: Vec<_> = if is_of_edges {
+        topic
+            .consumers()
+            .map(|(service, _)| format!("{topic} -> {service}"))
+            .filter(|edge| !name.contains("->") || edge == name)
+            .collect()
+    } else {
+        vec![topic.to_string()]
+    };
+    let keys: Vec<_> = names.iter().map(|name| format!("`{table}\"{name}\"`")).collect();
+    (!keys.is_empty()).then(|| format!("put the name in quotes: {}", keys.join(" or ")))
+}
+
 /// Parses a TOML value made by [`placed_values`], or a string without quotes.
-fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
+fn parse_value<'i>(placed: &'i str, key: &str) -> Result<Spanned<DeValue<'i>>, Refusal> {
     let after_sign = placed.find('=').map_or(0, |sign| sign + 1);
     let text = placed[after_sign..].trim();
     let start = placed.len() - placed[after_sign..].trim_start().len();
@@ -240,6 +271,9 @@ fn parse_value(placed: &str) -> Result<Spanned<DeValue<'_>>, Refusal> {
         Err(_) if is_word(text) => return Ok(Spanned::new(span, DeValue::String(Cow::Borrowed(text)))),
         Err(error) => error.message().to_owned(),
     };
+    if let Some(advice) = slips::advice(text, keys::unit_of_key(key)) {
+        return Err(Refusal::new(span, "this is not a number", advice));
+    }
     Err(Refusal::new(
         span,
         format!("this is not a TOML value: {reason}"),

@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::{DeArray, DeFloat, DeInteger, DeString, DeTable, DeValue, Deserializer};
 
 use super::sources::Sources;
-use super::{Finding, document, keys};
+use super::{Finding, document, keys, slips};
 
 /// Maximum number of reported findings: a text with more is probably not a scenario.
 const MAX_FINDINGS: usize = 20;
@@ -137,7 +137,10 @@ impl Walk<'_> {
                     Expected::Text => "a string",
                 };
                 let reason = format!("{expected} is expected here, not {}", in_words(found));
-                self.push_wrong_type(span, key, reason);
+                match slip_in(found, expected, key) {
+                    Some(fix) => self.push(span, key, "has the wrong type", reason, fix),
+                    None => self.push_wrong_type(span, key, reason),
+                }
             }
         }
     }
@@ -224,6 +227,16 @@ fn expected(part: &Value) -> Expected<'_> {
         Some("boolean") => Expected::Boolean,
         Some("string") => Expected::Text,
         _ => Expected::Table,
+    }
+}
+
+/// Returns the fix for a string that is a number but for a comma or a unit.
+fn slip_in(found: &DeValue<'_>, expected: &str, key: &Key) -> Option<String> {
+    match found {
+        DeValue::String(text) if expected.contains("number") => {
+            slips::advice(text, keys::unit_of_key(&key.to_string()))
+        }
+        _ => None,
     }
 }
 

@@ -110,7 +110,7 @@ fn narrated(diagnostic: &dyn Diagnostic) -> String {
 
 fn load_text(text: &str, sets: &[&str]) -> Result<Scenario, ScenarioError> {
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-    scenario_from_text("flight.toml", text, &sets, None, &[])
+    scenario_from_text("flight.toml", text, &sets, None, &[], None)
         .map_err(|findings| ScenarioError::refused(Path::new("flight.toml"), findings))
 }
 

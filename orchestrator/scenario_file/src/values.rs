@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use crate::slips;
+
 /// Reason why a value is refused, with the accepted values.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ValueError {
@@ -47,8 +49,29 @@ pub fn between(
     unit: &'static str,
 ) -> impl Fn(&str) -> Result<f64, ValueError> + Clone + Send + Sync + 'static {
     move |text| {
-        let value = text.parse().map_err(|_| ValueError::NoNumber)?;
+        let value = number(text, unit)?;
         value_between(value, least, most, unit)
+    }
+}
+
+/// Parses a number. A comma or a unit in it is named.
+fn number(text: &str, unit: &str) -> Result<f64, ValueError> {
+    text.parse().map_err(|_| match slips::advice(text, Some(unit)) {
+        Some(advice) => ValueError::unfit(advice),
+        None => ValueError::NoNumber,
+    })
+}
+
+/// Returns a parser of whole numbers of `what` within inclusive limits.
+pub fn count(
+    least: u32,
+    most: u32,
+    what: &'static str,
+) -> impl Fn(&str) -> Result<u32, ValueError> + Clone + Send + Sync + 'static {
+    move |text| {
+        let count = text.parse().ok().filter(|count| (least..=most).contains(count));
+        count
+            .ok_or_else(|| ValueError::unfit(format!("give a whole number of {what} from {least} to {most}")))
     }
 }
 

@@ -143,13 +143,76 @@ fn an_argument_without_a_value_is_refused() {
 }
 
 #[test]
+fn a_topic_or_an_edge_without_quotes_is_named_with_its_key() {
+    for (argument, column, key) in [
+        (
+            "schedule.latency.rc/frame=0.01",
+            20,
+            "`schedule.latency.\"rc/frame -> plant\"` or",
+        ),
+        (
+            "schedule.latency.mocap/pose=0.01",
+            23,
+            "`schedule.latency.\"mocap/pose -> estimator\"`",
+        ),
+        (
+            "schedule.period.mocap/pose=0.01",
+            22,
+            "`schedule.period.\"mocap/pose\"`",
+        ),
+    ] {
+        refused(
+            argument,
+            column,
+            &["this is not a key", "help: put the name in quotes: ", key],
+        );
+    }
+}
+
+#[test]
+fn a_decimal_comma_and_a_unit_are_named() {
+    refused(
+        "vehicle.mass=0,19",
+        14,
+        &[
+            "this is not a number",
+            "help: the decimal sign is a point: write 0.19",
+        ],
+    );
+    refused(
+        "duration=60s",
+        10,
+        &[
+            "this is not a number",
+            "help: the value is in s, without the unit: write 60",
+        ],
+    );
+    refused(
+        "vehicle.mass=190 g",
+        14,
+        &[
+            "this is not a number",
+            "help: the value is in kg, without the unit: write 0.19",
+        ],
+    );
+    refused(
+        "duration=\"60 s\"",
+        10,
+        &[
+            "`duration` has the wrong type",
+            "help: the value is in s, without the unit: write 60",
+        ],
+    );
+}
+
+#[test]
 fn a_value_that_toml_does_not_know_is_refused() {
     refused(
         "vehicle.inertia=[1, 2",
         17,
         &["this is not a TOML value", "help: write a number"],
     );
-    refused("duration=60s", 10, &["this is not a TOML value"]);
+    refused("duration=60x", 10, &["this is not a TOML value"]);
     refused("duration=60\nseed=2", 10, &["more than a value"]);
 }
 
@@ -265,5 +328,65 @@ fn what_an_argument_makes_wrong_in_the_file_is_shown_in_the_file() {
     assert!(
         shown.contains("comes after the end of the flight at 20.0 s"),
         "{shown}"
+    );
+}
+
+/// A scenario of the repository with a duration from an argument, and the note about what was left out.
+fn shortened(name: &str, sets: &[&str]) -> Result<(Scenario, Option<String>), ScenarioError> {
+    let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+    load_shortened(&repository(&format!("scenarios/{name}.toml")), &sets, None)
+}
+
+#[test]
+fn a_shorter_flight_by_an_argument_leaves_out_what_the_file_plans_after_it() {
+    let (flight, note) = shortened("fig1", &["duration=5"]).unwrap();
+    assert_eq!(flight.vehicle.change, []);
+    assert_eq!(
+        note.unwrap(),
+        "the duration of 5.0 s is that of `--set`: left out what the scenario plans after it, `vehicle.change` at 30.0 s"
+    );
+    let faults = format!(
+        "{LABORATORY}\n[[fault]]\nat = 4.0\nservice = \"estimator\"\nkind = \"off\"\nfor = 0.2\n\n[[fault]]\nat = 12.0\n\
+         service = \"controller\"\nkind = \"off\"\nfor = 0.2\n"
+    );
+    let mut note = None;
+    let sets = ["duration=9.0".to_owned()];
+    let flight = scenario_from_text("flight.toml", &faults, &sets, None, &[], Some(&mut note)).unwrap();
+    assert_eq!(flight.fault.len(), 1);
+    let fan = flight.vehicle.fan.unwrap();
+    assert_eq!((fan.moves.len(), fan.off_at), (0, None));
+    assert_eq!(
+        note.unwrap(),
+        "the duration of 9.0 s is that of `--set`: left out what the scenario plans after it, `cameras.occlusion` at 12.0 s, \
+         `fault` at 12.0 s, `vehicle.fan.moves` at 10.0 s, `vehicle.fan.off_at` at 25.0 s"
+    );
+    let (flight, note) = shortened("takeoff_and_land", &["duration=20.0"]).unwrap();
+    assert_eq!(flight.flight.unwrap().land_at, None);
+    assert!(note.unwrap().contains("`flight.land_at` at 25.0 s"));
+    let (flight, note) = shortened("fig7", &["duration=20.0"]).unwrap();
+    assert_eq!(flight.vehicle.fan, None);
+    assert!(note.unwrap().contains("`vehicle.fan` at 30.0 s"));
+}
+
+#[test]
+fn nothing_is_left_out_of_a_flight_that_is_long_enough_or_of_the_arguments() {
+    for sets in [&[][..], &["duration=30.0"], &["controller.k1=5"]] {
+        let (flight, note) = shortened("fig1", sets).unwrap();
+        assert_eq!((flight.vehicle.change.len(), note), (1, None), "{sets:?}");
+    }
+    let both = shortened("fig1", &["duration=5", "vehicle.change.0.at=20.0"]).unwrap_err();
+    assert!(
+        format!("{both:#}").contains("the change at 20.0 s comes after the end"),
+        "{both:#}"
+    );
+    let drawn = load(
+        &repository("scenarios/fig1.toml"),
+        &["duration=5".to_owned()],
+        None,
+    )
+    .unwrap_err();
+    assert!(
+        format!("{drawn:#}").contains("the change at 30.0 s comes after the end"),
+        "{drawn:#}"
     );
 }

@@ -26,6 +26,16 @@ fn a_scenario_named_without_folder_or_ending_is_found_in_the_scenarios_folder() 
 }
 
 #[test]
+fn a_name_that_no_scenario_has_is_refused_with_all_names() {
+    let advice = crate::read::nearest_scenario(Path::new("fig1x"), &[repository("scenarios")]);
+    assert!(
+        advice.starts_with("did you mean ")
+            && advice.contains("fig1.toml? There are another_vehicle, circle, "),
+        "{advice}"
+    );
+}
+
+#[test]
 fn a_missing_file_unlike_any_other_is_refused_with_all_that_there_are() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("loop.toml"), "").unwrap();

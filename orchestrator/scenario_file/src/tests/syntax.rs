@@ -20,6 +20,17 @@ fn a_syntax_error_is_refused_at_its_place() {
 }
 
 #[test]
+fn a_decimal_comma_and_a_unit_in_a_file_are_named() {
+    for (written, help) in [
+        ("k2 = 4,5  # 1/s", "help: the decimal sign is a point: write 4.5"),
+        ("k2 = 4 s", "help: a value has no unit here: write 4"),
+    ] {
+        let text = with(&fig1(), "k2 = 4.0", written);
+        refused_on_line(&text, line_of(&text, written), &["this is not TOML", help]);
+    }
+}
+
+#[test]
 fn a_text_that_ends_too_early_is_refused_at_its_end() {
     refused_on_line("duration = ", 1, &["this is not TOML"]);
     refused_on_line("duration = 1.0\n[vehicle", 2, &["this is not TOML"]);
