@@ -253,6 +253,22 @@ def _copy_of(controller: Controller) -> Controller:
     return second
 
 
+# Arguments of a step with their topics.
+_ARGUMENTS = dict(zip(("state", "reference", "command", "errors"), (*_INPUTS, _OUTPUTS[0], _OUTPUTS[2]), strict=True))
+
+
+def _refuse_unknown_field(error: Exception) -> None:
+    """Raise an error that names the existing fields, if the error is numpy's about one that does not exist."""
+    _, found, name = str(error).partition("no field of name ")
+    if not found:
+        return
+    lines = []
+    for argument, topic in _ARGUMENTS.items():
+        names = [field for field in DTYPES[topic].names or () if field not in ("tick", "stamp_ns", "seq")]
+        lines.append(f"`{argument}` has " + ", ".join(names))
+    raise ValueError(f"no sample has a field `{name.strip(chr(39))}`: " + "; ".join(lines)) from error
+
+
 class Bridge:
     """Interface between a flight and a controller: memory for inputs and outputs, and a step that uses it."""
 
@@ -305,13 +321,17 @@ class Bridge:
         now.elapsed = float(self._times[2])
         if self._mode:
             self._command["mode"] = self._mode
-        self._step(
-            now,
-            self._state if arrived & 1 else None,
-            self._reference if arrived & 2 else None,
-            self._command,
-            self._errors,
-        )
+        try:
+            self._step(
+                now,
+                self._state if arrived & 1 else None,
+                self._reference if arrived & 2 else None,
+                self._command,
+                self._errors,
+            )
+        except (KeyError, ValueError) as error:
+            _refuse_unknown_field(error)
+            raise
         self._refuse_mode(self._modes.item())
         own = self._controller
         if own.adaptation is not self._flight_fields[0] or own.telemetry is not self._flight_fields[1]:

@@ -29,6 +29,7 @@ pub mod text_table;
 mod track;
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use run_log::run_folder::summary_beside;
@@ -77,6 +78,24 @@ pub struct Written {
     pub figures: Vec<PathBuf>,
     /// Reading errors of the logs that break off.
     pub broken: Vec<String>,
+}
+
+/// Returns the folder of a report whose user states none: beside the log, and empty or that of an earlier report.
+///
+/// # Errors
+/// [`ReportError::Write`] if something else has its name.
+pub fn folder_beside(log: &Path) -> Result<PathBuf, ReportError> {
+    let path = log.with_file_name("report");
+    let is_free = match fs::read_dir(&path) {
+        Ok(mut entries) => path.join(PAGE).is_file() || entries.next().is_none(),
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    };
+    if is_free {
+        return Ok(path);
+    }
+    let reason = "it is there already and holds no report; name a folder with `-o`";
+    let source = io::Error::new(io::ErrorKind::AlreadyExists, reason);
+    Err(ReportError::Write { path, source })
 }
 
 /// Reads the logs and writes their page and figures into the folder `out`, which is created if missing.

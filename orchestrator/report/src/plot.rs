@@ -77,6 +77,12 @@ pub enum PlotError {
     },
 }
 
+/// Returns the name of a figure whose user states none: beside the log.
+#[must_use]
+pub fn file_beside(log: &Path) -> PathBuf {
+    log.with_file_name("distance.svg")
+}
+
 /// Draws the logs' distances from the path over time into the SVG file `out`, with the theorem's bound where it applies, the
 /// changes of the vehicle and the planned faults.
 ///

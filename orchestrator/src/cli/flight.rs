@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::manual::completion::{scenario_file, setting};
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use runtime::crash::{Crash, CrashPlace};
 use scenario::suggest::known_names;
 use shared_types::ServiceId;
@@ -20,8 +20,8 @@ use scenario_file::values::{ValueError, between, value_between};
 /// A scenario: a file and the settings that change it.
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
-    /// The scenario file.
-    #[arg(add = scenario_file())]
+    /// The scenario file, or the name of a shipped scenario such as fig1.
+    #[arg(add = scenario_file(), value_parser = PathBufValueParser::new().map(scenario_file::find))]
     pub scenario: PathBuf,
     /// Seed of every random draw, in place of the scenario's.
     #[arg(long, allow_negative_numbers = true)]

@@ -73,9 +73,9 @@ pub struct Plot {
     /// The logs (run.mcap), or the folders that hold them.
     #[arg(required = true)]
     pub logs: Vec<PathBuf>,
-    /// The SVG file to write.
+    /// The SVG file to write [default: distance.svg beside the first log].
     #[arg(long, short, value_name = "FILE.svg", value_parser = svg_file)]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
     /// Draw from this time on, s [default: the start].
     #[arg(long, value_name = "T", value_parser = time())]
     pub from: Option<f64>,
@@ -90,15 +90,16 @@ pub struct ReportArguments {
     /// The logs (run.mcap), or the folders that hold them.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// The folder to write into; it is created if missing, and an earlier report there is replaced.
+    /// The folder to write into; it is created if missing, and an earlier report there is replaced [default: the folder report
+    /// beside the first log].
     #[arg(long, short, value_name = "DIR")]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
 }
 
 impl ReportArguments {
     /// The end of `gerono report --help`.
     pub(super) const EXAMPLES: &str = "Examples:\n  \
-        gerono report runs/fig1-1 -o report\n  \
+        gerono report runs/fig1-1\n  \
         gerono report runs/fig1-1 runs/fig1-2 -o compared\n  \
         gerono report crashed/run.mcap.partial -o report";
 }

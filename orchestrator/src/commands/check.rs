@@ -79,14 +79,14 @@ fn gains(scenario: &Scenario) -> String {
     let origin = |stated: Option<f64>| if stated.is_some() { "stated" } else { "follows" };
     let controller = &scenario.controller;
     let mut table = table(&["gains and vehicle (docs/tuning.md)", "is", "limit"]);
-    for finding in findings {
+    for finding in &findings {
         let sign = if finding.rule.is_upper_limit() {
             "≤"
         } else {
             "≥"
         };
         table.add_row([
-            finding.rule.quantity().to_owned(),
+            quantity(finding, &findings),
             digits(finding.value),
             format!("{sign} {}{}", digits(finding.limit), finding.rule.unit()),
         ]);
@@ -100,6 +100,15 @@ fn gains(scenario: &Scenario) -> String {
         scenario.lambda_inertia(),
         origin(controller.lambda_inertia),
     )
+}
+
+/// Returns the name of a rule's quantity, with its key if the rule applies to several.
+fn quantity(finding: &gain_rules::Finding, all: &[gain_rules::Finding]) -> String {
+    let name = finding.rule.quantity();
+    match all.iter().filter(|other| other.rule == finding.rule).count() {
+        1 => name.to_owned(),
+        _ => format!("{name}, with `{}`", finding.key),
+    }
 }
 
 /// Returns warnings about a scenario that can be flown, a line each.

@@ -43,7 +43,9 @@ fn needs(arguments: &Doctor) -> Result<Needs, Failure> {
     let Some(path) = &arguments.scenario else {
         return Ok(Needs::ordinary());
     };
-    let scenario = scenario_file::load(path, &arguments.sets, None).map_err(Failure::from)?;
+    let scenario = scenario_file::load_shortened(path, &arguments.sets, None)
+        .map_err(Failure::from)?
+        .0;
     let schedule = schedule_of(&scenario)?;
     Ok(Needs::of(&scenario, &schedule))
 }

@@ -29,11 +29,15 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
         return Err(Failure::bad_input("--from must be before --to"));
     }
-    plot::distance(&logs, plot::Span { from, to }, &arguments.output).map_err(|error| match error {
+    let output = arguments.output.clone();
+    let output = output.unwrap_or_else(|| plot::file_beside(&logs[0]));
+    plot::distance(&logs, plot::Span { from, to }, &output).map_err(|error| match error {
         PlotError::Write { .. } => Failure::not_written(error),
         PlotError::BeyondTheEnd { .. } => Failure::bad_input(error),
         _ => Failure::trouble(error),
-    })
+    })?;
+    print(format!("{}\n", output.display()));
+    Ok(())
 }
 
 /// `gerono digest`.
@@ -129,8 +133,8 @@ pub fn info(arguments: &Info) -> Result<Exit, Failure> {
 pub fn recover(arguments: &Recover) -> Result<(), Failure> {
     let scenario = match &arguments.scenario {
         Some(path) => {
-            let scenario = scenario_file::load(path, &arguments.sets, arguments.seed);
-            Some(scenario.map_err(Failure::from)?)
+            let scenario = scenario_file::load_shortened(path, &arguments.sets, arguments.seed);
+            Some(scenario.map_err(Failure::from)?.0)
         }
         None => None,
     };

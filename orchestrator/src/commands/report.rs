@@ -12,11 +12,15 @@ use reproduce::log_figures::LogFigures;
 /// [`Failure`]. A log that breaks off after its first sample is no failure.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let logs: Vec<_> = arguments.logs.iter().map(|path| log_path(path)).collect();
-    let written =
-        report::write(&logs, &arguments.output, &mut LogFigures::default()).map_err(|error| match error {
-            ReportError::Write { .. } => Failure::not_written(error),
-            _ => Failure::trouble(error),
-        })?;
+    let failure = |error| match error {
+        ReportError::Write { .. } => Failure::not_written(error),
+        _ => Failure::trouble(error),
+    };
+    let output = match &arguments.output {
+        Some(output) => output.clone(),
+        None => report::folder_beside(&logs[0]).map_err(failure)?,
+    };
+    let written = report::write(&logs, &output, &mut LogFigures::default()).map_err(failure)?;
     for reason in &written.broken {
         note(format_args!("{reason}; the report shows the part before it"));
     }

@@ -296,9 +296,17 @@ impl Definition {
             }
         }
         for (index, entry) in self.compare.iter().enumerate() {
-            let is_used = self.compare[..index].iter().any(|other| other.name == entry.name);
-            if entry.name.is_empty() || is_used {
-                return Err(format!("`compare.{index}` needs a unique `name`"));
+            if entry.name.is_empty() {
+                return Err(format!("`compare.{index}` needs a `name`"));
+            }
+            if let Some(first) = self.compare[..index]
+                .iter()
+                .position(|other| other.name == entry.name)
+            {
+                return Err(format!(
+                    "the name `{}` is stated twice, by `compare.{first}` and `compare.{index}`; give each of them its own",
+                    entry.name
+                ));
             }
             let checked = entry.check(&self.compare[..index]);
             checked.map_err(|reason| format!("`compare.{index}`: {reason}"))?;
@@ -489,7 +497,7 @@ mod tests {
             (&format!("{head}[judge]\n\"a b\" = \"max < 1\"\n"), "is no name"),
             (
                 &format!("{head}[[compare]]\nname = \"a\"\n[[compare]]\nname = \"a\"\n"),
-                "a unique `name`",
+                "the name `a` is stated twice, by `compare.0` and `compare.1`; give each of them its own",
             ),
             (
                 &format!("{head}[[compare]]\nname = \"../a\"\n"),
