@@ -20,6 +20,7 @@ mod laws;
 mod logs;
 mod long_logs;
 mod long_scenarios;
+mod new_scenarios;
 mod outages;
 mod plugins;
 mod replay;

@@ -132,6 +132,50 @@ fn a_flight_whose_world_is_another_program_keeps_to_its_path_in_a_jet_and_while_
     assert!(replayed.contains("identical: "), "{replayed}");
 }
 
+/// Flies a file that `gerono new` wrote, to its path and to the ground. Returns whether the machine let it.
+fn flown_as_written(place: &Place, file: &str, flight: &str, world: &str) -> bool {
+    let device = format!("rc_output.transmitter.device='{}'", place.path("radio").display());
+    let port = format!("motion_capture.port={}", free_port());
+    let of = |command| [command, file, "--set", &device, "--set", &port, "--out"];
+    let simulated = World::begin_with(place, &[&of("world")[..], &[world]].concat());
+    until("the device", || place.path("radio").exists().then_some(()));
+    let run = begin(&mut place.gerono(&[&of("run")[..], &[flight, "--host", "realtime"]].concat()));
+    let came = comes_to_the_path(place);
+    succeed(&mut place.gerono(&["stop"]));
+    let ended = finish(run);
+    simulated.end();
+    let kept_time = kept_time(place, world);
+    let flew = came && ended.status.success();
+    assert!(flew || !kept_time, "{}", said(&ended));
+    flew
+}
+
+#[test]
+fn a_file_of_gerono_new_flies_in_the_simulated_laboratory_as_it_is() {
+    let place = Place::in_real_time();
+    let vehicle = [
+        "--mass",
+        "0.9",
+        "--size",
+        "0.5",
+        "--propeller",
+        "10",
+        "--cells",
+        "4",
+    ];
+    let laboratory = ["--radio", "sbus", "--cameras", "natnet"];
+    succeed(&mut place.gerono(&[&["new", "mine.toml"][..], &vehicle, &laboratory].concat()));
+    let flown = ["1", "2", "3"].iter().any(|attempt| {
+        flown_as_written(
+            &place,
+            "mine.toml",
+            &format!("flight{attempt}"),
+            &format!("world{attempt}"),
+        )
+    });
+    assert!(flown, "the machine stands still in every flight");
+}
+
 /// The world's own log says so, and what frames began to act.
 /// Longest time without a pose beyond the time without a driver: the connection to the server, and some captures.
 const CONNECTION_NS: u64 = 100_000_000;

@@ -43,6 +43,7 @@ use self::values::service_process;
 pub use self::view::*;
 pub use self::world::*;
 use command_line::exit::Exit;
+use new_scenario::arguments::New;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -56,6 +57,13 @@ pub struct Cli {
 /// The commands of `gerono`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Write a scenario for a vehicle from mass, size, propellers, battery.
+    ///
+    /// Asks for what no option states. The file can be flown as it is, in a simulation or, with --radio and --cameras, against
+    /// the simulated laboratory. It states gains for a vehicle that was weighed but not measured; each estimated value has a
+    /// comment with its origin and with a way to measure it (docs/another_vehicle.md).
+    #[command(after_help = New::EXAMPLES)]
+    New(New),
     /// Fly a scenario and record it.
     ///
     /// Starts one process for each service, flies the scenario in simulated time and writes run.mcap (the experiment:

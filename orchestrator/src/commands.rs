@@ -50,7 +50,9 @@ use supervisor::host_record::HostRecord;
 
 /// Loads the scenario of the command line, which Gerono's services must support.
 fn load(arguments: &ScenarioArguments) -> Result<Scenario, Failure> {
-    let scenario = scenario_file::load(&arguments.scenario, &arguments.sets, arguments.seed)?;
+    let (scenario, shortened) =
+        scenario_file::load_shortened(&arguments.scenario, &arguments.sets, arguments.seed)?;
+    shortened.iter().for_each(note);
     match registry::problem_of_services(&scenario) {
         Some(problem) => Err(refused(arguments, &problem)),
         None => Ok(scenario),

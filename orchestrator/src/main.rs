@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         return output::conclude(service::service(&process.name).map(|()| Exit::Success));
     }
     let result = match groups::parse().command {
+        Command::New(arguments) => new_scenario::new(&arguments).map(|()| Exit::Success),
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::check(&arguments).map(|()| Exit::Success),
         Command::Plot(arguments) => logs::plot(&arguments).map(|()| Exit::Success),

@@ -23,8 +23,12 @@ impl World {
 
     /// Begins the world of a scenario.
     pub(crate) fn begin_of(name: &str, place: &Place, settings: &[String], more: &[&str]) -> Self {
-        let mut world = place.gerono(&arguments_of(name, "world", settings, more));
-        Self(Some(begin(&mut world)))
+        Self::begin_with(place, &arguments_of(name, "world", settings, more))
+    }
+
+    /// Begins a world with these arguments of `gerono`.
+    pub(crate) fn begin_with(place: &Place, arguments: &[&str]) -> Self {
+        Self(Some(begin(&mut place.gerono(arguments))))
     }
 
     /// Ends it as its user would.

@@ -10,11 +10,13 @@
 //! * position and velocity: two poles, k1 σmax and k2 σmax;
 //! * adaptation: b̂ and, along the thrust axis, η̂ with the gain λm T², T = m g: s² + λ s + Λb + λm T².
 
+mod proposal;
 mod rule;
 
 use scenario::{GRAVITY, Key, Problem, Scenario, Vector};
 use shared_types::ServiceId;
 
+pub use proposal::{Gains, lambda_mass, table as table_of_gains};
 pub use rule::{Rule, table};
 
 /// Rule applied to a scenario, with its value and limit.
@@ -180,7 +182,7 @@ fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
     let velocity_rate = law.k2 * law.sigma_max;
     let [disturbance, mass] = learning_gains(scenario);
     // Gains with a damping of 0.71, and at the limit.
-    let good = velocity_rate * velocity_rate / 2.0;
+    let good = good_lambda_disturbance(velocity_rate);
     let slowest = velocity_rate / (2.0 * LEARNING_DAMPING);
     let largest = slowest * slowest;
     let (key, fix) = if disturbance > good || mass == 0.0 {
@@ -200,6 +202,11 @@ fn disturbance_learning(scenario: &Scenario) -> Option<Finding> {
         limit: LEARNING_DAMPING,
         fix,
     })
+}
+
+/// Returns the elements of Λb that damp the adaptation with 0.71, for a small λm and the rate k2 σmax of the velocity loop, 1/s.
+fn good_lambda_disturbance(velocity_rate: f64) -> f64 {
+    velocity_rate * velocity_rate / 2.0
 }
 
 fn thrust_reserve(scenario: &Scenario) -> Option<Finding> {

@@ -7,7 +7,7 @@ use super::Cli;
 
 /// The groups with their commands, in the order of the help, the man pages and the page of commands.
 pub const GROUPS: [(&str, &[&str]); 6] = [
-    ("Fly", &["run", "check"]),
+    ("Fly", &["new", "run", "check"]),
     (
         "Inspect",
         &[

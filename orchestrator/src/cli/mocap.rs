@@ -4,9 +4,9 @@ use std::net::Ipv4Addr;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 use motion_capture::natnet::Version;
+use new_scenario::arguments::capture_system;
 use scenario::CaptureSystem;
 
 use super::values::duration;
@@ -33,23 +33,6 @@ pub enum MocapCommand {
     /// Emulate a motion-capture system with the poses of a recorded flight or of an eight, for tests.
     #[command(after_help = MocapSend::EXAMPLES)]
     Send(MocapSend),
-}
-
-/// Returns the parser of a motion-capture system's name.
-fn capture_system() -> impl TypedValueParser<Value = CaptureSystem> {
-    let words = CaptureSystem::ALL.map(|system| {
-        let properties = system.properties();
-        let word = PossibleValue::new(properties.name).help(properties.title);
-        word.aliases(properties.aliases)
-    });
-    PossibleValuesParser::new(words).map(|word| {
-        let mut systems = CaptureSystem::ALL.into_iter();
-        let named = systems.find(|system| {
-            let properties = system.properties();
-            properties.name == word || properties.aliases.contains(&word.as_str())
-        });
-        named.expect("the parser accepts no other words")
-    })
 }
 
 /// Arguments of `gerono mocap probe`.

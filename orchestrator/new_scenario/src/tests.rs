@@ -1,0 +1,150 @@
+//! Whatever `gerono new` writes is a scenario without a warning.
+
+use std::path::Path;
+
+use proptest::prelude::*;
+use scenario::Scenario;
+
+use scenario_file::gain_rules;
+
+use super::estimates::Estimates;
+use super::*;
+
+fn all_surroundings() -> Vec<Surroundings> {
+    let laboratories = CaptureSystem::ALL
+        .into_iter()
+        .flat_map(|cameras| RadioProtocol::ALL.map(|radio| Surroundings::Laboratory { cameras, radio }));
+    std::iter::once(Surroundings::Simulated)
+        .chain(laboratories)
+        .collect()
+}
+
+#[track_caller]
+fn read(text: &str) -> Scenario {
+    scenario_file::load_text(Path::new("new.toml"), text, &[], None)
+        .unwrap_or_else(|error| panic!("{error:#}\n{text}"))
+}
+
+/// A vehicle that a person may have: a propeller that nearly touches the next one, or is smaller.
+fn airframes() -> impl Strategy<Value = Airframe> {
+    let within = |[least, most]: [f64; 2]| {
+        (0.0..1.0_f64).prop_map(move |share| least * libm::pow(most / least, share))
+    };
+    let (mass, size) = (within(MASS), within(SIZE));
+    (mass, size, 0.4..1.0_f64, CELLS[0]..=CELLS[1]).prop_map(|(mass, size, share, cells)| Airframe {
+        mass,
+        size,
+        propeller: (share * size / std::f64::consts::SQRT_2 / 0.0254).clamp(PROPELLER[0], PROPELLER[1]),
+        cells,
+    })
+}
+
+proptest! {
+    #[test]
+    fn a_written_scenario_is_read_and_keeps_all_rules(airframe in airframes()) {
+        for surroundings in all_surroundings() {
+            let Ok(text) = text(&airframe, surroundings, "new.toml") else {
+                continue;
+            };
+            let scenario = read(&text);
+            prop_assert_eq!(gain_rules::warnings(&scenario), []);
+            prop_assert_eq!(scenario.vehicle.mass, airframe.mass);
+        }
+    }
+}
+
+#[test]
+fn every_estimated_value_says_how_to_measure_it() {
+    let airframe = Airframe {
+        mass: 0.9,
+        size: 0.5,
+        propeller: 10.0,
+        cells: 4,
+    };
+    for surroundings in all_surroundings() {
+        let text = text(&airframe, surroundings, "new.toml").unwrap();
+        let believed = text.split("# --- The vehicle of a simulation").next().unwrap();
+        for way in [
+            "thrust stand",
+            "`gerono rc identify`",
+            "`gerono identify`",
+            "bifilar pendulum",
+            "scales",
+        ] {
+            assert!(believed.contains(way), "{way}: {text}");
+        }
+    }
+}
+
+/// J in 1e-5 kg m², largest thrust in N, and lag of the thrust in s of known vehicles.
+const KNOWN: [(&str, Airframe, [f64; 2], f64, f64); 4] = [
+    (
+        "Crazyflie",
+        airframe(0.03, 0.092, 1.8, 1),
+        [1.43, 2.89],
+        0.575,
+        0.072,
+    ),
+    (
+        "the paper's",
+        airframe(0.2, 0.2, 5.5, 2),
+        [65.0, 130.0],
+        5.5,
+        0.03,
+    ),
+    (
+        "Hummingbird",
+        airframe(0.5, 0.34, 8.0, 3),
+        [366.0, 703.0],
+        20.0,
+        0.02,
+    ),
+    (
+        "X500",
+        airframe(2.0, 0.495, 10.0, 4),
+        [2167.0, 4000.0],
+        34.2,
+        0.05,
+    ),
+];
+
+const fn airframe(mass: f64, size: f64, propeller: f64, cells: u32) -> Airframe {
+    Airframe {
+        mass,
+        size,
+        propeller,
+        cells,
+    }
+}
+
+#[test]
+fn estimates_are_near_the_values_of_known_vehicles() {
+    for (name, airframe, [across, along], thrust, lag) in KNOWN {
+        let estimates = Estimates::of(&airframe).unwrap();
+        let [x, _, z] = estimates.inertia;
+        let is_near = |value: f64, known: f64, factor: f64| (known / factor..known * factor).contains(&value);
+        assert!(is_near(x, 1e-5 * across, 1.4), "{name}: {x}");
+        assert!(is_near(z, 1e-5 * along, 1.6), "{name}: {z}");
+        assert!(
+            is_near(estimates.thrust_max, thrust, 1.6),
+            "{name}: {estimates:?}"
+        );
+        assert!(is_near(estimates.thrust_lag, lag, 2.01), "{name}: {estimates:?}");
+    }
+}
+
+#[test]
+fn numbers_that_contradict_each_other_are_refused_with_the_fix() {
+    let touching = text(&airframe(0.9, 0.3, 10.0, 4), Surroundings::Simulated, "new.toml").unwrap_err();
+    assert_eq!(
+        touching.to_string(),
+        "propellers of 10 inch touch each other: with a diagonal of 0.3 m neighbouring motors are 0.212 m apart; give the \
+         diagonal from motor to motor, at least 0.36 m with these propellers, and their diameter in inch"
+    );
+    let heavy = text(&airframe(9.0, 0.5, 5.0, 4), Surroundings::Simulated, "new.toml").unwrap_err();
+    assert_eq!(
+        heavy.to_string(),
+        "four propellers of 5 inch with 4 cells have about 11.61 N, 0.13 times the weight of 9 kg; give the mass with battery \
+         in kg, the diameter of a propeller in inch, and the cells in series"
+    );
+}
