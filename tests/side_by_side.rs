@@ -29,6 +29,7 @@ mod report;
 mod reproduce;
 mod result_files;
 mod safety;
+mod slips;
 mod sweeps;
 mod verdicts;
 mod view;

@@ -36,6 +36,18 @@ class Locking(controller.Hover):
         memory.flags.writeable = False
 
 
+class Misspelt(controller.Hover):
+    """A controller that names a field that does not exist."""
+
+    def step(self, now, state, reference, command, errors):
+        command["thurst"] = 1.0
+
+
+def test_a_field_that_does_not_exist_is_named_with_those_that_do(hover):
+    with pytest.raises(ValueError, match=r"no sample has a field `thurst`: `state` has .*`command` has .*\bthrust\b"):
+        hover.fly(set={"duration": 0.5}, controller=Misspelt())
+
+
 def test_locked_memory_is_an_error(hover):
     with pytest.raises(Exception, match="writeable"):
         hover.fly(set={"duration": 0.5}, controller=Locking())

@@ -93,7 +93,7 @@ pub fn folder_beside(log: &Path) -> Result<PathBuf, ReportError> {
     if is_free {
         return Ok(path);
     }
-    let reason = "it is there already and holds no report; name a folder with `-o`";
+    let reason = "it is there already and holds no report";
     let source = io::Error::new(io::ErrorKind::AlreadyExists, reason);
     Err(ReportError::Write { path, source })
 }

@@ -7,6 +7,7 @@ mod marks;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::{fs, io};
 
 use kuva::prelude::{Layout, LinePlot, Plot, TickFormat};
 
@@ -77,10 +78,25 @@ pub enum PlotError {
     },
 }
 
-/// Returns the name of a figure whose user states none: beside the log.
-#[must_use]
-pub fn file_beside(log: &Path) -> PathBuf {
-    log.with_file_name("distance.svg")
+/// Label of the axis in every figure.
+const LABEL: &str = "distance from the path";
+
+/// Returns the name of a figure whose user states none: beside the log, and free or that of an earlier figure.
+///
+/// # Errors
+/// [`PlotError::Write`] if something else has its name.
+pub fn file_beside(log: &Path) -> Result<PathBuf, PlotError> {
+    let path = log.with_file_name("distance.svg");
+    let source = match fs::read_to_string(&path) {
+        Ok(text) if text.contains(LABEL) => return Ok(path),
+        Ok(_) => io::Error::new(
+            io::ErrorKind::AlreadyExists,
+            "it is there already and is another figure",
+        ),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(path),
+        Err(error) => error,
+    };
+    Err(PlotError::Write { path, source })
 }
 
 /// Draws the logs' distances from the path over time into the SVG file `out`, with the theorem's bound where it applies, the
@@ -115,9 +131,9 @@ fn draw(curves: &[Curve], span: Span) -> String {
         .with_height(HEIGHT)
         .with_x_label("time, s")
         .with_y_label(if curves.iter().all(|curve| curve.source == StateSource::Truth) {
-            "distance from the path, m"
+            format!("{LABEL}, m")
         } else {
-            "distance from the path, as estimated, m"
+            format!("{LABEL}, as estimated, m")
         })
         .with_x_axis_min(from)
         .with_x_axis_max(to)

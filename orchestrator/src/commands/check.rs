@@ -86,7 +86,7 @@ fn gains(scenario: &Scenario) -> String {
             "≥"
         };
         table.add_row([
-            quantity(finding, &findings),
+            quantity(scenario, finding),
             digits(finding.value),
             format!("{sign} {}{}", digits(finding.limit), finding.rule.unit()),
         ]);
@@ -102,12 +102,20 @@ fn gains(scenario: &Scenario) -> String {
     )
 }
 
-/// Returns the name of a rule's quantity, with its key if the rule applies to several.
-fn quantity(finding: &gain_rules::Finding, all: &[gain_rules::Finding]) -> String {
+/// Returns the name of a rule's quantity, with the time from which it has the value if it changes in flight.
+fn quantity(scenario: &Scenario, finding: &gain_rules::Finding) -> String {
     let name = finding.rule.quantity();
-    match all.iter().filter(|other| other.rule == finding.rule).count() {
-        1 => name.to_owned(),
-        _ => format!("{name}, with `{}`", finding.key),
+    let segments: Vec<_> = finding.key.segments().iter().map(String::as_str).collect();
+    let changes = &scenario.vehicle.change;
+    match segments[..] {
+        ["vehicle", "change", index, ..] => {
+            let change = index.parse().ok().and_then(|index: usize| changes.get(index));
+            change.map_or_else(
+                || name.to_owned(),
+                |change| format!("{name}, from {:?} s", change.at),
+            )
+        }
+        _ => name.to_owned(),
     }
 }
 

@@ -29,13 +29,16 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
     if from.unwrap_or(0.0) >= to.unwrap_or(f64::INFINITY) {
         return Err(Failure::bad_input("--from must be before --to"));
     }
-    let output = arguments.output.clone();
-    let output = output.unwrap_or_else(|| plot::file_beside(&logs[0]));
-    plot::distance(&logs, plot::Span { from, to }, &output).map_err(|error| match error {
+    let failure = |error| match error {
         PlotError::Write { .. } => Failure::not_written(error),
         PlotError::BeyondTheEnd { .. } => Failure::bad_input(error),
         _ => Failure::trouble(error),
-    })?;
+    };
+    let output = match &arguments.output {
+        Some(output) => output.clone(),
+        None => plot::file_beside(&logs[0]).map_err(failure)?,
+    };
+    plot::distance(&logs, plot::Span { from, to }, &output).map_err(failure)?;
     print(format!("{}\n", output.display()));
     Ok(())
 }
