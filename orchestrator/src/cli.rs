@@ -57,7 +57,7 @@ pub struct Cli {
 /// The commands of `gerono`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Write a scenario for a vehicle from mass, size, propellers, battery.
+    /// Write a scenario for a vehicle from its mass, size and battery.
     ///
     /// Asks for what no option states. The file can be flown as it is, in a simulation or, with --radio and --cameras, against
     /// the simulated laboratory. It states gains for a vehicle that was weighed but not measured; each estimated value has a
