@@ -262,6 +262,10 @@ fn transmitter(radio: RadioProtocol) -> String {
             "udp = \"127.0.0.1:14540\"         # yours: the autopilot, or device = \"/dev/serial/by-id/…\"",
             false,
         ),
+        RadioProtocol::Crazyflie => (
+            "uri = \"udp://127.0.0.1:19850\"   # yours: \"radio://0/80/2M/E7E7E7E7E7\"",
+            false,
+        ),
         _ => (
             "device = \"/tmp/gerono-radio\"    # yours: a name in /dev/serial/by-id; `gerono world` makes this one",
             true,
