@@ -247,9 +247,10 @@ fn look(base: &Base, leave_out: impl Fn(State) -> bool) -> io::Result<RunRoots> 
     Ok(found)
 }
 
-/// Removes a run folder and all shared memory with its prefix.
+/// Removes a run folder and all shared memory with its prefix. The folder remains if some of it cannot be removed: it
+/// shows that a clean-up is due.
 fn remove(folder: &Path, prefix: &str) -> io::Result<()> {
-    for path in shared_memory::segments(prefix) {
+    for path in shared_memory::all_segments(prefix)? {
         if path.is_dir() {
             fs::remove_dir_all(path)?;
         } else {

@@ -4,7 +4,6 @@
 //! that opens it waits without a timeout. A creator keeps the segment open until it has a size. So a segment without a size
 //! that no process has open will not be finished.
 
-use std::error::Error;
 use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -12,76 +11,35 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// Folder of named shared memory in Linux.
-pub const FOLDER: &str = "/dev/shm";
+pub use system_limits::shared_memory::{FOLDER, explained, free_bytes};
 
 /// Maximum duration of the work without unfinished segments.
 const WORK_LIMIT: Duration = Duration::from_millis(20);
 
-/// Returns the segments of this user whose names begin with a run's prefix.
+/// Returns the segments of this user whose names begin with a run's prefix; none if they cannot be listed.
 #[must_use]
 pub fn segments(prefix: &str) -> Vec<PathBuf> {
-    let mine = |entry: &fs::DirEntry| {
-        entry.file_name().to_string_lossy().starts_with(prefix)
-            && entry
-                .metadata()
-                .is_ok_and(|metadata| metadata.uid() == rustix::process::getuid().as_raw())
-    };
-    let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
-    entries.filter(mine).map(|entry| entry.path()).collect()
+    all_segments(prefix).unwrap_or_default()
 }
 
-/// Returns the free bytes of the file system of shared memory.
-#[must_use]
-pub fn free_bytes() -> Option<u64> {
-    let found = rustix::fs::statvfs(FOLDER).ok()?;
-    Some(found.f_bavail * found.f_frsize)
-}
-
-/// Resources below which a failure is attributed to their lack.
-const LEAST_BYTES: u64 = 1 << 20;
-const LEAST_DESCRIPTORS: usize = 16;
-
-/// Adds the exhausted resource and the fix to an error of iceoryx2, which has no reason.
-#[must_use]
-pub fn explained(source: impl Error + Send + Sync + 'static) -> Box<dyn Error + Send + Sync> {
-    let lack = lack_of_descriptors().or_else(lack_of_memory);
-    let lack = lack.unwrap_or_else(|| {
-        format!(
-            "{FOLDER} and descriptors are available; another program may have damaged the run's shared memory"
-        )
-    });
-    Box::new(Explained {
-        source: source.into(),
-        lack,
-    })
-}
-
-#[derive(Debug, thiserror::Error)]
-#[error("{source}: {lack}")]
-struct Explained {
-    source: Box<dyn Error + Send + Sync>,
-    lack: String,
-}
-
-fn lack_of_descriptors() -> Option<String> {
-    let open = || fs::File::open("/dev/null");
-    let tried: std::io::Result<Vec<_>> = std::iter::repeat_with(open).take(LEAST_DESCRIPTORS).collect();
-    let error = tried.err()?;
-    Some(format!(
-        "there are not enough file descriptors ({error}); a run needs 100 in every process, raise the limit with `ulimit -n`"
-    ))
-}
-
-fn lack_of_memory() -> Option<String> {
-    let free = free_bytes()?;
-    (free < LEAST_BYTES).then(|| {
-        format!(
-            "{FOLDER} is full ({:.2} MB are free); remove what is not needed there, `gerono clean` removes what dead runs \
-             have left",
-            free as f64 / 1e6
-        )
-    })
+/// Returns the segments of this user whose names begin with a run's prefix.
+///
+/// # Errors
+/// If the system refuses.
+pub fn all_segments(prefix: &str) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(FOLDER)? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(prefix) {
+            match entry.metadata() {
+                Ok(metadata) if metadata.uid() != rustix::process::getuid().as_raw() => {}
+                Err(error) if error.kind() == ErrorKind::NotFound => {}
+                Ok(_) => found.push(entry.path()),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+    Ok(found)
 }
 
 /// Denies other users access to the shared memory of a run: iceoryx2 (0.10) makes the counter of its nodes accessible to
