@@ -209,7 +209,7 @@ pub enum ToOrchestrator {
         /// The reason, in words.
         reason: String,
     },
-    /// The process ends because of a panic; another process may take its role.
+    /// The process ends because of a panic or a failed connection; another process may take its role.
     Dying {
         /// The fault, in words.
         reason: String,

@@ -6,6 +6,7 @@
 //! full buffer the newest sample replaces the oldest.
 
 mod bare;
+mod connections;
 mod run_node;
 mod topic;
 mod typed;
@@ -85,6 +86,14 @@ pub enum PortError {
         /// The topic.
         topic: Topic,
         /// The error of iceoryx2.
+        source: Cause,
+    },
+    /// A port cannot be connected to that of another process of the run.
+    #[error("cannot connect a port of the topic `{topic}` to that of another process: {source}")]
+    Unconnected {
+        /// The topic.
+        topic: Topic,
+        /// The last error of the system.
         source: Cause,
     },
     /// A sample could not be loaned, sent or received.
@@ -171,27 +180,27 @@ pub trait TopicPorts {
     /// ends. It wakes the receivers by the `doorbells`.
     ///
     /// # Errors
-    /// [`PortError::Create`].
+    /// [`PortError::Create`] or [`PortError::Unconnected`].
     fn sender(&self, page: Arc<SharedPage>, doorbells: Arc<[Doorbell]>)
     -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes the publisher of a topic in which the newest sample wins; it never waits.
     ///
     /// # Errors
-    /// [`PortError::Create`].
+    /// [`PortError::Create`] or [`PortError::Unconnected`].
     fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError>;
 
     /// Makes a consumer's subscriber, its buffer sized by the schedule.
     ///
     /// # Errors
-    /// [`PortError::Create`].
+    /// [`PortError::Create`] or [`PortError::Unconnected`].
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError>;
 
     /// Makes a subscriber with a buffer of this capacity, at most [`RECORDER_BUFFER`], for the recorder or a service that
     /// catches up with late steps.
     ///
     /// # Errors
-    /// [`PortError::Create`].
+    /// [`PortError::Create`] or [`PortError::Unconnected`].
     fn recorder(&self, capacity: usize) -> Result<Box<dyn Receiver>, PortError>;
 }
 
@@ -209,13 +218,13 @@ pub trait Sender {
     /// Sends the loaned sample, and waits for the receivers of the run.
     ///
     /// # Errors
-    /// [`PortError::Transport`], or [`PortError::Stopping`] if the run ends while a buffer is full.
+    /// [`PortError::Transport`], [`PortError::Unconnected`], or [`PortError::Stopping`] if the run ends while a buffer is full.
     fn send(&mut self) -> Result<(), PortError>;
 
     /// Connects to all existing receivers.
     ///
     /// # Errors
-    /// [`PortError::Transport`].
+    /// [`PortError::Transport`] or [`PortError::Unconnected`].
     fn connect(&mut self) -> Result<(), PortError>;
 }
 
@@ -224,7 +233,7 @@ pub trait Receiver {
     /// Receives the next sample, if there is one; it replaces the held one.
     ///
     /// # Errors
-    /// [`PortError::Transport`].
+    /// [`PortError::Transport`] or [`PortError::Unconnected`].
     fn receive(&mut self) -> Result<bool, PortError>;
 
     /// Returns the held sample.
@@ -236,6 +245,6 @@ pub trait Receiver {
     /// Connects to all existing publishers.
     ///
     /// # Errors
-    /// [`PortError::Transport`].
+    /// [`PortError::Transport`] or [`PortError::Unconnected`].
     fn connect(&mut self) -> Result<(), PortError>;
 }

@@ -24,7 +24,7 @@ use crate::doorbell::Doorbell;
 use crate::external_service::{self, LaunchDescriptors, LaunchManifest};
 use crate::flight_error::FlightError;
 use crate::launch::Launch;
-use crate::ports::{RunNode, Topics};
+use crate::ports::{PortError, RunNode, Topics};
 pub use crate::process_error::ProcessError;
 use crate::shared_page::SharedPage;
 use crate::step_log::StepLog;
@@ -263,6 +263,11 @@ fn report(channel: &Channel, result: Result<(), ProcessError>) -> Result<(), Pro
     let message = match &error {
         ProcessError::Flight(FlightError::Stopping) => return Ok(()),
         ProcessError::Flight(FlightError::NonFinite(found)) => ToOrchestrator::NonFinite(found.clone()),
+        // Its successor connects again.
+        ProcessError::Port(PortError::Unconnected { .. })
+        | ProcessError::Flight(FlightError::Port(PortError::Unconnected { .. })) => ToOrchestrator::Dying {
+            reason: resource_limits::in_words(&error),
+        },
         ProcessError::Scenario(_) => ToOrchestrator::Refused {
             reason: resource_limits::in_words(&error),
         },

@@ -1,6 +1,7 @@
 //! Topics as iceoryx2 services: make or open a topic, and make its ports.
 
 use std::error::Error;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -8,9 +9,11 @@ use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as TopicService;
+use iceoryx2::service::port_factory::publisher::PortFactoryPublisher;
 use shared_types::wiring::TopicVisitor;
 use shared_types::{Published, ServiceId, Topic};
 
+use super::connections::Connections;
 use super::typed::{TypedReceiver, TypedSender, Wire};
 use super::{
     Delivery, LAYOUT_ATTRIBUTE, MAX_BORROWED, MAX_LOANED, OBSERVERS, PortError, RECORDER_BUFFER, Receiver,
@@ -40,8 +43,12 @@ pub(super) struct Enter<'a> {
     pub(super) access: Access,
 }
 
+/// Name of the ports of a run's processes: those of observers have others.
+const OF_THE_RUN: &str = "gerono";
+
 struct Ports<T: Published> {
-    service: TopicService<ipc::Service, Wire<T>, ()>,
+    service: Rc<TopicService<ipc::Service, Wire<T>, ()>>,
+    name: PortName,
     topic: Topic,
     consumer_buffer: usize,
 }
@@ -108,7 +115,8 @@ impl TopicVisitor for Enter<'_> {
             }
         };
         Ok(Box::new(Ports::<T> {
-            service,
+            service: Rc::new(service),
+            name: PortName::new(OF_THE_RUN).map_err(|error| not_opened(topic, error))?,
             topic,
             consumer_buffer,
         }))
@@ -147,9 +155,50 @@ impl<T: Published> Ports<T> {
     }
 
     fn receiver_of_size(&self, buffer_size: usize) -> Result<Box<dyn Receiver>, PortError> {
+        let service = Rc::clone(&self.service);
+        let publishers = move || {
+            let mut found = Vec::new();
+            service.dynamic_config().list_publishers(|publisher| {
+                found.push((publisher.publisher_id.value(), publisher.node_id, true));
+                CallbackProgression::Continue
+            });
+            found
+        };
+        let connections = Connections::new(self.topic, publishers);
         let builder = self.service.subscriber_builder().buffer_size(buffer_size);
+        let builder = builder
+            .name(&self.name)
+            .set_degradation_handler(connections.handler(|info| info.sender_port_id));
         let subscriber = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
-        Ok(Box::new(TypedReceiver::new(subscriber, self.topic)))
+        connections.check()?;
+        Ok(Box::new(TypedReceiver::new(subscriber, self.topic, connections)))
+    }
+
+    /// Makes a publisher. An unnamed receiver belongs to the run if `is_of_the_run` says so of its id.
+    fn sender_to(
+        &self,
+        builder: PortFactoryPublisher<'_, ipc::Service, Wire<T>, ()>,
+        is_of_the_run: impl Fn(u128) -> bool + 'static,
+    ) -> Result<Box<dyn Sender>, PortError> {
+        let service = Rc::clone(&self.service);
+        let subscribers = move || {
+            let mut found = Vec::new();
+            service.dynamic_config().list_subscribers(|subscriber| {
+                let id = subscriber.subscriber_id.value();
+                let is_known = subscriber.subscriber_name.as_str() == OF_THE_RUN || is_of_the_run(id);
+                found.push((id, subscriber.node_id, is_known));
+                CallbackProgression::Continue
+            });
+            found
+        };
+        let connections = Connections::new(self.topic, subscribers);
+        let builder = builder
+            .name(&self.name)
+            .max_loaned_samples(MAX_LOANED)
+            .set_degradation_handler(connections.handler(|info| info.receiver_port_id));
+        let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
+        connections.check()?;
+        Ok(Box::new(TypedSender::new(publisher, self.topic, connections)))
     }
 }
 
@@ -159,10 +208,10 @@ impl<T: Published> TopicPorts for Ports<T> {
         page: Arc<SharedPage>,
         doorbells: Arc<[Doorbell]>,
     ) -> Result<Box<dyn Sender>, PortError> {
+        let run = Arc::clone(&page);
         let builder = self
             .service
             .publisher_builder()
-            .max_loaned_samples(MAX_LOANED)
             .backpressure_strategy(BackpressureStrategy::RetryUntilDelivered)
             .set_backpressure_handler(move |full: &BackpressureInfo| {
                 // iceoryx2 does not limit the wait for a stopped receiver. A new piece of work at each retry keeps the
@@ -181,18 +230,17 @@ impl<T: Published> TopicPorts for Ports<T> {
                 }
                 BackpressureAction::Retry
             });
-        let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
-        Ok(Box::new(TypedSender::new(publisher, self.topic)))
+        self.sender_to(builder, move |receiver| {
+            run.control_block().owner(receiver).is_some()
+        })
     }
 
     fn newest_sender(&self) -> Result<Box<dyn Sender>, PortError> {
-        let builder = self
-            .service
-            .publisher_builder()
-            .max_loaned_samples(MAX_LOANED)
-            .backpressure_strategy(BackpressureStrategy::DiscardData);
-        let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
-        Ok(Box::new(TypedSender::new(publisher, self.topic)))
+        let builder = self.service.publisher_builder();
+        self.sender_to(
+            builder.backpressure_strategy(BackpressureStrategy::DiscardData),
+            |_| false,
+        )
     }
 
     fn receiver(&self) -> Result<Box<dyn Receiver>, PortError> {

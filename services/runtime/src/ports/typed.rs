@@ -12,6 +12,7 @@ use iceoryx2::sample::Sample as Received;
 use iceoryx2::sample_mut::SampleMut as Loaned;
 use shared_types::{Sample, Topic};
 
+use super::connections::Connections;
 use super::topic::one_port;
 use super::{PortError, Receiver, Sender};
 
@@ -39,14 +40,20 @@ pub(super) struct TypedSender<T: Sample> {
     loaned: Option<Loaned<ipc::Service, Wire<T>, ()>>,
     publisher: Publisher<ipc::Service, Wire<T>, ()>,
     topic: Topic,
+    connections: Connections,
 }
 
 impl<T: Sample> TypedSender<T> {
-    pub(super) fn new(publisher: Publisher<ipc::Service, Wire<T>, ()>, topic: Topic) -> Self {
+    pub(super) fn new(
+        publisher: Publisher<ipc::Service, Wire<T>, ()>,
+        topic: Topic,
+        connections: Connections,
+    ) -> Self {
         Self {
             loaned: None,
             publisher,
             topic,
+            connections,
         }
     }
 }
@@ -84,14 +91,16 @@ impl<T: Sample> Sender for TypedSender<T> {
                 topic: self.topic,
                 source: error.into(),
             },
-        })
+        })?;
+        self.connections.check()
     }
 
     fn connect(&mut self) -> Result<(), PortError> {
         one_port(|| self.publisher.update_connections()).map_err(|error| PortError::Transport {
             topic: self.topic,
             source: error.into(),
-        })
+        })?;
+        self.connections.check_each()
     }
 }
 
@@ -100,14 +109,20 @@ pub(super) struct TypedReceiver<T: Sample> {
     held: Option<Received<ipc::Service, Wire<T>, ()>>,
     subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
     topic: Topic,
+    connections: Connections,
 }
 
 impl<T: Sample> TypedReceiver<T> {
-    pub(super) fn new(subscriber: Subscriber<ipc::Service, Wire<T>, ()>, topic: Topic) -> Self {
+    pub(super) fn new(
+        subscriber: Subscriber<ipc::Service, Wire<T>, ()>,
+        topic: Topic,
+        connections: Connections,
+    ) -> Self {
         Self {
             held: None,
             subscriber,
             topic,
+            connections,
         }
     }
 }
@@ -116,7 +131,7 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
     #[inline]
     fn receive(&mut self) -> Result<bool, PortError> {
         match self.subscriber.receive() {
-            Ok(None) => Ok(false),
+            Ok(None) => self.connections.check().map(|()| false),
             Ok(sample) => {
                 self.held = sample;
                 Ok(true)
@@ -141,6 +156,7 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
         one_port(|| self.subscriber.update_connections()).map_err(|error| PortError::Transport {
             topic: self.topic,
             source: error.into(),
-        })
+        })?;
+        self.connections.check_each()
     }
 }
