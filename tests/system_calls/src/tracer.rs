@@ -2,7 +2,7 @@
 //!
 //! Processes that no plan concerns are released when they begin, and run undisturbed.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -92,6 +92,8 @@ struct Tracer<'a> {
     /// Process of each thread.
     threads: BTreeMap<Pid, Pid>,
     lives: BTreeMap<String, usize>,
+    /// Threads that have their signal stack. Before, the standard library ends the process if a call fails.
+    begun: BTreeSet<Pid>,
     /// Error to return at the end of a thread's present call.
     failing: BTreeMap<Pid, Errno>,
     scheduler: Option<Scheduler>,
@@ -134,6 +136,7 @@ pub fn run(command: &mut Command, plan: &Plan, scope: Scope, limit: Duration) ->
         processes: BTreeMap::new(),
         threads: BTreeMap::new(),
         lives: BTreeMap::new(),
+        begun: BTreeSet::new(),
         failing: BTreeMap::new(),
         scheduler: match scope {
             Scope::Scheduled(seed) => Some(seeded(seed)),
@@ -226,6 +229,7 @@ impl Tracer<'_> {
 
     fn forget(&mut self, pid: Pid) {
         self.threads.remove(&pid);
+        self.begun.remove(&pid);
         self.failing.remove(&pid);
         if let Some(scheduler) = &mut self.scheduler {
             scheduler.held.retain(|&(held, _)| held != pid);
@@ -281,7 +285,12 @@ impl Tracer<'_> {
             let calls = self.outcome.calls.entry(process.life.clone()).or_default();
             calls.push(registers.orig_rax);
             let number = calls.len() as u64;
-            let error = |choice| error_of(registers.orig_rax.cast_signed(), choice);
+            if registers.orig_rax == nix::libc::SYS_sigaltstack.cast_unsigned() && registers.rdi != 0 {
+                self.begun.insert(pid);
+            }
+            let has_begun = pid == owner || self.begun.contains(&pid);
+            let call = (registers.orig_rax.cast_signed(), registers.rsi);
+            let error = |choice| error_of(call, choice).filter(|_| has_begun);
             let is_due = |&&(planned, act): &&(u64, Act)| match act {
                 Act::Kill => number == planned,
                 Act::Fail(choice) => number >= planned && error(choice).is_some(),
@@ -326,8 +335,8 @@ impl Tracer<'_> {
     }
 }
 
-/// An error that a call of this number may return while nothing else is wrong; `None` if there is none.
-fn error_of(call: i64, choice: u64) -> Option<Errno> {
+/// An error that a call of this number and second argument may return while nothing else is wrong; `None` if there is none.
+fn error_of((call, argument): (i64, u64), choice: u64) -> Option<Errno> {
     use nix::libc as system;
     const ANY: [Errno; 5] = [
         Errno::ENOMEM,
@@ -336,9 +345,21 @@ fn error_of(call: i64, choice: u64) -> Option<Errno> {
         Errno::ENOSPC,
         Errno::EACCES,
     ];
+    const LOCKS_AND_COPIES: [i32; 6] = [
+        system::F_DUPFD,
+        system::F_DUPFD_CLOEXEC,
+        system::F_SETLK,
+        system::F_SETLKW,
+        system::F_OFD_SETLK,
+        system::F_OFD_SETLKW,
+    ];
     match call {
+        // Reads and sets flags and seals, except for these commands.
+        system::SYS_fcntl if !LOCKS_AND_COPIES.contains(&(argument as i32)) => None,
         // They fail for wrong arguments only. A signal's stack and the sleep of the standard library are of that kind.
-        system::SYS_close
+        // The end of the heap is returned unchanged instead of an error.
+        system::SYS_brk
+        | system::SYS_close
         | system::SYS_munmap
         | system::SYS_sigaltstack
         | system::SYS_rt_sigaction
@@ -346,13 +367,17 @@ fn error_of(call: i64, choice: u64) -> Option<Errno> {
         | system::SYS_rt_sigreturn
         | system::SYS_sched_yield
         | system::SYS_futex
+        | system::SYS_uname
         | system::SYS_getpid
         | system::SYS_getuid
         | system::SYS_geteuid
         | system::SYS_exit
         | system::SYS_exit_group
         | system::SYS_execve => None,
-        system::SYS_clock_nanosleep | system::SYS_ppoll | system::SYS_poll => Some(Errno::EINTR),
+        // The standard library waits for a process that it has started if it cannot receive what became of it.
+        system::SYS_recvfrom | system::SYS_clock_nanosleep | system::SYS_ppoll | system::SYS_poll => {
+            Some(Errno::EINTR)
+        }
         _ => Some(ANY[(choice % ANY.len() as u64) as usize]),
     }
 }
