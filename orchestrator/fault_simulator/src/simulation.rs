@@ -515,7 +515,11 @@ impl<'a, W: World> Simulation<'a, W> {
                 self.note_presence();
             }
             Action::Become { process, role } => {
-                self.check_start(process, Some(role.service.index()));
+                // A standby process that the system did not start may get its role before that is known.
+                let known = self.machine.known_index_of(process);
+                if known.is_none_or(|at| !self.machine.processes[at].was_not_started) {
+                    self.check_start(process, Some(role.service.index()));
+                }
                 self.send(process, Message::Become(role));
             }
             Action::MakePorts { process } => self.send(process, Message::MakePorts),
