@@ -282,8 +282,8 @@ mod tests {
              mass with battery, kg:   give 0.02 to 10 kg\n\
              mass with battery, kg: diameter of a propeller, inch: cells of the battery in series:   give a whole number of \
              cells from 1 to 12\n\
-             cells of the battery in series: radio link (simulated, crsf, sbus, multi, msp, mavlink):   there is no such radio link; known are: `simulated`, `crsf`, `sbus`, `multi`, `msp`, `mavlink`\n\
-             radio link (simulated, crsf, sbus, multi, msp, mavlink): motion-capture system (vicon_udp, vrpn, natnet): "
+             cells of the battery in series: radio link (simulated, crsf, sbus, multi, msp, mavlink, crazyflie):   there is no such radio link; known are: `simulated`, `crsf`, `sbus`, `multi`, `msp`, `mavlink`, `crazyflie`\n\
+             radio link (simulated, crsf, sbus, multi, msp, mavlink, crazyflie): motion-capture system (vicon_udp, vrpn, natnet): "
         );
     }
 
