@@ -2,7 +2,7 @@
 //!
 //! A vehicle is lost if it is too far from its path, tips over, touches the ground in flight or too hard, or if its motors
 //! are stopped in the air. The first event counts, and a later recovery does not change it. The limits are the scenario's
-//! `[judge]`; docs/metrics.md states when they apply.
+//! `[judge]`; docs/losses.md states when they apply.
 
 use std::fmt::{Display, Formatter, Result};
 
