@@ -405,6 +405,32 @@ fn a_page_is_read_in_ten_minutes() {
     assert!(long.is_empty(), "minutes of reading: {long:?}");
 }
 
+/// Reading orders, each with the largest number of words of its pages together, code and tables included.
+const READING_ORDERS: [(&str, usize); 2] = [
+    ("docs/for_researchers.md", 9000),
+    ("docs/for_laboratories.md", 12_000),
+];
+
+#[test]
+fn a_reading_order_states_the_words_of_its_pages_and_keeps_its_limit() {
+    let words_in = |page: &str| read(page).split_whitespace().count();
+    for (order, limit) in READING_ORDERS {
+        let document = read(order);
+        let rows = rows(section(&document, "reading order"));
+        assert!(rows.len() >= 5, "{order}: {rows:?}");
+        let mut sum = words_in(order);
+        for row in rows {
+            let (_, file) = row[0].split_once("](").expect("a link");
+            let page = format!("docs/{}", file.trim_end_matches(')'));
+            let words = words_in(&page);
+            let stated: usize = row[2].parse().unwrap();
+            assert!(stated.abs_diff(words) <= 100, "{order}: {page} has {words} words");
+            sum += words;
+        }
+        assert!(sum <= limit, "{order}: {sum} words, more than {limit}");
+    }
+}
+
 #[test]
 fn the_pages_of_commands_and_exit_codes_are_those_of_the_program() {
     let (help, codes) = orchestrator::manual::pages::commands(orchestrator::cli::groups::command());
