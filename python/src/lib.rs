@@ -16,6 +16,7 @@ mod interruptible;
 mod log;
 mod memory;
 mod scenario;
+mod side_by_side;
 mod simulation;
 mod sweep;
 
@@ -34,6 +35,8 @@ mod _gerono {
     use crate::log::Log;
     #[pymodule_export]
     use crate::scenario::Scenario;
+    #[pymodule_export]
+    use crate::side_by_side::{PreparedScenario, start_side_by_side, step_side_by_side, view_side_by_side};
     #[pymodule_export]
     use crate::simulation::{Simulation, Snapshot};
     #[pymodule_export]

@@ -17,6 +17,7 @@ use crate::errors;
 use crate::flight::Flight;
 use crate::interruptible::interruptible;
 use crate::memory::{Samples, topic_of};
+use crate::side_by_side::PreparedScenario;
 use crate::simulation::Simulation;
 
 /// A scenario: the file that `gerono run` flies, or its text.
@@ -109,6 +110,13 @@ impl Scenario {
 
     fn _start(&self, sets: Vec<String>, seed: Option<u64>) -> PyResult<Simulation> {
         Simulation::new(&self.load(&sets, seed)?)
+    }
+
+    /// Reads and checks the scenario with settings, once for many flights without a law.
+    fn _prepare(&self, sets: Vec<String>) -> PyResult<PreparedScenario> {
+        let scenario = self.load(&sets, None)?;
+        self.refuse_other_controllers(&scenario, &sets)?;
+        Ok(PreparedScenario(scenario))
     }
 
     fn __repr__(&self) -> String {

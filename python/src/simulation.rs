@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use flight::failure::{FlightFailure, Suspects};
 use flight::in_process;
 use host::in_process::{FlightError, FlightState, InProcess, TickSink};
-use metrics::summary::FlightSummary;
+use metrics::summary::{FlightSummary, cause_in_words};
 use numpy::PyArray1;
 use plugin::float_mode::StandardFloatMode;
 use pyo3::exceptions::PyValueError;
@@ -131,6 +131,31 @@ impl Simulation {
         }
     }
 
+    /// Flies one period of the controller with a command.
+    pub(crate) fn fly_period(
+        &mut self,
+        thrust: f64,
+        torque_body: [f64; 3],
+        rates_body: [f64; 3],
+    ) -> PyResult<()> {
+        self.refuse_failed()?;
+        {
+            let mut command = self.command.lock().unwrap_or_else(PoisonError::into_inner);
+            (command.thrust, command.torque_body, command.rates_body) = (thrust, torque_body, rates_body);
+        }
+        self.advance()
+    }
+
+    /// Returns the newest sample of a topic, if one has been published.
+    pub(crate) fn newest(&mut self, topic: Topic) -> Option<&[u8]> {
+        self.host().newest(topic)
+    }
+
+    /// Returns whether the vehicle is lost.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.judge.loss().is_some()
+    }
+
     /// Flies to the next step of the controller.
     fn advance(&mut self) -> PyResult<()> {
         let _mode = StandardFloatMode::enter();
@@ -159,23 +184,23 @@ impl Simulation {
 impl Simulation {
     /// Time of the controller's next step, s.
     #[getter]
-    fn time(&mut self) -> f64 {
+    pub(crate) fn time(&mut self) -> f64 {
         let tick = self.host().next_tick();
         seconds(tick * self.tick_ns)
     }
 
     /// Whether the flight has ended.
     #[getter]
-    fn done(&self) -> bool {
+    pub(crate) fn done(&self) -> bool {
         self.is_done
     }
 
     /// Why and when the vehicle was lost, if it was.
     #[getter]
     fn lost(&self) -> Option<String> {
-        self.judge
-            .loss()
-            .map(|loss| format!("{loss}, at {} s", loss.time))
+        let mut loss = self.judge.loss()?.clone();
+        loss.cause = cause_in_words(loss.stopped_by);
+        Some(format!("{loss}, at {} s", loss.time))
     }
 
     #[pyo3(signature = (thrust, torque_body = [0.0; 3], rates_body = [0.0; 3]))]
@@ -186,12 +211,7 @@ impl Simulation {
         torque_body: [f64; 3],
         rates_body: [f64; 3],
     ) -> PyResult<()> {
-        self.refuse_failed()?;
-        {
-            let mut command = self.command.lock().unwrap_or_else(PoisonError::into_inner);
-            (command.thrust, command.torque_body, command.rates_body) = (thrust, torque_body, rates_body);
-        }
-        py.detach(|| self.advance())
+        py.detach(|| self.fly_period(thrust, torque_body, rates_body))
     }
 
     fn _newest<'py>(&mut self, py: Python<'py>, topic: &str) -> PyResult<Option<Bound<'py, PyArray1<u64>>>> {
