@@ -52,7 +52,22 @@ pub struct Flight {
     /// Maximum angle between thrust axis and vertical for arming, rad.
     #[schemars(transform = positive_up_to(Included(FRAC_PI_2)), extend("x-hint" = "0.35, which is 20°, is much for a vehicle that stands on its legs"))]
     pub tilt_max: f64,
+    /// z in {I} of the vehicle on the ground, m: farther from it than `ground_tolerance`, it is not armed by command. Not
+    /// checked unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
+    /// Maximum distance from `ground` for arming, m; 0.1 unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
+    pub ground_tolerance: Option<f64>,
+    /// File of the vehicle's hand test, which `gerono lab check` writes: without a test that this body has passed with these
+    /// cameras, it is not armed by command. No test is needed unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hand_test: Option<String>,
 }
+
+/// Maximum distance from the stated ground for arming unless stated, m.
+const GROUND_TOLERANCE: f64 = 0.1;
 
 impl Default for Flight {
     fn default() -> Self {
@@ -67,6 +82,9 @@ impl Default for Flight {
             landing_speed: 0.3,
             position_sigma_max: 0.02,
             tilt_max: 0.35,
+            ground: None,
+            ground_tolerance: None,
+            hand_test: None,
         }
     }
 }
@@ -84,6 +102,24 @@ impl Flight {
     pub fn shortest_time(&self) -> f64 {
         let rise = self.takeoff_height;
         self.spool_up + leg_duration(rise, self.takeoff_speed) + self.landing_time(rise)
+    }
+
+    /// Returns z of the ground, of the floor unless stated, and the distance from it that is permitted for arming, m.
+    #[must_use]
+    pub fn ground_or_floor(&self) -> [f64; 2] {
+        [
+            self.ground.unwrap_or(0.0),
+            self.ground_tolerance.unwrap_or(GROUND_TOLERANCE),
+        ]
+    }
+
+    /// Returns the distance from the ground (m) of a vehicle at a height z, and the limit, if it is too far away for arming.
+    #[must_use]
+    pub fn off_the_ground(&self, z: f64) -> Option<[f64; 2]> {
+        let [_, limit] = self.ground_or_floor();
+        let distance = (z - self.ground?).abs();
+        // Not a number is no height.
+        (distance.is_nan() || distance > limit).then_some([distance, limit])
     }
 
     /// Returns the planned requests of the operator: key, and the time (s) if stated.
