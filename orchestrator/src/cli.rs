@@ -8,6 +8,7 @@ mod grid;
 pub mod groups;
 mod host;
 mod identify;
+mod lab;
 mod live;
 mod logs;
 mod mocap;
@@ -32,6 +33,7 @@ pub use self::flight::*;
 pub use self::grid::*;
 pub use self::host::*;
 pub use self::identify::*;
+pub use self::lab::*;
 pub use self::live::*;
 pub use self::logs::*;
 pub use self::mocap::*;
@@ -192,6 +194,9 @@ pub enum Command {
     World(HilSimulator),
     /// Diagnose a motion-capture system, or emulate one.
     Mocap(Mocap),
+    /// Test a laboratory before its first flight, with the vehicle in the hand.
+    #[command(subcommand)]
+    Lab(LabCommand),
     /// Test a radio link on the ground, or identify its channels.
     #[command(subcommand)]
     Rc(RcCommand),

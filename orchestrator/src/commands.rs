@@ -10,6 +10,7 @@ pub mod faults;
 pub mod generated;
 pub mod grid;
 pub mod identify;
+pub mod lab;
 pub mod logs;
 pub mod mocap;
 pub mod operate;

@@ -7,11 +7,12 @@ use command_line::exit::Exit;
 use command_line::interrupt::ignore_file_size_signal;
 use command_line::output::{self, print_error};
 use orchestrator::cli::{
-    Cli, Command, Get, Operate, OperatorCommand, Postmortem, RcCommand, ServiceProcess, Set, groups,
+    Cli, Command, Get, LabCommand, Operate, OperatorCommand, Postmortem, RcCommand, ServiceProcess, Set,
+    groups,
 };
 use orchestrator::commands::{
-    self, Failure, attach, check, clean, doctor, faults, generated, grid, identify, logs, mocap, operate,
-    operator, rc, replay, report, reproduce, run, service, sweep, top, truth, view, world,
+    self, Failure, attach, check, clean, doctor, faults, generated, grid, identify, lab, logs, mocap,
+    operate, operator, rc, replay, report, reproduce, run, service, sweep, top, truth, view, world,
 };
 use run_client::Question;
 use runtime::shared_page::Request;
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         Command::Identify(arguments) => identify::identify(&arguments).map(|()| Exit::Success),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Mocap(arguments) => mocap::mocap(&arguments),
+        Command::Lab(LabCommand::Check(arguments)) => lab::check(&arguments),
         Command::Arm(arguments) => operate::arm(&arguments).map(|()| Exit::Success),
         Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),
         Command::Kill(arguments) => operate::kill(&arguments).map(|()| Exit::Success),

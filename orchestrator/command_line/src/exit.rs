@@ -50,7 +50,10 @@ impl Exit {
         ),
         ("4", "the results could not be written"),
         ("5", "`gerono reproduce`: a number of a figure regressed"),
-        ("6", "`gerono doctor`: the machine is not fit for the flight"),
+        (
+            "6",
+            "`gerono doctor`: the machine is not fit for the flight; `gerono lab check`: axes or signs are wrong",
+        ),
         (
             "7",
             "`gerono arm`, `disarm`, `kill`, `stop`, `set`, `get`: the live run refused",

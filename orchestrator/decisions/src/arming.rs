@@ -1,5 +1,6 @@
 //! Why a vehicle may not be armed now.
 
+use hand_test::record::HandTestRecord;
 use metrics::summary::{limit_in_words, not_level_in_words};
 use scenario::Scenario;
 use shared_types::ServiceId;
@@ -33,6 +34,8 @@ pub struct Situation<'a> {
     pub kill_switch: Option<&'a str>,
     /// Failure of the radio link or of the cameras, if there is one.
     pub laboratory: Option<String>,
+    /// The hand test that the scenario names, or why there is none.
+    pub hand_test: Option<Result<&'a HandTestRecord, &'a str>>,
 }
 
 /// Returns why the vehicle may not be armed, if so.
@@ -46,6 +49,7 @@ pub fn refusal(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
         .or_else(|| Some(format!("`{}` does not fly", now.missing?)))
         .or_else(|| Some(format!("the kill switch is lost: {}", now.kill_switch?)))
         .or_else(|| now.laboratory.clone())
+        .or_else(|| untested(scenario, now))
         .or_else(|| unfit_state(scenario, now))
 }
 
@@ -79,6 +83,22 @@ fn end_of_arming(now: &Situation<'_>) -> Option<String> {
     }
 }
 
+/// Returns why the hand test does not permit to arm, if so.
+fn untested(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
+    let file = scenario.flight.as_ref()?.hand_test.as_deref()?;
+    let Some((_, cameras)) = scenario.capture_system() else {
+        return Some("`flight.hand_test` is stated, and the cameras are simulated: leave it out".to_owned());
+    };
+    let because = match now.hand_test {
+        None => format!("there is no hand test at `{file}`"),
+        Some(Err(reason)) => format!("there is no hand test: {reason}"),
+        Some(Ok(record)) => record.refusal(cameras)?,
+    };
+    Some(format!(
+        "{because}; repeat it with `gerono lab check`, propellers off"
+    ))
+}
+
 fn too_late(needed: f64, left: f64) -> Option<String> {
     (left < needed).then(|| {
         format!(
@@ -100,6 +120,13 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
     if state.tracked.is_set() && outside > 0.0 {
         return Some(format!(
             "the vehicle stands {outside:.2} m outside of `envelope.box`: carry it back, or state a larger box"
+        ));
+    }
+    let off = scenario.flight.as_ref()?.off_the_ground(state.position_world[2]);
+    if let Some([distance, limit]) = off.filter(|_| state.tracked.is_set()) {
+        return Some(format!(
+            "the vehicle is {distance:.2} m above or below `flight.ground`, and {limit} m are permitted: put it on the ground, or \
+             correct the origin of the cameras"
         ));
     }
     let age_ns = |stamp_ns| now.elapsed_ns.saturating_sub(stamp_ns);
@@ -167,6 +194,7 @@ mod tests {
             missing: None,
             kill_switch: None,
             laboratory: None,
+            hand_test: None,
         }
     }
 
@@ -174,6 +202,95 @@ mod tests {
     fn a_vehicle_that_stands_level_and_is_seen_may_be_armed() {
         let (state, frame) = standing();
         assert_eq!(refusal(&scenario(), &on_the_ground(&state, &frame)), None);
+    }
+
+    fn laboratory() -> Scenario {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/laboratory.toml");
+        scenario_file::load(&file, &["flight.hand_test='hand.json'".to_owned()], None).unwrap()
+    }
+
+    fn tested(scenario: &Scenario) -> HandTestRecord {
+        let (_, cameras) = scenario.capture_system().unwrap();
+        HandTestRecord {
+            hand_test_passed: true,
+            date: "2026-11-28 10:00:00 UTC".to_owned(),
+            scenario: "laboratory".to_owned(),
+            motion_capture: cameras.clone(),
+            rest: hand_test::record::RestRecord::default(),
+            steps: Vec::new(),
+            causes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn without_a_hand_test_that_this_body_has_passed_nothing_is_armed() {
+        let scenario = laboratory();
+        let (state, frame) = standing();
+        let refused = |hand_test: Option<Result<&HandTestRecord, &str>>| {
+            let now = Situation {
+                hand_test,
+                ..on_the_ground(&state, &frame)
+            };
+            refusal(&scenario, &now)
+        };
+        assert_eq!(refused(Some(Ok(&tested(&scenario)))), None);
+        type Spoil = fn(&mut HandTestRecord);
+        let spoilt: [(Spoil, &str); 6] = [
+            (
+                |test| test.motion_capture.object = "other".to_owned(),
+                "the body `other`, not with",
+            ),
+            (
+                |test| test.motion_capture.server = "192.168.10.2".to_owned(),
+                "other cameras",
+            ),
+            (|test| test.motion_capture.port = Some(4000), "other cameras"),
+            (
+                |test| test.motion_capture.body_from_markers = Some(scenario::FrameTransform::default()),
+                "was changed since",
+            ),
+            (
+                |test| {
+                    test.hand_test_passed = false;
+                    test.causes.push("roll and pitch are exchanged".to_owned());
+                },
+                "found: roll and pitch are exchanged",
+            ),
+            (|test| test.hand_test_passed = false, "a step was wrong"),
+        ];
+        for (spoil, words) in spoilt {
+            let mut test = tested(&scenario);
+            spoil(&mut test);
+            let refusal = refused(Some(Ok(&test))).expect(words);
+            assert!(
+                refusal.contains(words) && refusal.contains("gerono lab check"),
+                "{refusal}"
+            );
+        }
+        for (missing, words) in [(None, "no hand test at `hand.json`"), (Some(Err("gone")), "gone")] {
+            let refusal = refused(missing).unwrap();
+            assert!(refusal.contains(words), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_off_the_stated_ground_is_not_armed() {
+        let mut scenario = scenario();
+        let flight = scenario.flight.as_mut().unwrap();
+        (flight.ground, flight.ground_tolerance) = (Some(-0.05), Some(0.03));
+        let (mut state, frame) = standing();
+        for (z, is_on_it) in [
+            (-0.05, true),
+            (-0.07, true),
+            (0.0, false),
+            (-0.3, false),
+            (f64::NAN, false),
+        ] {
+            state.position_world[2] = z;
+            let found = refusal(&scenario, &on_the_ground(&state, &frame));
+            assert_eq!(found.is_none(), is_on_it, "{z}: {found:?}");
+            assert!(found.is_none_or(|found| found.contains("`flight.ground`")));
+        }
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub struct HandTestRecord {
 }
 
 /// The vehicle at rest: SI units.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RestRecord {
     /// Position in {I}, m.
     pub position: [f64; 3],

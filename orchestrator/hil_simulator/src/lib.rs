@@ -13,6 +13,7 @@
 //! * [`radio`]: the receiver, with its latency, and [`crazyflie`], what that vehicle does without setpoints;
 //! * [`autopilot`]: the scenario's rate loop, or [`betaflight`], the real firmware of a flight controller;
 //! * [`cameras`]: poses, sent with the latency of a real system;
+//! * [`hand`]: movements of the vehicle by hand, for `gerono lab check`;
 //! * [`record`]: the log of the truth.
 //!
 //! Failure policy: a port or address that cannot be opened at the start is an error with the fix. Later a missing flight is
@@ -22,6 +23,7 @@ pub mod autopilot;
 pub mod betaflight;
 pub mod cameras;
 pub mod crazyflie;
+pub mod hand;
 pub mod link_loss_timer;
 pub mod radio;
 pub mod receiver_input;
@@ -96,6 +98,8 @@ pub struct HilSimulator {
     onboard: Autopilot,
     cameras: CameraSender,
     record: Record,
+    /// `true` if a hand moves the vehicle.
+    is_by_hand: bool,
 }
 
 impl HilSimulator {
@@ -116,7 +120,15 @@ impl HilSimulator {
             onboard,
             cameras,
             record,
+            is_by_hand: false,
         })
+    }
+
+    /// Lets a hand move the vehicle ([`hand`]).
+    #[must_use]
+    pub fn moved_by_hand(mut self) -> Self {
+        self.is_by_hand = true;
+        self
     }
 
     /// Runs for `ticks` ticks, or until an interrupt.
@@ -167,9 +179,16 @@ impl HilSimulator {
             .onboard
             .acting(begins_ns.saturating_sub(self.clock.tick_ns / 2));
         let is_captured = self.cameras.captures_at(tick);
-        let (truth, pose) = self
+        let (mut truth, mut pose) = self
             .vehicle
             .step(tick, self.clock.tick_ns, frame.as_ref(), is_captured);
+        if self.is_by_hand {
+            let moved = hand::at(seconds(tick * self.clock.tick_ns));
+            hand::apply(&moved, &mut truth.position_world, &mut truth.world_from_body);
+            if let Some(pose) = &mut pose {
+                hand::apply(&moved, &mut pose.position_world, &mut pose.world_from_body);
+            }
+        }
         self.onboard.update_sensors(&truth);
         if let Some(pose) = &pose {
             self.cameras

@@ -1,9 +1,11 @@
 //! Tools for a laboratory without a flight.
 //!
+//! * [`hand_check`]: tests axes and signs of the cameras with the vehicle in the hand;
 //! * [`mocap_probe`]: diagnoses a motion-capture system;
 //! * [`mocap_send`]: emulates a motion-capture system;
 //! * [`rc_probe`]: tests a radio link on the ground.
 
+pub mod hand_check;
 pub mod mocap_probe;
 pub mod mocap_send;
 pub mod rc_probe;

@@ -4,6 +4,7 @@ mod received;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use motion_capture::conventions::axes;
@@ -72,6 +73,7 @@ pub fn probe(
             diagnosis.add(frame);
             feed.accept(frame, now_ns);
         }
+        ControlFlow::Continue(())
     });
     if let Some(signal) = signal {
         return Ok(Exit::Signal(signal));
@@ -120,7 +122,7 @@ pub fn probe(
 }
 
 /// Returns the reason why there is no frame.
-fn no_frame_reason(address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
+pub(crate) fn no_frame_reason(address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
     let server = address.server;
     let malformed = source.counts().malformed;
     if malformed.total() > 0 {
@@ -139,12 +141,12 @@ fn paragraph(text: &str) -> String {
     }
 }
 
-/// Receives frames for some seconds. Returns the signal if one ended it early.
-fn listen(
+/// Receives frames for some seconds, or until the sink breaks off. Returns the signal if one ended it early.
+pub(crate) fn listen(
     seconds: f64,
     source: &mut dyn CaptureSource,
     interrupt: &Interrupt,
-    sink: &mut dyn FnMut(&Frame, u64),
+    sink: &mut dyn FnMut(&Frame, u64) -> ControlFlow<()>,
 ) -> Option<i32> {
     #[expect(
         clippy::cast_possible_truncation,
@@ -152,15 +154,20 @@ fn listen(
         reason = "an hour at most"
     )]
     let end_ns = monotonic_ns() + (seconds * 1e9) as u64;
+    let mut next = ControlFlow::Continue(());
     loop {
         let now_ns = monotonic_ns();
-        if now_ns >= end_ns {
+        if now_ns >= end_ns || next.is_break() {
             return None;
         }
         if let Some(signal) = interrupt.take() {
             return Some(signal);
         }
-        source.poll(now_ns, &mut |frame| sink(frame, now_ns));
+        source.poll(now_ns, &mut |frame| {
+            if next.is_continue() {
+                next = sink(frame, now_ns);
+            }
+        });
         sleep(source, end_ns);
     }
 }

@@ -16,6 +16,7 @@
 pub mod loss;
 pub mod path_clock;
 pub mod percentiles;
+pub mod response;
 pub mod statistics;
 pub mod steady;
 pub mod stretch;

@@ -22,6 +22,7 @@ use shared_types::{Schedule, ServiceId, Topic};
 
 use self::restart::Restart;
 use crate::loss::{Loss, LossWatch};
+use crate::response::ResponseWatch;
 use crate::stretch::{Metrics, Stretch};
 use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
@@ -129,6 +130,9 @@ pub struct Summary {
     pub real_time_factor: f64,
     /// The loss of the vehicle; none if it was not lost.
     pub lost: Option<Loss>,
+    /// A wrong axis or sign in the response to the first commands off the ground; none unless found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<String>,
     /// The source of the vehicle's position: the truth, or in a laboratory the estimator.
     pub source: StateSource,
     /// Metrics of the steady state of the last phase, by which a flight is judged; `None` if it was not flown.
@@ -224,6 +228,8 @@ pub struct FlightSummary {
     /// `None` without planned faults.
     faults: Option<Box<FaultWatch>>,
     flight: FlightWatch,
+    /// `None` for a flight without phases.
+    response: Option<Box<ResponseWatch>>,
     /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
@@ -263,6 +269,10 @@ impl FlightSummary {
             phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
             flight: FlightWatch::new(scenario),
+            response: scenario
+                .flight
+                .as_ref()
+                .map(|_| Box::new(ResponseWatch::new(scenario))),
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -300,7 +310,12 @@ impl FlightSummary {
             Topic::ControlAdaptation => view(bytes, |adaptation| self.observe_adaptation(adaptation)),
             Topic::RcFrame => view(bytes, |frame| self.observe_frame(frame)),
             Topic::RunEvent => self.observe_event(&read(bytes)),
-            Topic::MocapPose | Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+            Topic::MocapPose => {
+                if let Some(response) = &mut self.response {
+                    view(bytes, |pose| response.observe_pose(pose).is_some());
+                }
+            }
+            Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
         }
         if let Some(faults) = &mut self.faults {
             faults.observe(topic, bytes);
@@ -363,6 +378,9 @@ impl FlightSummary {
         self.phases.at(reference.header.tick).gamma = Some(reference.gamma);
         self.loss.observe_reference(reference);
         self.flight.observe(reference);
+        if let Some(response) = &mut self.response {
+            response.observe_reference(reference);
+        }
     }
 
     #[inline]
@@ -378,6 +396,9 @@ impl FlightSummary {
     #[inline]
     fn observe_frame(&mut self, frame: &RcFrame) {
         self.loss.observe_frame(frame);
+        if let Some(response) = &mut self.response {
+            response.observe_frame(frame);
+        }
         if self.is_on_path {
             self.phases.at(frame.header.tick).parts.observe_frame(frame);
         }
@@ -429,6 +450,10 @@ impl FlightSummary {
             } else {
                 0.0
             },
+            response: self
+                .response
+                .as_ref()
+                .and_then(|response| response.verdict().map(str::to_owned)),
             source,
             steady: phases.last().and_then(|phase| phase.steady),
             metrics: whole.finish(),

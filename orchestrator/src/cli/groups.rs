@@ -18,7 +18,10 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
         "Compare",
         &["replay", "diff", "reproduce", "faults", "grid", "sweep"],
     ),
-    ("Laboratory", &["world", "mocap", "rc", "operator", "identify"]),
+    (
+        "Laboratory",
+        &["world", "mocap", "lab", "rc", "operator", "identify"],
+    ),
     (
         "Live flights",
         &["arm", "disarm", "kill", "stop", "set", "get", "top", "attach"],

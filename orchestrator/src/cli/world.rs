@@ -34,6 +34,10 @@ pub struct HilSimulator {
     /// Torque about the vertical axis per thrust of a rotor, for Betaflight, m.
     #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = between(0.001, 10.0, "m"))]
     pub rotor_torque: f64,
+    /// Move the vehicle by hand through the steps of `gerono lab check`, each twice and then from the start; the flight's frames move
+    /// it as well.
+    #[arg(long)]
+    pub by_hand: bool,
     /// Duration, s [default: until Ctrl-C].
     #[arg(long, value_name = "S", value_parser = duration())]
     pub seconds: Option<f64>,

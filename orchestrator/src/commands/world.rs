@@ -58,6 +58,11 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     let ticks = arguments
         .seconds
         .map_or(u64::MAX, |seconds| nanoseconds(seconds) / clock.tick_ns);
+    let world = if arguments.by_hand {
+        world.moved_by_hand()
+    } else {
+        world
+    };
     let report = world.run(ticks, &interrupt).map_err(Failure::not_written)?;
     let summary = Summary::new(&report, clock.tick_ns);
     write_json(&folder.summary(), &summary)?;

@@ -15,6 +15,7 @@ mod laboratory;
 mod last_landing;
 mod monitor;
 mod recorder;
+mod response;
 mod take_over;
 mod tuning;
 
@@ -39,6 +40,7 @@ use self::kill_switch::KillSwitch;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
 use self::recorder::{Recorder, SETTLING_NS};
+use self::response::WatchedSink;
 pub use self::take_over::TakeOver;
 use super::control_server::ControlServer;
 use super::deployment::Deployment;
@@ -52,6 +54,7 @@ use decisions::failure::ServiceFailure;
 use decisions::shutdown::Shutdown;
 use flight::interrupt::Interrupt;
 use flight::recording_sink::RecordingSink;
+use metrics::response::ResponseWatch;
 use metrics::summary::timing::{TimingReport, Unrecorded};
 use run_client::live_events::LiveEvents;
 use run_client::newest::Newest;
@@ -213,6 +216,8 @@ struct Flight<'a> {
     last_decision: (u8, u8),
     /// `true` if the position of an airborne vehicle was unknown at the newest reference.
     was_lost: bool,
+    /// Response to the first commands off the ground.
+    response: ResponseWatch,
     /// z of the vehicle when it was last on the ground, in {I}, m; 0, the floor, before that.
     ground_z: f64,
     /// z of the vehicle when it was last tracked, m.
@@ -252,6 +257,7 @@ impl<'a> Flight<'a> {
             last_action: RcFrame::ACTION_NONE,
             last_decision: (PathReference::PHASE_DISARMED, PathReference::CAUSE_NONE),
             was_lost: false,
+            response: ResponseWatch::new(&context.scenario),
             ground_z: 0.0,
             vehicle_z: 0.0,
             events: LiveEvents::default(),
@@ -512,7 +518,15 @@ impl<'a> Flight<'a> {
         for (at, kind, text) in self.pending_events.extract_if(.., |(at, ..)| *at < tick) {
             sink.event(at, kind, &text);
         }
-        Ok(self.recorder.write_before(tick, sink)?)
+        if self.scenario.flight.is_none() {
+            return Ok(self.recorder.write_before(tick, sink)?);
+        }
+        let mut watched = WatchedSink::new(sink, &mut self.response);
+        self.recorder.write_before(tick, &mut watched)?;
+        if let Some(found) = watched.found() {
+            self.announce(format!("WRONG: {found}"));
+        }
+        Ok(())
     }
 
     fn observe_steps(&mut self) {

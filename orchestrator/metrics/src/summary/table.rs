@@ -103,6 +103,9 @@ impl Summary {
             // The command prints the reason of a failure.
             outcome => writeln!(formatter, "{outcome}")?,
         }
+        if let Some(response) = &self.response {
+            writeln!(formatter, "{}", wrapped(&format!("WRONG: {response}")))?;
+        }
         if let Some(loss) = &self.lost {
             let text = format!("LOST at {} s: {loss}", loss.time);
             writeln!(formatter, "{}", wrapped(&text))?;

@@ -1,5 +1,7 @@
 //! Arming, and the messages on decisions of transmitter and path generator.
 
+use std::path::Path;
+
 use metrics::summary::{cause_in_words, limit_in_words, not_ready_in_words};
 use shared_types::ServiceId;
 use shared_types::flight_phase::{FlightPhase, NotReady};
@@ -10,6 +12,7 @@ use shared_types::service::Operator;
 use super::Flight;
 use super::kill_switch::KillSwitch;
 use decisions::arming::{self, Situation};
+use hand_test::record::HandTestRecord;
 use run_client::newest::Newest;
 
 impl Flight<'_> {
@@ -19,6 +22,13 @@ impl Flight<'_> {
         let block = self.supervisor.page().control_block();
         let mut services = ServiceId::ALL.into_iter();
         let (frame, state) = (self.recorder.newest(), self.recorder.newest());
+        // Read at each request: it may have been done since the start of the run.
+        let file = self
+            .scenario
+            .flight
+            .as_ref()
+            .and_then(|flight| flight.hand_test.as_ref());
+        let hand_test = file.map(|file| HandTestRecord::read(Path::new(file)));
         let situation = Situation {
             operator: self.operator(),
             shutdown: self.conduct.shutdown(),
@@ -30,6 +40,9 @@ impl Flight<'_> {
             missing: services.find(|&service| !self.supervisor.flies(service)),
             kill_switch: self.kill_switch.as_ref().and_then(KillSwitch::loss),
             laboratory: self.laboratory.failure(block, elapsed_ns),
+            hand_test: hand_test
+                .as_ref()
+                .map(|read| read.as_ref().map_err(String::as_str)),
         };
         arming::refusal(self.scenario, &situation)
     }

@@ -1,0 +1,448 @@
+//! Response of the vehicle to its first commands: whether it turns about the axes and in the senses that were commanded.
+//!
+//! From the lift-off on, the rotation between two captures is compared with that of the commanded body rates, which act after
+//! the modelled latency and lag. With c and m the commanded and measured rotations about x and y as complex numbers, a right
+//! vehicle has m = c; a body that was created turned by β has m = exp(iβ) c; a reversed axis or exchanged axes m = q c*.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+use scenario::Scenario;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::rotation::{from_row_major, roll_pitch_yaw};
+use shared_types::samples::{MocapPose, PathReference, RcFrame};
+use shared_types::service::nanoseconds;
+
+/// Rise from which the vehicle is off the ground, m.
+const RISE: f64 = 0.01;
+
+/// Rotation from the attitude on the ground from which it is off it with a leg, rad.
+const TIPPED: f64 = 0.1;
+
+/// Time between two compared attitudes, ns: the noise of cameras is then small.
+const BLOCK_NS: u64 = 50_000_000;
+
+/// Blocks after which a verdict is possible, and after which the response counts as right.
+const BLOCKS: [u32; 2] = [3, 20];
+
+/// Sum of squared commanded rotations about an axis from which it was moved, rad².
+const MOVED: f64 = 1.5e-3;
+
+/// Share of the measured rotations that a wrong response must explain.
+const EXPLAINS: f64 = 0.6;
+
+/// Least ratio of measured and commanded rotation.
+const RESPONDS: f64 = 0.3;
+
+/// Angle between commanded and measured axis from which the response is wrong, rad: 50°.
+const TURNED: f64 = 0.87;
+
+/// Angle from which it is reversed, rad: 135°.
+const REVERSED: f64 = 2.36;
+
+/// Largest difference of the yaw on the ground from what an explanation expects, rad.
+const SAME_YAW: f64 = 0.4;
+
+/// Stored frames.
+const FRAMES: usize = 64;
+
+/// Step of the modelled lag, ns.
+const STEP_NS: u64 = 1_000_000;
+
+/// Comparison of commanded and measured rotations at a take-off.
+#[derive(Clone, Debug)]
+pub struct ResponseWatch {
+    latency_ns: u64,
+    lag: f64,
+    /// Frames that may act later: time from which, and rates.
+    frames: VecDeque<(u64, Vector3<f64>)>,
+    /// Rates that act, with the modelled lag.
+    rates: Vector3<f64>,
+    modelled_until_ns: u64,
+    is_taking_off: bool,
+    /// Pose on the ground.
+    ground: Option<(f64, Matrix3<f64>)>,
+    is_off: bool,
+    /// Start of the block: time, attitude.
+    block: Option<(u64, Matrix3<f64>)>,
+    commanded: Vector3<f64>,
+    blocks: u32,
+    sums: Sums,
+    verdict: Option<String>,
+}
+
+/// Sums over blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Sums {
+    /// Products of measured (rows) and commanded (columns) rotations.
+    products: Matrix3<f64>,
+    /// Squares of the commanded ones.
+    commanded: Vector3<f64>,
+    /// Squares of the measured ones.
+    measured: Vector3<f64>,
+}
+
+impl ResponseWatch {
+    /// Makes the watch over a flight of a scenario.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        let model = scenario.model.clone().unwrap_or_default();
+        Self::with(nanoseconds(model.radio_latency), model.rate_lag)
+    }
+
+    /// Makes the watch with a latency of frames (ns) and a lag of the body rates (s).
+    fn with(latency_ns: u64, lag: f64) -> Self {
+        Self {
+            latency_ns,
+            lag,
+            frames: VecDeque::new(),
+            rates: Vector3::zeros(),
+            modelled_until_ns: 0,
+            is_taking_off: false,
+            ground: None,
+            is_off: false,
+            block: None,
+            commanded: Vector3::zeros(),
+            blocks: 0,
+            sums: Sums::default(),
+            verdict: None,
+        }
+    }
+
+    /// Returns what is wrong with the response, if so.
+    #[must_use]
+    pub fn verdict(&self) -> Option<&str> {
+        self.verdict.as_deref()
+    }
+
+    /// Adds a reference: the watch begins anew with each take-off.
+    pub fn observe_reference(&mut self, reference: &PathReference) {
+        let is_taking_off = FlightPhase::from_code(reference.phase) == FlightPhase::TakeOff;
+        if is_taking_off && !self.is_taking_off {
+            (self.ground, self.is_off, self.block) = (None, false, None);
+            (self.blocks, self.sums) = (0, Sums::default());
+        }
+        self.is_taking_off = is_taking_off;
+    }
+
+    /// Adds a frame; one that was added before has no effect.
+    pub fn observe_frame(&mut self, frame: &RcFrame) {
+        if frame.mode != RcFrame::MODE_RATES {
+            return;
+        }
+        let acts_ns = frame.header.stamp_ns + self.latency_ns;
+        if self.frames.back().is_some_and(|(newest, _)| acts_ns <= *newest) {
+            return;
+        }
+        if self.frames.len() == FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back((acts_ns, frame.rates_body.into()));
+    }
+
+    /// Adds a pose; one that was added before has no effect. Returns the verdict if the pose leads to one.
+    pub fn observe_pose(&mut self, pose: &MocapPose) -> Option<&str> {
+        let at_ns = pose.capture_time_ns;
+        if !pose.tracked.is_set() || at_ns <= self.modelled_until_ns {
+            return None;
+        }
+        let commanded = self.turn_until(at_ns);
+        let is_watched = self.is_taking_off && self.verdict.is_none() && self.blocks < BLOCKS[1];
+        if !is_watched {
+            self.block = None;
+            return None;
+        }
+        let attitude = from_row_major(&pose.world_from_body);
+        let height = -pose.position_world[2];
+        let (ground, level) = *self.ground.get_or_insert((height, attitude));
+        self.is_off = self.is_off || height - ground > RISE || turn(&level, &attitude).norm() > TIPPED;
+        if !self.is_off {
+            return None;
+        }
+        let Some((began_ns, began)) = self.block else {
+            (self.block, self.commanded) = (Some((at_ns, attitude)), Vector3::zeros());
+            return None;
+        };
+        self.commanded += commanded;
+        if at_ns - began_ns < BLOCK_NS {
+            return None;
+        }
+        // After a gap nothing can be said.
+        if at_ns - began_ns < 2 * BLOCK_NS {
+            self.sums.add(&turn(&began, &attitude), &self.commanded);
+            self.blocks += 1;
+        }
+        (self.block, self.commanded) = (Some((at_ns, attitude)), Vector3::zeros());
+        if self.blocks < BLOCKS[0] {
+            return None;
+        }
+        let [_, _, yaw] = roll_pitch_yaw(&level);
+        self.verdict = self.sums.verdict(yaw);
+        self.verdict.as_deref()
+    }
+
+    /// Returns the rotation (rad) that the commands cause from the last pose to a time.
+    fn turn_until(&mut self, at_ns: u64) -> Vector3<f64> {
+        let mut turned = Vector3::zeros();
+        if self.modelled_until_ns + 1_000_000_000 < at_ns {
+            self.modelled_until_ns = at_ns - 1_000_000_000;
+        }
+        while self.modelled_until_ns < at_ns {
+            let step_ns = STEP_NS.min(at_ns - self.modelled_until_ns);
+            let acting = self
+                .frames
+                .iter()
+                .rev()
+                .find(|(from, _)| *from <= self.modelled_until_ns);
+            let target = acting.map_or_else(Vector3::zeros, |(_, rates)| *rates);
+            let step = 1e-9 * step_ns as f64;
+            self.rates += (target - self.rates) * (step / (step + self.lag));
+            turned += self.rates * step;
+            self.modelled_until_ns += step_ns;
+        }
+        turned
+    }
+}
+
+/// Returns the rotation vector from one attitude to another in {B}, for rotations well below a half turn, rad.
+fn turn(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Vector3<f64> {
+    let r = from.transpose() * to;
+    0.5 * Vector3::new(
+        r[(2, 1)] - r[(1, 2)],
+        r[(0, 2)] - r[(2, 0)],
+        r[(1, 0)] - r[(0, 1)],
+    )
+}
+
+impl Sums {
+    fn add(&mut self, measured: &Vector3<f64>, commanded: &Vector3<f64>) {
+        self.products += measured * commanded.transpose();
+        self.commanded += commanded.component_mul(commanded);
+        self.measured += measured.component_mul(measured);
+    }
+
+    /// Returns what is wrong, if so. `yaw` is that on the ground, rad.
+    fn verdict(&self, yaw: f64) -> Option<String> {
+        self.horizontal(yaw).or_else(|| self.vertical())
+    }
+
+    fn horizontal(&self, yaw: f64) -> Option<String> {
+        let moved = self.commanded.xy().map(|squares| squares > MOVED);
+        if !moved.x && !moved.y {
+            return None;
+        }
+        let p = &self.products;
+        // Of single axes only the moved ones count: the other one has noise.
+        let commanded = self.commanded.x + self.commanded.y;
+        let measured = self.measured.x + self.measured.y;
+        // m c* and m c.
+        let turned = [p[(0, 0)] + p[(1, 1)], p[(1, 0)] - p[(0, 1)]];
+        let reflected = [p[(0, 0)] - p[(1, 1)], p[(1, 0)] + p[(0, 1)]];
+        let size = |[real, imaginary]: [f64; 2]| libm::hypot(real, imaginary);
+        let explained = |pair| size(pair) * size(pair) / (commanded * measured).max(f64::MIN_POSITIVE);
+        let responds = |pair| size(pair) > RESPONDS * commanded;
+        let angle = libm::atan2(turned[1], turned[0]);
+        if moved.x && moved.y && explained(reflected) > EXPLAINS.max(explained(turned)) && responds(reflected)
+        {
+            let angle = libm::atan2(reflected[1], reflected[0]);
+            return Some(if angle.abs() > REVERSED {
+                wrong_sign("roll")
+            } else if angle.abs() < std::f64::consts::PI - REVERSED {
+                wrong_sign("pitch")
+            } else {
+                "roll and pitch are exchanged: commands about one axis turn the vehicle about the other"
+                    .to_owned()
+            });
+        }
+        if explained(turned) <= EXPLAINS || !responds(turned) || angle.abs() < TURNED {
+            return self.pitch_turns_yaw(moved.y);
+        }
+        if angle.abs() > REVERSED {
+            return Some(match (moved.x, moved.y) {
+                (true, false) => wrong_sign("roll"),
+                (false, true) => wrong_sign("pitch"),
+                _ => "roll and pitch answer with the wrong sign: the body was created turned by 180°, or both channels are \
+                      reversed"
+                    .to_owned(),
+            });
+        }
+        Some(turned_axes(angle, yaw))
+    }
+
+    /// Returns that commands about y turn the vehicle about z, as with another up axis.
+    fn pitch_turns_yaw(&self, is_moved: bool) -> Option<String> {
+        let response = self.products[(2, 1)].abs();
+        let explained = response * response / (self.commanded.y * self.measured.z).max(f64::MIN_POSITIVE);
+        let is_other = self.products[(1, 1)].abs() < 0.5 * response;
+        (is_moved && is_other && explained > EXPLAINS && response > RESPONDS * self.commanded.y).then(|| {
+            "commands of pitch turn the measured yaw: the up axis of the camera system is another one than \
+             `motion_capture.world_from_capture` says"
+                .to_owned()
+        })
+    }
+
+    fn vertical(&self) -> Option<String> {
+        let response = self.products[(2, 2)];
+        let explained = response * response / (self.commanded.z * self.measured.z).max(f64::MIN_POSITIVE);
+        let is_reversed = -response > RESPONDS * self.commanded.z && explained > EXPLAINS;
+        (self.commanded.z > MOVED && is_reversed).then(|| wrong_sign("yaw"))
+    }
+}
+
+fn wrong_sign(axis: &str) -> String {
+    format!(
+        "{axis} answers with the wrong sign: its channel is reversed (`rc_output`), or the axes of the body are wrong \
+         (`gerono lab check`)"
+    )
+}
+
+/// Tells a turned body from turned axes of the cameras by the yaw on the ground, where the nose points along x.
+fn turned_axes(angle: f64, yaw: f64) -> String {
+    let degrees = (angle.abs().to_degrees() / 5.0).round() * 5.0;
+    let side = if angle > 0.0 { "right" } else { "left" };
+    let body = format!("the body was created turned by {degrees:.0}° to the {side}");
+    let cameras = format!("the axes of the camera system are turned by {degrees:.0}°");
+    let difference = |expected: f64| {
+        let difference = yaw - expected;
+        libm::atan2(libm::sin(difference), libm::cos(difference)).abs()
+    };
+    let why = "commands of roll and pitch turn the vehicle about axes that are turned";
+    if difference(-angle) < SAME_YAW {
+        format!("{body}: {why} (`gerono lab check`)")
+    } else if difference(0.0) < SAME_YAW {
+        format!("{cameras}, and the body was created with them: {why} (`gerono lab check`)")
+    } else {
+        format!("{body}, or {cameras}: {why} (`gerono lab check`)")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use shared_types::rotation::{exp, to_row_major};
+    use zerocopy::FromZeros;
+
+    use super::*;
+
+    /// Takes off with commands of roll and pitch that swing, and a vehicle that turns by `response` of what is commanded.
+    fn fly(response: Matrix3<f64>, yaw: f64, amplitude: Vector3<f64>) -> Option<(f64, String)> {
+        let mut watch = ResponseWatch::with(5_000_000, 0.02);
+        let mut reference = PathReference::new_zeroed();
+        reference.phase = FlightPhase::TakeOff.code();
+        watch.observe_reference(&reference);
+        let mut attitude = exp(&Vector3::new(0.0, 0.0, yaw));
+        let (mut rates, mut target) = (Vector3::zeros(), Vector3::zeros());
+        let mut targets = VecDeque::from(vec![Vector3::zeros(); 5]);
+        for tick in 1..1500_u64 {
+            let time = 1e-3 * tick as f64;
+            if tick % 22 == 0 {
+                let mut frame = RcFrame::new_zeroed();
+                frame.header.stamp_ns = tick * 1_000_000;
+                frame.mode = RcFrame::MODE_RATES;
+                target = amplitude.component_mul(&Vector3::new(
+                    libm::sin(9.0 * time),
+                    libm::cos(7.0 * time),
+                    libm::sin(5.0 * time),
+                ));
+                frame.rates_body = target.into();
+                watch.observe_frame(&frame);
+            }
+            targets.push_back(target);
+            let acting = targets.pop_front().unwrap();
+            rates += (acting - rates) * (1e-3 / 0.021);
+            attitude *= exp(&(response * rates * 1e-3));
+            if tick % 10 == 0 {
+                let mut pose = MocapPose::new_zeroed();
+                pose.capture_time_ns = tick * 1_000_000;
+                pose.tracked = true.into();
+                // Off the ground after half a second.
+                pose.position_world[2] = -(time - 0.5).max(0.0) * 0.4;
+                let noise = Vector3::repeat(2e-3 * libm::sin(1e3 * time));
+                pose.world_from_body = to_row_major(&(attitude * exp(&noise)));
+                if let Some(words) = watch.observe_pose(&pose) {
+                    return Some((time, words.to_owned()));
+                }
+            }
+        }
+        None
+    }
+
+    fn swinging() -> Vector3<f64> {
+        Vector3::new(1.5, 1.5, 0.0)
+    }
+
+    fn about_z(angle: f64) -> Matrix3<f64> {
+        exp(&Vector3::new(0.0, 0.0, angle))
+    }
+
+    #[test]
+    fn a_vehicle_that_answers_as_commanded_is_not_accused() {
+        for gain in [0.6, 1.0, 1.5] {
+            for turned in [0.0, 0.4, -0.4] {
+                assert_eq!(
+                    fly(about_z(turned) * gain, 1.0, Vector3::new(1.5, 1.5, 1.0)),
+                    None
+                );
+            }
+        }
+        assert_eq!(
+            fly(-Matrix3::identity(), 0.0, Vector3::repeat(0.02)),
+            None,
+            "noise"
+        );
+        assert_eq!(fly(Matrix3::zeros(), 0.0, swinging()), None, "held by the ground");
+    }
+
+    #[test]
+    fn each_wrong_response_is_told_from_the_others_within_three_tenths_of_a_second() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let diagonal = |x, y, z| Matrix3::from_diagonal(&Vector3::new(x, y, z));
+        let exchanged = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+        let up_axis = exp(&Vector3::new(quarter, 0.0, 0.0));
+        for (response, yaw, words) in [
+            (diagonal(-1.0, 1.0, 1.0), 0.0, "roll answers with the wrong sign"),
+            (diagonal(1.0, -1.0, 1.0), 0.0, "pitch answers with the wrong sign"),
+            (
+                diagonal(-1.0, -1.0, 1.0),
+                0.0,
+                "roll and pitch answer with the wrong sign",
+            ),
+            (exchanged, 0.0, "roll and pitch are exchanged"),
+            (
+                about_z(quarter),
+                -quarter,
+                "the body was created turned by 90° to the right:",
+            ),
+            (
+                about_z(-quarter),
+                quarter,
+                "the body was created turned by 90° to the left:",
+            ),
+            (
+                about_z(quarter),
+                0.0,
+                "the axes of the camera system are turned by 90°,",
+            ),
+            (
+                about_z(quarter),
+                quarter,
+                "the body was created turned by 90° to the right, or",
+            ),
+            (up_axis, 0.0, "commands of pitch turn the measured yaw"),
+        ] {
+            let found = fly(response, yaw, swinging());
+            let (time, found) = found.unwrap_or_else(|| panic!("not found: {words}"));
+            assert!(found.starts_with(words), "{found}\nfor {words}");
+            assert!(time < 0.85, "{words}: {time}");
+        }
+        let (_, found) = fly(diagonal(1.0, 1.0, -1.0), 0.0, Vector3::new(0.0, 0.0, 1.5)).unwrap();
+        assert!(found.starts_with("yaw answers with the wrong sign"), "{found}");
+    }
+
+    #[test]
+    fn one_axis_that_moves_is_enough_for_its_sign() {
+        let (_, found) = fly(-Matrix3::identity(), 0.0, Vector3::new(1.5, 0.0, 0.0)).unwrap();
+        assert!(found.starts_with("roll answers"), "{found}");
+        let (_, found) = fly(-Matrix3::identity(), 0.0, Vector3::new(0.0, 1.5, 0.0)).unwrap();
+        assert!(found.starts_with("pitch answers"), "{found}");
+    }
+}
