@@ -261,7 +261,7 @@ fn body_cause(body: &Matrix3<f64>) -> Option<Cause> {
     if body[(2, 2)] < -SAME && (body[(0, 0)] > SAME || body[(1, 1)] > SAME) {
         return Some(Cause::BodyUpsideDown);
     }
-    if roll.hypot(pitch) > 2.0 * TURNED {
+    if libm::hypot(roll, pitch) > 2.0 * TURNED {
         return Some(Cause::BodyRotated([roll, pitch, yaw]));
     }
     (yaw.abs() > TURNED).then_some(Cause::BodyTurned(yaw))

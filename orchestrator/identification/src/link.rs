@@ -28,6 +28,7 @@ use fit::Point;
 use history::{Frame, History};
 use measured::{DesiredAcceleration, Pose, Truth};
 use metrics::read;
+use metrics::response::ResponseWatch;
 use run_log::{LogReadError, LogReader};
 
 /// Minimum share of the variance that a stick must explain for its fit to be used.
@@ -35,6 +36,9 @@ pub const EXPLAINS: f64 = 0.8;
 
 /// Relevance threshold for an error of the calibration, as a share of the slope.
 pub const MATTERS: f64 = 0.03;
+
+/// Least share of the stated slope that a reversed stick has.
+const REVERSED: f64 = 0.3;
 
 /// Names of the sticks in the order of a frame's channels.
 pub const STICKS: [&str; 4] = ["thrust", "roll rate", "pitch rate", "yaw rate"];
@@ -99,6 +103,15 @@ impl Calibration {
         })
     }
 
+    /// Returns whether the vehicle answers to the stick with the opposite of the stated sign, outside of the 99.9 % interval.
+    #[must_use]
+    pub fn is_reversed(&self) -> bool {
+        self.fitted.is_some_and(|fit| {
+            let along = fit.slope * self.stated[1].signum();
+            along < -fit.certain[1] && along < -REVERSED * self.stated[1].abs()
+        })
+    }
+
     /// Returns the fit if the stick explains enough of the variance.
     #[must_use]
     pub fn usable(&self) -> Option<Fit> {
@@ -115,6 +128,9 @@ pub struct Identification {
     pub mass: Option<f64>,
     /// Thrust, roll, pitch and yaw.
     pub sticks: [Calibration; 4],
+    /// A wrong axis or sign in the response to the first commands off the ground; none unless found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<String>,
 }
 
 /// Collects the samples of a log for the fit.
@@ -129,6 +145,7 @@ pub struct Gatherer {
     poses: Vec<Pose>,
     truths: Vec<Truth>,
     desired: Vec<DesiredAcceleration>,
+    response: ResponseWatch,
 }
 
 impl Gatherer {
@@ -147,11 +164,20 @@ impl Gatherer {
             poses: Vec::new(),
             truths: Vec::new(),
             desired: Vec::new(),
+            response: ResponseWatch::new(scenario),
         })
     }
 
     /// Records a sample.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+        match topic {
+            Topic::PathReference => self.response.observe_reference(&read(bytes)),
+            Topic::RcFrame => self.response.observe_frame(&read(bytes)),
+            Topic::MocapPose => {
+                self.response.observe_pose(&read(bytes));
+            }
+            _ => {}
+        }
         match (topic, self.source) {
             (Topic::RcFrame, _) => {
                 let frame = read::<RcFrame>(bytes);
@@ -194,6 +220,7 @@ impl Gatherer {
             source: self.source,
             mass: (self.source == FrameSource::Poses).then_some(self.mass),
             sticks: [0, 1, 2, 3].map(|stick| self.calibration(stick, &points[stick])),
+            response: self.response.verdict().map(str::to_owned),
         })
     }
 

@@ -105,6 +105,19 @@ fn the_poses_of_a_flight_up_and_down_give_the_thrust_back() {
 }
 
 #[test]
+fn a_reversed_stick_is_named() {
+    let mut found = flown("fig7", &["duration=45.0"], FrameSource::Truth);
+    assert_eq!(found.response, None);
+    assert!(!found.to_string().contains("WRONG"), "{found}");
+    found.sticks[1].stated[1] *= -1.0;
+    let words = found.to_string();
+    assert!(
+        words.contains("WRONG: roll rate answers with the wrong sign"),
+        "{words}"
+    );
+}
+
+#[test]
 fn a_flight_without_channels_and_one_without_poses_are_refused() {
     let load = |name: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));

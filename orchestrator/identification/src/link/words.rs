@@ -9,8 +9,29 @@ use super::{Calibration, EXPLAINS, Identification};
 impl Display for Identification {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         formatter.write_str(&table(self))?;
+        formatter.write_str(&reversed(self))?;
         formatter.write_str(&snippet(self))
     }
+}
+
+/// Names the sticks that the vehicle answers with the wrong sign, and other wrong axes.
+fn reversed(found: &Identification) -> String {
+    let reversed = found.sticks.iter().filter(|stick| stick.is_reversed());
+    let mut text: String = reversed
+        .map(|stick| {
+            format!(
+                "WRONG: {} answers with the wrong sign: reverse its channel (`rc_output.transmitter.reversed`) or its slope.\n",
+                stick.stick
+            )
+        })
+        .collect();
+    if let Some(response) = found.response.as_ref().filter(|_| text.is_empty()) {
+        let _ = writeln!(text, "WRONG: {response}.");
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
 }
 
 fn table(found: &Identification) -> String {
