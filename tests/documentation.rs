@@ -90,7 +90,10 @@ pub(crate) fn assert_same(document: &str, is: &str, should_be: &str) {
         std::env::var_os("GERONO_BLESS").is_some(),
         "{document} is out of date: set GERONO_BLESS=1 to write\n\n{should_be}"
     );
-    assert!(!is.trim().is_empty(), "{document}: write any line where it is to be");
+    assert!(
+        !is.trim().is_empty(),
+        "{document}: write any line where it is to be"
+    );
     let text = read(document).replacen(is.trim(), should_be.trim(), 1);
     std::fs::write(repository(document), text).unwrap();
 }

@@ -572,3 +572,41 @@ fn the_truth_of_a_simulated_flight_is_in_its_own_log() {
     let rmse = part(&truth, "last")["rmse"].as_f64().unwrap();
     assert!(rmse < 0.004, "the bar of the figure: {truth:#}");
 }
+
+/// Plays the hand test with the cameras of a world that may know another body. Returns the result.
+fn hand_test(place: &Place, name: &str, world_only: &[String]) -> Value {
+    let settings = settings(place, free_port());
+    let simulated = World::begin(
+        place,
+        &[&settings, world_only].concat(),
+        &["--by-hand", "--out", name],
+    );
+    let file = format!("{name}.json");
+    let check = ["--seconds", "200", "--out", &file];
+    let mut check = arguments("check", &settings, &check);
+    check.insert(0, "lab");
+    let ended = output(&mut place.gerono(&check));
+    simulated.end();
+    let text = std::fs::read(place.path(&file)).unwrap_or_else(|error| panic!("{error}: {}", said(&ended)));
+    let result: Value = serde_json::from_slice(&text).unwrap();
+    let passed = result["hand_test_passed"] == true;
+    assert_eq!(
+        ended.status.code(),
+        Some(if passed { 0 } else { 6 }),
+        "{}",
+        said(&ended)
+    );
+    result
+}
+
+#[test]
+fn a_hand_test_passes_and_names_a_body_that_was_created_turned() {
+    let place = Place::in_real_time();
+    let right = hand_test(&place, "right", &[]);
+    assert_eq!(right["causes"].as_array().unwrap().len(), 0, "{right:#}");
+    assert_eq!(right["hand_test_passed"], true, "{right:#}");
+    let turned = "motion_capture.body_from_markers={roll_pitch_yaw=[3.14159265, 0.0, 1.57079633]}";
+    let wrong = hand_test(&place, "wrong", &[turned.to_owned()]);
+    let cause = wrong["causes"][0].as_str().unwrap();
+    assert!(cause.starts_with("the body was created turned by"), "{wrong:#}");
+}

@@ -95,14 +95,17 @@ pub(crate) fn step_side_by_side(
     let failed = py.detach(|| {
         let first_failure: Mutex<Option<(usize, PyErr)>> = Mutex::new(None);
         let fly = |flights: &mut [(usize, &mut Simulation, &[f64; 4])]| {
-            for (index, simulation, &[thrust, x, y, z]) in flights {
+            for (index, simulation, row) in flights {
+                let [thrust, x, y, z] = **row;
                 let (torque, rates) = if has_rates {
                     ([0.0; 3], [x, y, z])
                 } else {
                     ([x, y, z], [0.0; 3])
                 };
                 if let Err(error) = simulation.fly_period(thrust, torque, rates) {
-                    let mut first = first_failure.lock().expect("no thread panics while it holds the lock");
+                    let mut first = first_failure
+                        .lock()
+                        .expect("no thread panics while it holds the lock");
                     if first.as_ref().is_none_or(|(before, _)| *index < *before) {
                         *first = Some((*index, error));
                     }

@@ -14,7 +14,8 @@
 //! * [`autopilot`]: the scenario's rate loop, or [`betaflight`], the real firmware of a flight controller;
 //! * [`cameras`]: poses, sent with the latency of a real system;
 //! * [`hand`]: movements of the vehicle by hand, for `gerono lab check`;
-//! * [`record`]: the log of the truth.
+//! * [`record`]: the log of the truth;
+//! * [`summary`]: what the command prints.
 //!
 //! Failure policy: a port or address that cannot be opened at the start is an error with the fix. Later a missing flight is
 //! no error: without frames for [`link_loss_timer::LOST_AFTER_NS`] the vehicle stops its motors; a Crazyflie levels first.
@@ -28,6 +29,7 @@ pub mod link_loss_timer;
 pub mod radio;
 pub mod receiver_input;
 pub mod record;
+pub mod summary;
 mod vehicle;
 
 use hdrhistogram::Histogram;

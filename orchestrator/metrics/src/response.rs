@@ -115,7 +115,7 @@ impl ResponseWatch {
         self.verdict.as_deref()
     }
 
-    /// Adds a reference: the watch begins anew with each take-off.
+    /// Adds a reference: each take-off restarts the watch.
     pub fn observe_reference(&mut self, reference: &PathReference) {
         let is_taking_off = FlightPhase::from_code(reference.phase) == FlightPhase::TakeOff;
         if is_taking_off && !self.is_taking_off {

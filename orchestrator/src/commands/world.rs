@@ -1,13 +1,11 @@
 //! `gerono world`: the hardware-in-the-loop simulator.
 
-use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
 use radio_link::port::Target;
 use runtime::flight_clock::FlightClock;
 use scenario::{CaptureSystem, Key, Problem, RadioProtocol, Scenario};
-use serde::Serialize;
-use shared_types::service::{nanoseconds, seconds};
+use shared_types::service::nanoseconds;
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::HilSimulator as Arguments;
@@ -19,7 +17,8 @@ use hil_simulator::cameras::CameraSender;
 use hil_simulator::radio::Radio;
 use hil_simulator::receiver_input::ReceiverInput;
 use hil_simulator::record::Record;
-use hil_simulator::{HilReport, HilSimulator, Timing};
+use hil_simulator::summary::{self, Summary};
+use hil_simulator::{HilSimulator, Timing};
 use run_log::run_folder::RunFolder;
 
 /// Time from the creation of the simulator to its first tick.
@@ -53,7 +52,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         Failure::bad_input(error)
     })?;
     if !arguments.quiet {
-        print(introduction(arguments, &scenario, &timing));
+        print(summary::introduction(&scenario, &timing, arguments.betaflight));
     }
     let ticks = arguments
         .seconds
@@ -129,70 +128,4 @@ fn one_of(words: &[&str]) -> String {
 
 fn refused(key: Key, reason: &str, fix: &str) -> Failure {
     Failure::bad_input(Problem::new(key, reason, fix).to_string())
-}
-
-fn introduction(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> String {
-    let Timing {
-        capture_rate,
-        capture_latency,
-        radio_latency,
-    } = timing;
-    let system = scenario.capture_system().map_or("", |(system, _)| system.name());
-    let link = scenario.radio_link().map_or("", |link| link.name());
-    let onboard = if arguments.betaflight {
-        "on board: Betaflight, by its simulator's UDP ports".to_owned()
-    } else {
-        format!(
-            "receiver: `{link}`, frames act {:.1} ms after their arrival",
-            1e3 * radio_latency
-        )
-    };
-    format!(
-        "cameras: `{system}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure\n{onboard}\n\
-         the simulation starts now; fly with the same settings, and end it with Ctrl-C\n",
-        1e3 * capture_latency,
-    )
-}
-
-/// Summary of a simulation, printed and written as JSON.
-#[derive(Serialize)]
-struct Summary {
-    /// Simulated time, s.
-    seconds: f64,
-    /// Poses sent.
-    poses: u64,
-    /// Frames with commands, or packets of motors.
-    frames: u64,
-    /// Bytes outside of valid frames.
-    skipped: u64,
-    /// Link losses.
-    losses: u64,
-    /// Lateness of ticks: median, 99th percentile and maximum, s.
-    late: [f64; 3],
-}
-
-impl Summary {
-    fn new(report: &HilReport, tick_ns: u64) -> Self {
-        let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
-        Self {
-            seconds: seconds(report.ticks * tick_ns),
-            poses: report.poses,
-            frames: report.received.frames,
-            skipped: report.received.skipped,
-            losses: report.received.losses,
-            late: [late(0.5), late(0.99), late(1.0)],
-        }
-    }
-}
-
-impl Display for Summary {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let [p50, p99, max] = self.late.map(|late| 1e3 * late);
-        writeln!(
-            formatter,
-            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
-             lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms",
-            self.seconds, self.poses, self.frames, self.skipped, self.losses
-        )
-    }
 }

@@ -1,0 +1,79 @@
+//! Texts of a simulation, and its summary.
+
+use std::fmt::{Display, Formatter};
+
+use scenario::Scenario;
+use serde::Serialize;
+use shared_types::service::seconds;
+
+use super::{HilReport, Timing};
+
+/// Returns the text at the start of a simulation.
+#[must_use]
+pub fn introduction(scenario: &Scenario, timing: &Timing, is_betaflight: bool) -> String {
+    let Timing {
+        capture_rate,
+        capture_latency,
+        radio_latency,
+    } = timing;
+    let system = scenario.capture_system().map_or("", |(system, _)| system.name());
+    let link = scenario.radio_link().map_or("", |link| link.name());
+    let onboard = if is_betaflight {
+        "on board: Betaflight, by its simulator's UDP ports".to_owned()
+    } else {
+        format!(
+            "receiver: `{link}`, frames act {:.1} ms after their arrival",
+            1e3 * radio_latency
+        )
+    };
+    format!(
+        "cameras: `{system}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure\n{onboard}\n\
+         the simulation starts now; fly with the same settings, and end it with Ctrl-C\n",
+        1e3 * capture_latency,
+    )
+}
+
+/// Summary of a simulation, printed and written as JSON.
+#[derive(Serialize)]
+pub struct Summary {
+    /// Simulated time, s.
+    seconds: f64,
+    /// Poses sent.
+    poses: u64,
+    /// Frames with commands, or packets of motors.
+    frames: u64,
+    /// Bytes outside of valid frames.
+    skipped: u64,
+    /// Link losses.
+    losses: u64,
+    /// Lateness of ticks: median, 99th percentile and maximum, s.
+    late: [f64; 3],
+}
+
+impl Summary {
+    /// Makes the summary of a report; `tick_ns` is the duration of a tick.
+    #[must_use]
+    pub fn new(report: &HilReport, tick_ns: u64) -> Self {
+        let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
+        Self {
+            seconds: seconds(report.ticks * tick_ns),
+            poses: report.poses,
+            frames: report.received.frames,
+            skipped: report.received.skipped,
+            losses: report.received.losses,
+            late: [late(0.5), late(0.99), late(1.0)],
+        }
+    }
+}
+
+impl Display for Summary {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let [p50, p99, max] = self.late.map(|late| 1e3 * late);
+        writeln!(
+            formatter,
+            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
+             lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms",
+            self.seconds, self.poses, self.frames, self.skipped, self.losses
+        )
+    }
+}
