@@ -82,7 +82,7 @@ pub(crate) fn step_side_by_side(
     let (commands, flies) = (commands.as_slice()?, flies.as_slice()?);
     let mut borrowed = simulations
         .iter()
-        .map(|simulation| simulation.try_borrow_mut())
+        .map(Bound::try_borrow_mut)
         .collect::<Result<Vec<_>, _>>()?;
     let rows = commands.as_chunks::<4>().0;
     let mut flights: Vec<(usize, &mut Simulation, &[f64; 4])> = borrowed
@@ -132,7 +132,7 @@ pub(crate) fn step_side_by_side(
     }
 }
 
-/// Returns what an agent sees of each flight.
+/// Returns the observation of each flight.
 #[pyfunction]
 pub(crate) fn view_side_by_side<'py>(
     py: Python<'py>,

@@ -105,11 +105,6 @@ impl Supervision {
         number
     }
 
-    /// Forgets all processes without stopping them: without an orchestrator they land by themselves.
-    pub fn release_all(&mut self) {
-        self.members.clear();
-    }
-
     fn add(&mut self, service: ServiceId, scenario: &Scenario, process: Process) {
         let is_external = scenario.program_of(service).is_some();
         let name = scenario.process_name(service);

@@ -501,6 +501,9 @@ impl<'a, W: World> Simulation<'a, W> {
                 let service = role.map(|role| role.service.index());
                 let tried_before = service.map(|service| self.ledger.tried_at[service]);
                 self.check_start(process, service);
+                if let Some(service) = service {
+                    self.count_start(service);
+                }
                 match self.machine.start(process, role) {
                     Some(pid) => self.handle(process, Event::Started { pid }),
                     None => {
@@ -517,8 +520,10 @@ impl<'a, W: World> Simulation<'a, W> {
             Action::Become { process, role } => {
                 // A standby process that the system did not start may get its role before that is known.
                 let known = self.machine.known_index_of(process);
+                let service = role.service.index();
+                self.check_start(process, Some(service));
                 if known.is_none_or(|at| !self.machine.processes[at].was_not_started) {
-                    self.check_start(process, Some(role.service.index()));
+                    self.count_start(service);
                 }
                 self.send(process, Message::Become(role));
             }
@@ -809,7 +814,7 @@ impl<'a, W: World> Simulation<'a, W> {
         }
     }
 
-    /// [`Property::SuccessorWaitsForEnd`], [`Property::AtMostOneStandby`], [`Property::RestartsAreBounded`].
+    /// [`Property::SuccessorWaitsForEnd`], [`Property::AtMostOneStandby`].
     fn check_start(&mut self, process: ProcessNumber, service: Option<usize>) {
         let Some(service) = service else {
             if self.machine.standby().is_some() {
@@ -823,6 +828,10 @@ impl<'a, W: World> Simulation<'a, W> {
             let what = format!("{process:?} while {previous} lives");
             self.violate(Property::SuccessorWaitsForEnd, what);
         }
+    }
+
+    /// [`Property::RestartsAreBounded`].
+    fn count_start(&mut self, service: usize) {
         let now = self.machine.now;
         self.ledger.tries[service] += 1;
         let pause = ns(LONGEST_PAUSE);

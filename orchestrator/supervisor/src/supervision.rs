@@ -140,10 +140,15 @@ impl<'a> Supervisor<'a> {
         })
     }
 
-    /// Starts the first process of the next service.
-    fn start_next(&mut self) -> Result<(), RunFailure> {
+    /// Starts a process of the next service. The news tell if the system refuses.
+    fn begin_next(&mut self) {
         self.supervision.start_next(now(), &self.processes.start.scenario);
         self.perform_all();
+    }
+
+    /// Starts the first process of the next service.
+    fn start_next(&mut self) -> Result<(), RunFailure> {
+        self.begin_next();
         match self.supervision.take_news().pop() {
             Some(News::Lost(failure)) => Err(failure.into()),
             _ => Ok(()),

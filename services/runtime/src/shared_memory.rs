@@ -9,6 +9,7 @@ use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
 use std::time::Duration;
 
 pub use system_limits::shared_memory::{FOLDER, explained, free_bytes};
@@ -90,13 +91,17 @@ pub fn remove_unfinished(prefix: &str) {
 
 /// Does `work` that opens segments of dead processes, and removes unfinished ones so that it does not wait for them.
 pub fn without_waiting_for_the_unfinished(prefix: &str, work: impl FnOnce()) {
-    std::thread::scope(|scope| {
+    thread::scope(|scope| {
         let (is_done, done) = mpsc::channel::<()>();
-        scope.spawn(move || {
+        let remover = move || {
             while done.recv_timeout(WORK_LIMIT) == Err(RecvTimeoutError::Timeout) {
                 remove_unfinished(prefix);
             }
-        });
+        };
+        // A machine at its limit of processes has no thread either.
+        if thread::Builder::new().spawn_scoped(scope, remover).is_err() {
+            remove_unfinished(prefix);
+        }
         work();
         drop(is_done);
     });

@@ -84,11 +84,6 @@ impl<'a> Processes<'a> {
         Some(process.end())
     }
 
-    /// Releases all processes without stopping them.
-    pub(super) fn forget_all(&mut self) {
-        self.living.clear();
-    }
-
     /// Returns the role as a process gets it, with its planned crash.
     pub(super) fn role(&self, Role { service, deaths }: Role) -> control::Role {
         let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);

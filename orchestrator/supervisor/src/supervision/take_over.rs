@@ -35,7 +35,7 @@ impl<'a> Supervisor<'a> {
     /// Takes over the flying services, and starts those that have died meanwhile.
     ///
     /// # Errors
-    /// [`RunFailure`] if one cannot be started.
+    /// [`RunFailure`] if there is no memory or descriptor for the supervisor itself.
     pub(crate) fn adopt(
         node: &'a RunNode,
         lock: BorrowedFd<'a>,
@@ -51,11 +51,10 @@ impl<'a> Supervisor<'a> {
             let survivor = survivors[service.index()].take();
             // A process that has died since it connected counts as dead.
             let process = survivor.and_then(|(pid, channel)| Process::adopt(pid, channel).ok());
-            if let Some(process) = process {
-                supervisor.adopt_next(process);
-            } else if let Err(failure) = supervisor.start_next() {
-                supervisor.release_all();
-                return Err(failure);
+            match process {
+                Some(process) => supervisor.adopt_next(process),
+                // If the system refuses, the flight has failed: it lands, and the start is tried again.
+                None => supervisor.begin_next(),
             }
         }
         Ok(supervisor)
@@ -65,11 +64,5 @@ impl<'a> Supervisor<'a> {
         let scenario = &self.processes.start.scenario;
         let number = self.supervision.adopt_next(now(), scenario, process.id());
         self.processes.add(number, process);
-    }
-
-    /// Releases all services without stopping them: without an orchestrator they land by themselves.
-    pub(super) fn release_all(&mut self) {
-        self.supervision.release_all();
-        self.processes.forget_all();
     }
 }

@@ -1,7 +1,7 @@
 //! Connections that iceoryx2 could not make.
 //!
-//! iceoryx2 (0.10) tries to connect two ports once, when the one finds the other in the list of the topic. If that fails, for
-//! example because no memory is left, it continues without the connection: its consumer would wait for samples that never
+//! iceoryx2 (0.10) tries to connect two ports only when the list of the topic's ports changes. If that fails, for example
+//! because no memory is left, it continues without the connection: its consumer would wait for samples that never
 //! arrive. So the port fails, and another process tries again. It does not fail without a connection to a process that has
 //! ended, whose successor has other ports, or to an observer.
 
