@@ -183,6 +183,11 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         self.action_space, self.observation_space = self._flights.action_space, self._flights.observation_space
 
     @property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        return self._flights.scenario
+
+    @property
     def simulation(self) -> Simulation:
         """The flight of the episode."""
         return Simulation(self._flights.simulations[0], self._flights.has_rates)
@@ -260,6 +265,11 @@ class VectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario."""
+        return self._flights.scenario
 
     @property
     def simulations(self) -> list[Simulation]:

@@ -170,8 +170,8 @@ pub(crate) fn view_side_by_side<'py>(
 /// Returns the observation, within ±1, and the reward: 1 on the path, 0 from `scale.position` on.
 fn observe(simulation: &mut Simulation, scale: Scale) -> ([f64; NUMBERS], f64) {
     let mut observation = [0.0; NUMBERS];
-    let state = simulation.newest(Topic::VehicleState).map(read::<VehicleState>);
-    let reference = simulation.newest(Topic::PathReference).map(read::<PathReference>);
+    let state: Option<VehicleState> = simulation.newest(Topic::VehicleState).map(read);
+    let reference: Option<PathReference> = simulation.newest(Topic::PathReference).map(read);
     let (Some(state), Some(reference)) = (state, reference) else {
         return (observation, 0.0);
     };
