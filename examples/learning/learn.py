@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
@@ -100,11 +101,13 @@ def fly(act, episodes=20):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=400_000)
+    parser.add_argument("--steps", type=int, default=300_000)
     parser.add_argument("--envs", type=int, default=32)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
+    # Networks of this size are slower on several threads.
+    torch.set_num_threads(1)
     environments = gerono.gym.VectorEnv(
         SCENARIO, given.envs, reward=reward, vary=vary, threads=given.threads, autoreset_mode="SameStep"
     )
@@ -122,7 +125,7 @@ def main():
     began = time.monotonic()
 
     def show(known, _):
-        if known["self"].num_timesteps % (given.envs * 128 * 12) == 0 and known["self"].ep_info_buffer:
+        if known["self"].num_timesteps % (given.envs * 128 * 8) == 0 and known["self"].ep_info_buffer:
             mean = np.mean([episode["r"] for episode in known["self"].ep_info_buffer])
             print(f"  {known['self'].num_timesteps} steps, {time.monotonic() - began:.0f} s: return {mean:.1f}", flush=True)
         return True

@@ -20,6 +20,9 @@ _THRUST_IN_WEIGHTS, _TORQUE, _RATE = 3.0, 0.1, 10.0
 # Values at which the parts of an observation are 1: position error, m; velocity error, m/s; angular velocity, rad/s.
 _SCALE = (2.0, 5.0, 20.0)
 
+# Ticks of a step that are worth a thread: a tick takes 1 µs or more, the start of a thread some tens of them.
+_TICKS_OF_A_THREAD = 200
+
 Observe = Callable[[Observation], np.ndarray]
 Reward = Callable[[Observation, np.ndarray], float]
 Vary = Callable[[np.random.Generator], Settings]
@@ -40,7 +43,7 @@ class _Flights:
         vary: Vary | None,
         time_limit: float | None,
         scale: tuple[float, float, float],
-        threads: int,
+        threads: int | None,
     ) -> None:
         self.scenario = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
         if time_limit is not None and not time_limit > 0.0:
@@ -49,18 +52,17 @@ class _Flights:
             raise ValueError(f"`scale` is a distance, m, a speed, m/s, and a rate, rad/s, all above 0, not {scale}")
         self.observe, self.reward, self.vary, self.time_limit = observe, reward, vary, time_limit
         self.scale = (float(scale[0]), float(scale[1]), float(scale[2]))
-        self.threads = threads
         self.settings = settings_of(set)
         refuse_seed(self.settings, "`reset(seed=…)` seeds the flights of an environment")
         values = self.scenario.values(self.settings)
         self.has_rates = bool(values["controller"].get("rates"))
+        self.threads = threads or _worthwhile_threads(values["schedule"], number)
         self.largest = _largest(values, self.has_rates)
         self.prepared = self.scenario._scenario._prepare(self.settings)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float64)
         started = _gerono.start_side_by_side([self.prepared], [0], 1)[0]
-        if observe is None:
-            self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (18,), np.float64)
-        else:
+        self.observation_space: gymnasium.spaces.Box = gymnasium.spaces.Box(-1.0, 1.0, (18,), np.float64)
+        if observe is not None:
             shape = np.shape(observe(Simulation(started, self.has_rates).observe()))
             self.observation_space = observation_space or gymnasium.spaces.Box(-np.inf, np.inf, shape, np.float64)
         if self.observation_space.shape != (shape := np.shape(self._view([started])[0][0])):
@@ -210,14 +212,15 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         flights.fly(checked, np.ones(1, dtype=bool))
         observations, rewards, times, terminations, truncations = flights.view(checked)
         flights.has_ended = terminations | truncations
-        info = {"time": float(times[0])}
+        info: dict[str, Any] = {"time": float(times[0])}
         if terminations[0]:
-            info |= {"lost": flights.simulations[0].lost}
+            info["lost"] = flights.simulations[0].lost
         return observations[0], float(rewards[0]), bool(terminations[0]), bool(truncations[0]), info
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Many flights of a scenario side by side, on `threads` and without Python's lock [default: one for each core].
+    """Many flights of a scenario side by side, on `threads` and without Python's lock [default: one for each
+    core, fewer where a step is short].
 
     Actions, observations, rewards and arguments are those of `Env`, and every number is that of as many single
     environments, whatever the number of threads. `metadata["autoreset_mode"]` states how an episode is followed by the next
@@ -254,7 +257,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             vary=vary,
             time_limit=time_limit,
             scale=scale,
-            threads=threads or _cores(),
+            threads=threads,
         )
         self.num_envs = num_envs
         self.largest, self.scale = self._flights.largest, self._flights.scale
@@ -359,6 +362,12 @@ def _seed_of_flight(seed: int | None, generator: np.random.Generator) -> int:
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _worthwhile_threads(schedule: Mapping[str, Any], number: int) -> int:
+    """Return a thread for each core, but none with less work than the start of a thread costs."""
+    period = (schedule.get("period") or {}).get("controller", schedule["tick"])
+    return max(1, min(_cores(), round(number * period / schedule["tick"]) // _TICKS_OF_A_THREAD))
 
 
 def _largest(values: Mapping[str, Any], has_rates: bool) -> np.ndarray:

@@ -23,6 +23,15 @@ def test_every_block_runs(monkeypatch, tmp_path):
     assert names["flown"].rate("survived", law="indi").flown == 50
 
 
+def test_every_block_about_learning_runs(monkeypatch):
+    monkeypatch.chdir(REPOSITORY)
+    page = (REPOSITORY / "docs" / "learning.md").read_text()
+    names = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(block, "docs/learning.md", "exec"), names)  # noqa: S102
+    assert names["observations"].shape == (64, 18)
+
+
 @pytest.mark.parametrize("name", ["python/tests", "tests/python/run.sh", "examples/notebook/comparison.ipynb", "examples/python_controller"])
 def test_what_the_page_names_is_there(name):
     assert (REPOSITORY / name).exists()
