@@ -366,8 +366,9 @@ def _cores() -> int:
 
 def _worthwhile_threads(schedule: Mapping[str, Any], number: int) -> int:
     """Return a thread for each core, but none with less work than the start of a thread costs."""
-    period = (schedule.get("period") or {}).get("controller", schedule["tick"])
-    return max(1, min(_cores(), round(number * period / schedule["tick"]) // _TICKS_OF_A_THREAD))
+    tick = float(schedule["tick"])
+    ticks = number * float((schedule.get("period") or {}).get("controller", tick)) / tick
+    return max(1, min(_cores(), int(ticks) // _TICKS_OF_A_THREAD))
 
 
 def _largest(values: Mapping[str, Any], has_rates: bool) -> np.ndarray:

@@ -132,7 +132,7 @@ pub(crate) fn step_side_by_side(
     }
 }
 
-/// Returns the observation of each flight.
+/// Returns observation, reward, time and end of each flight.
 #[pyfunction]
 pub(crate) fn view_side_by_side<'py>(
     py: Python<'py>,
