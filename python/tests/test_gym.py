@@ -172,7 +172,7 @@ def test_an_episode_ends_with_the_flight_the_time_limit_or_the_loss(fig1):
 
 
 def test_the_envelope_ends_the_episode_of_a_bad_policy():
-    """However a policy acts, the motors stop within `after` and a period of the first moment beyond a limit."""
+    """However a policy acts, the episode is over within `after` and three periods of the first moment beyond a limit."""
     environment = gerono.gym.Env(HOVER, vary=beside)
     envelope = environment.scenario.values()["envelope"]
     lowest, highest = np.array(envelope["box"]["min"]), np.array(envelope["box"]["max"])
