@@ -194,7 +194,7 @@ pub enum Command {
     World(HilSimulator),
     /// Diagnose a motion-capture system, or emulate one.
     Mocap(Mocap),
-    /// Test a laboratory before its first flight, with the vehicle in the hand.
+    /// Test axes and signs with the vehicle in the hand.
     #[command(subcommand)]
     Lab(LabCommand),
     /// Test a radio link on the ground, or identify its channels.
