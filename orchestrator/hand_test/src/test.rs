@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
-use shared_types::rotation::{roll_pitch_yaw, tilt, to_row_major};
+use shared_types::rotation::{log, roll_pitch_yaw, tilt, to_row_major};
 
 use crate::steps::{Quantity, Step};
 
@@ -73,7 +73,7 @@ impl Movement {
                 Self { world, body }
             }
             Quantity::Attitude => {
-                let body = rotation_vector(&(from.world_from_body.transpose() * to.world_from_body));
+                let body = log(&(from.world_from_body.transpose() * to.world_from_body));
                 let world = from.world_from_body * body;
                 Self { world, body }
             }
@@ -87,24 +87,6 @@ impl Movement {
             Quantity::Attitude => self.body,
             _ => self.world,
         }
-    }
-}
-
-/// Returns the rotation vector of a rotation below a half turn, rad.
-#[must_use]
-pub fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
-    let sine_axis = 0.5
-        * Vector3::new(
-            r[(2, 1)] - r[(1, 2)],
-            r[(0, 2)] - r[(2, 0)],
-            r[(1, 0)] - r[(0, 1)],
-        );
-    let sine = sine_axis.norm();
-    let angle = libm::atan2(sine, 0.5 * (r.trace() - 1.0));
-    if sine < 1e-9 {
-        sine_axis
-    } else {
-        sine_axis * (angle / sine)
     }
 }
 
@@ -346,8 +328,7 @@ impl HandTest {
         let poses = || self.window.iter().map(|(_, pose)| pose);
         let mean = |values: &dyn Fn(&Pose) -> Vector3<f64>| poses().map(values).sum::<Vector3<f64>>() / count;
         let position = mean(&|pose| pose.position_world);
-        let turned =
-            |pose: &Pose| rotation_vector(&(reference.world_from_body.transpose() * pose.world_from_body));
+        let turned = |pose: &Pose| log(&(reference.world_from_body.transpose() * pose.world_from_body));
         let mean_turn = mean(&turned);
         let squares = mean(&|pose| (pose.position_world - position).map(|value| value * value));
         let turn_squares = mean(&|pose| (turned(pose) - mean_turn).map(|value| value * value));
@@ -370,5 +351,5 @@ impl HandTest {
 
 /// Returns the angle between two attitudes, rad.
 fn angle(from: &Pose, to: &Pose) -> f64 {
-    rotation_vector(&(from.world_from_body.transpose() * to.world_from_body)).norm()
+    log(&(from.world_from_body.transpose() * to.world_from_body)).norm()
 }

@@ -1,7 +1,7 @@
 //! Hand tests in laboratories with wrong signs and axes.
 
 use nalgebra::{Matrix3, Vector3};
-use shared_types::rotation::{exp, from_roll_pitch_yaw};
+use shared_types::rotation::{exp, from_roll_pitch_yaw, log};
 
 use crate::cause::{Cause, causes};
 use crate::steps::Step;
@@ -185,7 +185,7 @@ fn mirrored_axes_are_named_whichever_axis_it_is() {
 /// A relay that changes rotation vectors, which only an improper map of axes does.
 fn relayed(axes: Matrix3<f64>) -> Vec<Cause> {
     let distort = |pose: &Pose| Pose {
-        world_from_body: exp(&(axes * crate::test::rotation_vector(&pose.world_from_body))),
+        world_from_body: exp(&(axes * log(&pose.world_from_body))),
         ..*pose
     };
     found(&play(&distort, &by_hand))
@@ -253,7 +253,7 @@ fn two_errors_are_both_named() {
     let turn = rpy(0.0, 0.0, QUARTER);
     let distort = |pose: &Pose| Pose {
         position_world: turn * pose.position_world,
-        world_from_body: exp(&(swapped * crate::test::rotation_vector(&pose.world_from_body))),
+        world_from_body: exp(&(swapped * log(&pose.world_from_body))),
     };
     let found = found_with(&distort);
     assert!(

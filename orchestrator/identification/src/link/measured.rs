@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::GRAVITY;
-use shared_types::rotation::from_row_major;
+use shared_types::rotation::{from_row_major, log};
 use shared_types::samples::{MocapPose, PathReference, VehicleTruth};
 use shared_types::service::seconds;
 
@@ -145,7 +145,7 @@ pub(super) fn by_poses(
             turn = index;
             let travels = history.mean(begun.time, pose.time);
             if let Some(travels) = travels.filter(|_| lasted < 1.5 * TURN) {
-                let rates = logarithm(&(begun.rotation.transpose() * pose.rotation)) / lasted;
+                let rates = log(&(begun.rotation.transpose() * pose.rotation)) / lasted;
                 for axis in 0..3 {
                     points[1 + axis].push(Point::new(travels[1 + axis], rates[axis]));
                 }
@@ -205,22 +205,6 @@ fn thrust_point(
     })
 }
 
-/// Returns the rotation vector of a rotation below half a turn, rad.
-fn logarithm(rotation: &Matrix3<f64>) -> Vector3<f64> {
-    let twice = Vector3::new(
-        rotation[(2, 1)] - rotation[(1, 2)],
-        rotation[(0, 2)] - rotation[(2, 0)],
-        rotation[(1, 0)] - rotation[(0, 1)],
-    );
-    let sine = twice.norm() / 2.0;
-    let angle = libm::atan2(sine, (rotation.trace() - 1.0) / 2.0);
-    if sine < 1e-9 {
-        twice / 2.0
-    } else {
-        twice * (angle / (2.0 * sine))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -230,7 +214,7 @@ mod tests {
     fn the_logarithm_takes_the_exponential_back() {
         for turn in [[0.0; 3], [1e-12, 0.0, 0.0], [0.3, -0.2, 0.5], [0.0, 2.0, -1.0]] {
             let turn = Vector3::from(turn);
-            assert!((logarithm(&exp(&turn)) - turn).norm() < 1e-12);
+            assert!((log(&exp(&turn)) - turn).norm() < 1e-12);
         }
     }
 }

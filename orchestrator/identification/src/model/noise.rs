@@ -4,10 +4,10 @@
 //! the motion, jerk times the cube of the spacing, which is at most a tenth of a millimetre at 100 Hz. The median of its
 //! magnitude is robust against single wrong captures. Attitudes are treated alike, as rotation vectors between captures.
 
-use estimator::kalman::attitude::log;
 use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::from_row_major;
+use shared_types::rotation::log;
 use shared_types::samples::MocapPose;
 use statistics::student;
 

@@ -2,10 +2,9 @@
 
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector, Vector3};
 use scenario::{GRAVITY, Kalman, Model};
-use shared_types::rotation::{exp, is_rotation, orthonormalized, skew};
+use shared_types::rotation::{exp, is_rotation, log, orthonormalized, skew};
 use shared_types::service::seconds;
 
-use super::attitude::log;
 use super::commands::{CommandHistory, Stretch};
 use super::error_state::{
     ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, MARKER_OFFSET, POSITION, ProcessNoise, RATE_BIAS,

@@ -178,11 +178,11 @@ fn acceleration(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kalman::attitude::log;
     use crate::kalman::error_state::{
         ATTITUDE, Covariance, DISTURBANCE, ERRORS, ErrorVector, MARKER_OFFSET, POSITION, RATE_BIAS, VELOCITY,
     };
     use proptest::prelude::*;
+    use shared_types::rotation::log;
 
     fn vector(bound: f64) -> impl Strategy<Value = Vector3<f64>> {
         [-bound..bound, -bound..bound, -bound..bound].prop_map(Vector3::from)

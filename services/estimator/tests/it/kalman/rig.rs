@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 
 use estimator::Estimate;
-use estimator::kalman::attitude::log;
 use estimator::kalman::error_state::{
     ATTITUDE, DISTURBANCE, ErrorVector, MARKER_OFFSET, POSITION, RATE_BIAS, VELOCITY,
 };
@@ -12,6 +11,7 @@ use estimator::kalman::{KalmanFilter, Outcome};
 use nalgebra::{Matrix3, Vector3};
 use scenario::{Curve, GRAVITY, Hover, Kalman, Model, Path, RcLink, Scenario, Vehicle};
 use shared_types::noise::{Noise, Stream};
+use shared_types::rotation::log;
 use shared_types::rotation::{exp, orthonormalized, skew, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
 use zerocopy::FromZeros;
