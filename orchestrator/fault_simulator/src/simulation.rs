@@ -499,19 +499,15 @@ impl<'a, W: World> Simulation<'a, W> {
         match action {
             Action::Start { process, role } => {
                 let service = role.map(|role| role.service.index());
-                let tried_before = service.map(|service| self.ledger.tried_at[service]);
                 self.check_start(process, service);
-                if let Some(service) = service {
-                    self.count_start(service);
-                }
+                let asked_at = self.machine.now;
                 match self.machine.start(process, role) {
-                    Some(pid) => self.handle(process, Event::Started { pid }),
+                    Some(pid) => {
+                        self.count_start(service, asked_at);
+                        self.handle(process, Event::Started { pid });
+                    }
                     None => {
                         self.ledger.had_no_fork = true;
-                        if let (Some(service), Some(tried_at)) = (service, tried_before) {
-                            self.ledger.tries[service] = self.ledger.tries[service].saturating_sub(1);
-                            self.ledger.tried_at[service] = tried_at;
-                        }
                         self.handle(process, Event::NotStarted("no more processes".to_owned()));
                     }
                 }
@@ -520,10 +516,10 @@ impl<'a, W: World> Simulation<'a, W> {
             Action::Become { process, role } => {
                 // A standby process that the system did not start may get its role before that is known.
                 let known = self.machine.known_index_of(process);
-                let service = role.service.index();
-                self.check_start(process, Some(service));
+                let service = Some(role.service.index());
+                self.check_start(process, service);
                 if known.is_none_or(|at| !self.machine.processes[at].was_not_started) {
-                    self.count_start(service);
+                    self.count_start(service, self.machine.now);
                 }
                 self.send(process, Message::Become(role));
             }
@@ -814,7 +810,7 @@ impl<'a, W: World> Simulation<'a, W> {
         }
     }
 
-    /// [`Property::SuccessorWaitsForEnd`], [`Property::AtMostOneStandby`].
+    /// [`Property::SuccessorWaitsForEnd`], [`Property::AtMostOneStandby`], [`Property::RestartsAreBounded`].
     fn check_start(&mut self, process: ProcessNumber, service: Option<usize>) {
         let Some(service) = service else {
             if self.machine.standby().is_some() {
@@ -828,27 +824,29 @@ impl<'a, W: World> Simulation<'a, W> {
             let what = format!("{process:?} while {previous} lives");
             self.violate(Property::SuccessorWaitsForEnd, what);
         }
-    }
-
-    /// [`Property::RestartsAreBounded`].
-    fn count_start(&mut self, service: usize) {
         let now = self.machine.now;
-        self.ledger.tries[service] += 1;
+        let tries = self.ledger.tries[service] + 1;
         let pause = ns(LONGEST_PAUSE);
         // The first process is none of them. If no restarts are permitted, progress does not matter.
         let follows =
             self.machine.newest[service].is_some_and(|at| !self.machine.processes[at].was_not_started);
-        let is_beyond = self.ledger.tries[service] > self.restarts + 1 || (self.restarts == 0 && follows);
+        let is_beyond = tries > self.restarts + 1 || (self.restarts == 0 && follows);
         let is_soon = now < self.ledger.tried_at[service] + pause;
         if is_beyond && (!self.has_failed || is_soon) {
             let what = format!(
-                "start {} of {} in a row without progress",
-                self.ledger.tries[service],
+                "start {tries} of {} in a row without progress",
                 ServiceId::ALL[service]
             );
             self.violate(Property::RestartsAreBounded, what);
         }
-        self.ledger.tried_at[service] = now;
+    }
+
+    /// Counts a process that the system has started for a service, with the time at which it was asked for.
+    fn count_start(&mut self, service: Option<usize>, asked_at: u64) {
+        if let Some(service) = service {
+            self.ledger.tries[service] += 1;
+            self.ledger.tried_at[service] = asked_at;
+        }
     }
 
     /// [`Property::PunctualIsNotKilled`].
