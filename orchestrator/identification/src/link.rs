@@ -170,14 +170,7 @@ impl Gatherer {
 
     /// Records a sample.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
-        match topic {
-            Topic::PathReference => self.response.observe_reference(&read(bytes)),
-            Topic::RcFrame => self.response.observe_frame(&read(bytes)),
-            Topic::MocapPose => {
-                self.response.observe_pose(&read(bytes));
-            }
-            _ => {}
-        }
+        self.response.observe(topic, bytes);
         match (topic, self.source) {
             (Topic::RcFrame, _) => {
                 let frame = read::<RcFrame>(bytes);

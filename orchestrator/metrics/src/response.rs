@@ -8,10 +8,13 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 use scenario::Scenario;
+use shared_types::Topic;
 use shared_types::flight_phase::FlightPhase;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{MocapPose, PathReference, RcFrame};
 use shared_types::service::nanoseconds;
+
+use crate::view;
 
 /// Rise from which the vehicle is off the ground, m.
 const RISE: f64 = 0.01;
@@ -115,8 +118,19 @@ impl ResponseWatch {
         self.verdict.as_deref()
     }
 
+    /// Adds a sample of the log; those of other topics have no effect. Returns the verdict if the sample leads to one.
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) -> Option<&str> {
+        match topic {
+            Topic::PathReference => view(bytes, |reference| self.observe_reference(reference)),
+            Topic::RcFrame => view(bytes, |frame| self.observe_frame(frame)),
+            Topic::MocapPose => return view(bytes, |pose| self.observe_pose(pose)),
+            _ => {}
+        }
+        None
+    }
+
     /// Adds a reference: each take-off restarts the watch.
-    pub fn observe_reference(&mut self, reference: &PathReference) {
+    fn observe_reference(&mut self, reference: &PathReference) {
         let is_taking_off = FlightPhase::from_code(reference.phase) == FlightPhase::TakeOff;
         if is_taking_off && !self.is_taking_off {
             (self.ground, self.is_off, self.block) = (None, false, None);
@@ -126,7 +140,7 @@ impl ResponseWatch {
     }
 
     /// Adds a frame; one that was added before has no effect.
-    pub fn observe_frame(&mut self, frame: &RcFrame) {
+    fn observe_frame(&mut self, frame: &RcFrame) {
         if frame.mode != RcFrame::MODE_RATES {
             return;
         }
@@ -141,7 +155,7 @@ impl ResponseWatch {
     }
 
     /// Adds a pose; one that was added before has no effect. Returns the verdict if the pose leads to one.
-    pub fn observe_pose(&mut self, pose: &MocapPose) -> Option<&str> {
+    fn observe_pose(&mut self, pose: &MocapPose) -> Option<&str> {
         let at_ns = pose.capture_time_ns;
         if !pose.tracked.is_set() || at_ns <= self.modelled_until_ns {
             return None;

@@ -310,12 +310,10 @@ impl FlightSummary {
             Topic::ControlAdaptation => view(bytes, |adaptation| self.observe_adaptation(adaptation)),
             Topic::RcFrame => view(bytes, |frame| self.observe_frame(frame)),
             Topic::RunEvent => self.observe_event(&read(bytes)),
-            Topic::MocapPose => {
-                if let Some(response) = &mut self.response {
-                    view(bytes, |pose| response.observe_pose(pose).is_some());
-                }
-            }
-            Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+            Topic::MocapPose | Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+        }
+        if let Some(response) = &mut self.response {
+            response.observe(topic, bytes);
         }
         if let Some(faults) = &mut self.faults {
             faults.observe(topic, bytes);
@@ -378,9 +376,6 @@ impl FlightSummary {
         self.phases.at(reference.header.tick).gamma = Some(reference.gamma);
         self.loss.observe_reference(reference);
         self.flight.observe(reference);
-        if let Some(response) = &mut self.response {
-            response.observe_reference(reference);
-        }
     }
 
     #[inline]
@@ -396,9 +391,6 @@ impl FlightSummary {
     #[inline]
     fn observe_frame(&mut self, frame: &RcFrame) {
         self.loss.observe_frame(frame);
-        if let Some(response) = &mut self.response {
-            response.observe_frame(frame);
-        }
         if self.is_on_path {
             self.phases.at(frame.header.tick).parts.observe_frame(frame);
         }

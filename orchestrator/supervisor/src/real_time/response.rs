@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use host::in_process::TickSink;
 use metrics::response::ResponseWatch;
-use metrics::view;
 use shared_types::Topic;
 
 /// Sink that shows the samples to a watch before it passes them on.
@@ -38,15 +37,8 @@ impl<S: TickSink> TickSink for WatchedSink<'_, S> {
     }
 
     fn sample(&mut self, topic: Topic, bytes: &[u8]) -> Result<(), S::Error> {
-        let response = &mut *self.response;
-        match topic {
-            Topic::PathReference => view(bytes, |reference| response.observe_reference(reference)),
-            Topic::RcFrame => view(bytes, |frame| response.observe_frame(frame)),
-            Topic::MocapPose => {
-                let found = view(bytes, |pose| response.observe_pose(pose).map(str::to_owned));
-                self.found = found.or(self.found.take());
-            }
-            _ => {}
+        if let Some(found) = self.response.observe(topic, bytes) {
+            self.found = Some(found.to_owned());
         }
         self.sink.sample(topic, bytes)
     }
