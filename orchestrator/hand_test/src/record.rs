@@ -77,10 +77,7 @@ impl HandTestRecord {
     ) -> Option<Self> {
         let rest = test.rest().filter(|_| test.step().is_none())?;
         let (_, motion_capture) = scenario.capture_system()?;
-        let ground = scenario
-            .flight
-            .as_ref()
-            .map_or([0.0, 0.1], scenario::Flight::ground_or_floor);
+        let ground = scenario.flight.clone().unwrap_or_default().ground_or_floor();
         let causes: Vec<String> = causes(Some(rest), test.results(), ground)
             .iter()
             .map(ToString::to_string)
@@ -169,43 +166,5 @@ impl HandTestRecord {
             self.causes[0].as_str()
         };
         Some(format!("the hand test of {} found: {found}", self.date))
-    }
-}
-
-/// Formats a time since 1970 (s) as a date and time, UTC.
-#[must_use]
-pub fn date_in_words(since_1970: u64) -> String {
-    let (days, second) = (since_1970 / 86_400, since_1970 % 86_400);
-    // Days since 1 March of the year 0, in eras of 400 years.
-    let days = days + 719_468;
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * from_march + 2) / 5 + 1;
-    let month = if from_march < 10 {
-        from_march + 3
-    } else {
-        from_march - 9
-    };
-    let year = year_of_era + era * 400 + u64::from(month <= 2);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        for (since_1970, words) in [
-            (0, "1970-01-01 00:00:00 UTC"),
-            (951_782_399, "2000-02-28 23:59:59 UTC"),
-            (951_782_400, "2000-02-29 00:00:00 UTC"),
-            (4_107_542_400, "2100-03-01 00:00:00 UTC"),
-        ] {
-            assert_eq!(date_in_words(since_1970), words);
-        }
     }
 }

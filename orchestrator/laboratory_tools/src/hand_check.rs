@@ -3,14 +3,15 @@
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
+use chrono::{DateTime, Utc};
 use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::{print, write_json};
 use command_line::progress::waiting;
-use hand_test::record::{HandTestRecord, date_in_words};
+use hand_test::record::HandTestRecord;
 use hand_test::steps::{Quantity, Step};
 use hand_test::test::{Awaits, HandTest, Pose, StepResult, Verdict};
 use motion_capture::diagnosis::Diagnosis;
@@ -82,8 +83,7 @@ pub fn check(scenario: &Scenario, name: &str, seconds: f64, file: &Path) -> Resu
     }
     // Vicon's stream has no time stamps: what the feed computes is the stated latency.
     let latency = latency.filter(|_| system != CaptureSystem::ViconUdp);
-    let date = SystemTime::now().duration_since(UNIX_EPOCH);
-    let date = date_in_words(date.map_or(0, |since| since.as_secs()));
+    let date = in_words(SystemTime::now().into());
     let Some(record) = HandTestRecord::new(&test, scenario, name, date, latency) else {
         let reason = if frames == 0 {
             no_frame_reason(&address, &*source, seconds)
@@ -104,6 +104,10 @@ pub fn check(scenario: &Scenario, name: &str, seconds: f64, file: &Path) -> Resu
     } else {
         Exit::Unfit
     })
+}
+
+fn in_words(date: DateTime<Utc>) -> String {
+    date.format("%Y-%m-%d %H:%M:%S UTC").to_string()
 }
 
 fn introduction(object: &str) -> String {
@@ -187,4 +191,21 @@ fn conclusion(record: &HandTestRecord) -> String {
         "Do not fly: correct what is wrong, and repeat the test.\n"
     };
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        for (since_1970, words) in [
+            (0, "1970-01-01 00:00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59:59 UTC"),
+            (951_782_400, "2000-02-29 00:00:00 UTC"),
+            (4_107_542_400, "2100-03-01 00:00:00 UTC"),
+        ] {
+            assert_eq!(in_words(DateTime::from_timestamp(since_1970, 0).unwrap()), words);
+        }
+    }
 }
