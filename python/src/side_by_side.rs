@@ -175,19 +175,17 @@ fn observe(simulation: &mut Simulation, scale: Scale) -> ([f64; NUMBERS], f64) {
     let (Some(state), Some(reference)) = (state, reference) else {
         return (observation, 0.0);
     };
-    let r: [f64; 9] = state.world_from_body;
-    let [u, v, w]: [f64; 3] = state.velocity_body;
+    let velocity_world = state.velocity_world();
     let mut squares = 0.0;
     for axis in 0..3 {
         let z1 = state.position_world[axis] - reference.position_world[axis];
         squares += z1 * z1;
-        let velocity_world = r[3 * axis] * u + r[3 * axis + 1] * v + r[3 * axis + 2] * w;
         let along_the_path = reference.derivative1_world[axis] * reference.gamma_dot;
         observation[axis] = z1 / scale.position;
-        observation[3 + axis] = (velocity_world - along_the_path) / scale.velocity;
+        observation[3 + axis] = (velocity_world[axis] - along_the_path) / scale.velocity;
         observation[15 + axis] = state.angular_velocity_body[axis] / scale.rate;
     }
-    observation[6..15].copy_from_slice(&r);
+    observation[6..15].copy_from_slice(&state.world_from_body);
     let distance = squares.sqrt();
     (
         observation.map(|number| number.clamp(-1.0, 1.0)),

@@ -1,6 +1,6 @@
 //! What follows from the mass, the size, the propellers and the battery of a quadcopter, with its uncertainty.
 
-use scenario::{GRAVITY, Vector};
+use scenario::{GRAVITY, Model, Vector};
 
 use super::{Airframe, Implausible};
 
@@ -102,10 +102,14 @@ impl Estimates {
             LAG_PER_INCH * propeller
         };
         let cuboid = CUBOID.map(|edge| edge * size);
-        let [x, y, z] = cuboid.map(|edge| edge * edge * mass / 12.0);
+        let body = Model {
+            mass,
+            size: cuboid,
+            ..Model::default()
+        };
         Ok(Self {
             cuboid,
-            inertia: [y + z, x + z, x + y],
+            inertia: body.inertia(),
             thrust_max: stated_ratio * weight,
             limited: (stated_ratio != ratio).then_some(ratio),
             thrust_lag,
