@@ -13,11 +13,13 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use common::processes::{
-    await_process, await_successor, is_alive, processes_of, services_of, shared_memory_of, signal,
+    await_process, await_successor, free_the_descriptors_of, is_alive, processes_of, services_of,
+    shared_memory_of, signal, use_up_the_descriptors_of,
 };
 use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use runtime::process::SPARE;
 use rustix::process::Signal;
 use shared_types::ServiceId;
 
@@ -273,34 +275,62 @@ fn services_are_started_again_where_shared_memory_is_full() {
         let orchestrator = run.id();
         place.await_log("out", 20_000);
         let filling = fill_memory_of(orchestrator);
-        let mut deaths = 0;
-        for _ in 0..2 {
-            for service in ServiceId::ALL {
-                let pid = await_process(orchestrator, service);
-                signal(pid, Signal::KILL);
-                await_successor(orchestrator, service, pid);
-                deaths += 1;
-                // In real time it makes its ports at its own pace.
-                std::thread::sleep(Duration::from_millis(100));
-            }
-        }
-        // And all of them at once.
-        signal(orchestrator, Signal::STOP);
-        let all = services_of(orchestrator);
-        all.iter().for_each(|(_, pid)| signal(*pid, Signal::KILL));
-        signal(orchestrator, Signal::CONT);
-        for (name, pid) in all {
-            await_successor(orchestrator, ServiceId::from_name(&name).unwrap(), pid);
-            deaths += 1;
-        }
-        std::thread::sleep(Duration::from_millis(300));
+        let deaths = kill_each_and_all(orchestrator);
         drop(filling);
-        signal(orchestrator, Signal::TERM);
-        let ended = finish(run);
-        assert_eq!(ended.status.code(), Some(143), "{host}: {}", complaint(&ended));
-        let restarts = place.summary("out")["restarts"].as_array().unwrap().len();
-        assert_eq!(restarts, deaths, "{host}");
+        assert_all_were_replaced(&place, run, deaths);
     }
+}
+
+#[test]
+fn services_are_started_again_where_the_orchestrator_can_open_no_more_files() {
+    for host in HOSTS {
+        let place = Place::new();
+        let run = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
+        let orchestrator = run.id();
+        let is_standby = |(name, _): &(String, u32)| name == SPARE;
+        until("the standby process", || {
+            processes_of(orchestrator).iter().any(is_standby).then_some(())
+        });
+        use_up_the_descriptors_of(orchestrator);
+        let deaths = kill_each_and_all(orchestrator);
+        free_the_descriptors_of(orchestrator);
+        assert_all_were_replaced(&place, run, deaths);
+    }
+}
+
+/// Kills each service twice, and then all of them at once, and waits for their successors. Returns the number of deaths.
+fn kill_each_and_all(orchestrator: u32) -> usize {
+    let mut deaths = 0;
+    for _ in 0..2 {
+        for service in ServiceId::ALL {
+            let pid = await_process(orchestrator, service);
+            signal(pid, Signal::KILL);
+            await_successor(orchestrator, service, pid);
+            deaths += 1;
+            // In real time it makes its ports at its own pace.
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+    signal(orchestrator, Signal::STOP);
+    let all = services_of(orchestrator);
+    all.iter().for_each(|(_, pid)| signal(*pid, Signal::KILL));
+    signal(orchestrator, Signal::CONT);
+    for (name, pid) in all {
+        await_successor(orchestrator, ServiceId::from_name(&name).unwrap(), pid);
+        deaths += 1;
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    deaths
+}
+
+/// Ends a flight, of which every death was followed by a restart.
+#[track_caller]
+fn assert_all_were_replaced(place: &Place, run: Begun, deaths: usize) {
+    signal(run.id(), Signal::TERM);
+    let ended = finish(run);
+    assert_eq!(ended.status.code(), Some(143), "{}", complaint(&ended));
+    let restarts = place.summary("out")["restarts"].as_array().unwrap().len();
+    assert_eq!(restarts, deaths);
 }
 
 #[test]

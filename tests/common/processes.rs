@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use runtime::process::SPARE;
-use rustix::process::{Pid, Resource, Rlimit, prlimit};
+use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use shared_types::ServiceId;
 
 use super::{entries, until};
@@ -109,6 +109,26 @@ pub(crate) fn is_alive(pid: u32) -> bool {
 /// Waits until a process lives no more.
 pub(crate) fn await_end(pid: u32) {
     until("the end of a killed process", || (!is_alive(pid)).then_some(()));
+}
+
+/// A process can open no more files from now on.
+pub(crate) fn use_up_the_descriptors_of(pid: u32) {
+    let listed = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
+    let open = listed.map(|file| -> u64 { file.unwrap().file_name().to_str().unwrap().parse().unwrap() });
+    let none = Rlimit {
+        current: open.max().map(|highest| highest + 1),
+        ..getrlimit(Resource::Nofile)
+    };
+    limit_descriptors_of(pid, none);
+}
+
+/// A process can open as many files as this one.
+pub(crate) fn free_the_descriptors_of(pid: u32) {
+    limit_descriptors_of(pid, getrlimit(Resource::Nofile));
+}
+
+fn limit_descriptors_of(pid: u32, limit: Rlimit) {
+    prlimit(Pid::from_raw(pid.cast_signed()), Resource::Nofile, limit).unwrap();
 }
 
 /// Files of a process can grow no more from now on, as on a full disk.

@@ -4,6 +4,7 @@
 //! events, and the actions that result are performed. A restarted service gets the samples that it has missed from the
 //! recorder ([`runtime::input_port`]).
 
+mod descriptor_reserve;
 mod hand_over;
 mod messages;
 pub mod process;
@@ -212,7 +213,7 @@ impl<'a> Supervisor<'a> {
                     .waiting_for
                     .store(0, Ordering::Relaxed);
             }
-            Action::CleanUp => self.processes.node.clean_up_after_the_dead(),
+            Action::CleanUp => self.processes.clean_up(),
             Action::Wake => self.wake_all(),
             Action::LendReserve => {
                 if let Some(reserve) = &mut self.reserve {
@@ -220,6 +221,7 @@ impl<'a> Supervisor<'a> {
                 }
             }
             Action::RefillReserve => {
+                self.processes.descriptors.refill();
                 if let Some(reserve) = &mut self.reserve {
                     reserve.refill();
                 }

@@ -26,7 +26,8 @@ pub fn explained(source: impl Error + Send + Sync + 'static) -> Box<dyn Error + 
         Some(lack) => lack,
         None if source.is::<io::Error>() => return source,
         None => format!(
-            "{FOLDER} and descriptors are available; another program may have damaged the run's shared memory"
+            "{FOLDER} and descriptors are available; what a dead process had there was not removed, or another program \
+             has damaged it"
         ),
     };
     Box::new(Explained { source, lack })
@@ -44,7 +45,7 @@ fn lack_of_descriptors() -> Option<String> {
     let tried: io::Result<Vec<_>> = std::iter::repeat_with(open).take(LEAST_DESCRIPTORS).collect();
     let error = tried.err()?;
     Some(format!(
-        "there are not enough file descriptors ({error}); a run needs 100 in every process, raise the limit with `ulimit -n`"
+        "there are not enough file descriptors ({error}); a run needs up to 160 in a process, raise the limit with `ulimit -n`"
     ))
 }
 

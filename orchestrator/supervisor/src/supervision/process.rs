@@ -61,9 +61,13 @@ impl Process {
         let files = [theirs.as_fd()].into_iter().chain(shared).chain(doorbells);
         hand_on(&mut command, CONTROL_FD, files)?;
         reaper::start();
-        let child = command.spawn()?;
+        let mut child = command.spawn()?;
         let pid = Pid::from_child(&child);
-        let death = pidfd_open(pid, PidfdFlags::empty())?;
+        let death = pidfd_open(pid, PidfdFlags::empty()).inspect_err(|_| {
+            // It has ended, or is killed, and nobody watches it.
+            let _ = child.kill();
+            let _ = child.wait();
+        })?;
         Ok(Self {
             pid,
             child: Some(child),

@@ -21,6 +21,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::ServiceId;
 
 use super::Shared;
+use super::descriptor_reserve::DescriptorReserve;
 use super::process::Process;
 use crate::RunFailure;
 
@@ -35,6 +36,8 @@ pub(super) struct Processes<'a> {
     pub(super) checkpoints: Checkpoints,
     pub(super) step_log: StepLog,
     pub(super) doorbells: Vec<Doorbell>,
+    /// Reserved descriptors for restarts.
+    pub(super) descriptors: DescriptorReserve,
     living: Vec<(ProcessNumber, Process)>,
 }
 
@@ -55,6 +58,7 @@ impl<'a> Processes<'a> {
             checkpoints: shared.checkpoints,
             step_log: shared.step_log,
             doorbells: doorbells.collect::<Result<_, _>>().map_err(RunFailure::setup)?,
+            descriptors: DescriptorReserve::new().map_err(RunFailure::setup)?,
             living: Vec::new(),
         })
     }
@@ -84,6 +88,12 @@ impl<'a> Processes<'a> {
         Some(process.end())
     }
 
+    /// Removes what ended processes have left in shared memory.
+    pub(super) fn clean_up(&mut self) {
+        self.descriptors.lend();
+        self.node.clean_up_after_the_dead();
+    }
+
     /// Returns the role as a process gets it, with its planned crash.
     pub(super) fn role(&self, Role { service, deaths }: Role) -> control::Role {
         let mut own = self.crashes.iter().filter(|(whose, _)| *whose == service);
@@ -110,6 +120,7 @@ impl<'a> Processes<'a> {
             self.lock,
         ];
         let label = run_client::runs::label(self.start.place(), self.start.host);
+        self.descriptors.lend();
         let process = Process::start(name, label, shared, &self.doorbells);
         if let (Some(own), true) = (own, is_moved) {
             // A refusal is ignored: it only costs time.

@@ -1,0 +1,62 @@
+//! Reserved file descriptors for restarts.
+//!
+//! A restart opens files: the clean-up those of the dead process in shared memory, the start a channel to the new process,
+//! and the recorder connections to its ports. Without free descriptors the clean-up would stop half-way, and iceoryx2 does
+//! not complete it later: the successor would have no room for its ports. What a restart keeps open takes the place of what
+//! was open for the dead process.
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::time::{Duration, Instant};
+
+use rustix::fs::{Mode, OFlags, open};
+
+/// Number of reserved descriptors: enough to restart all services at once.
+const COUNT: usize = 64;
+
+/// Time in which a restart has opened what it needs.
+const SETTLED: Duration = Duration::from_secs(1);
+
+/// Reserved descriptors, all open on /dev/null.
+#[derive(Debug)]
+pub(super) struct DescriptorReserve {
+    reserved: Vec<OwnedFd>,
+    lent_at: Option<Instant>,
+}
+
+impl DescriptorReserve {
+    /// Reserves them.
+    ///
+    /// # Errors
+    /// If this process may not open as many files.
+    pub(super) fn new() -> io::Result<Self> {
+        let mut reserve = Self {
+            reserved: Vec::with_capacity(COUNT),
+            lent_at: None,
+        };
+        reserve.fill()?;
+        Ok(reserve)
+    }
+
+    /// Frees them for a restart.
+    pub(super) fn lend(&mut self) {
+        self.reserved.clear();
+        self.lent_at = Some(Instant::now());
+    }
+
+    /// Reserves them again once a restart has what it needs.
+    pub(super) fn refill(&mut self) {
+        if self.lent_at.is_some_and(|lent_at| lent_at.elapsed() > SETTLED) {
+            // Those that are missing are tried again after the next period.
+            self.lent_at = self.fill().is_err().then(Instant::now);
+        }
+    }
+
+    fn fill(&mut self) -> io::Result<()> {
+        while self.reserved.len() < COUNT {
+            let file = open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())?;
+            self.reserved.push(file);
+        }
+        Ok(())
+    }
+}
