@@ -7,12 +7,18 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::processes::{await_end, await_process, await_successor, processes_of, shared_memory_of, signal};
-use common::{Begun, Place, begin, finish, said, succeed};
+use common::pilot::{take_off_from_the_ground, wait_on_the_ground};
+use common::processes::{
+    await_end, await_process, await_successor, fill_the_disk_of, processes_of, shared_memory_of, signal,
+};
+use common::{Begun, Place, begin, complaint, finish, said, succeed};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use run_log::LogReader;
 use rustix::process::{Pid, Signal, kill_process};
 use shared_types::ServiceId;
+use shared_types::rotation::tilt;
+use shared_types::samples::VehicleTruth;
 
 /// Every signal that a shell, the system or a person sends.
 const SIGNALS: [Signal; 13] = [
@@ -33,6 +39,14 @@ const SIGNALS: [Signal; 13] = [
 
 /// Signals to one flight in simulated time.
 const SIGNALS_PER_FLIGHT: u64 = 150;
+
+/// Signals to one flight in real time whose disk is full at the end, and the longest pause between two of them.
+const SIGNALS_BEFORE_THE_DISK: u64 = 60;
+const LONGEST_PAUSE_BEFORE_THE_DISK: Duration = Duration::from_millis(900);
+
+/// Height above the ground and tilt of a vehicle in the air, m and rad.
+const LEAST_HEIGHT: f64 = 0.1;
+const LARGEST_TILT: f64 = 0.5;
 
 /// Longest pause of a process that was stopped.
 const PAUSE_MS: u32 = 30;
@@ -81,9 +95,9 @@ impl Storm {
     }
 
     /// Strikes until a run has ended, or has been struck often enough to be let fly on.
-    fn over(&mut self, run: &mut Begun, longest_pause_us: u32) {
+    fn over(&mut self, run: &mut Begun, longest_pause_us: u32, signals: u64) {
         let deadline = Instant::now() + Duration::from_secs(100);
-        let enough = self.sent + SIGNALS_PER_FLIGHT;
+        let enough = self.sent.saturating_add(signals);
         while run.try_wait().unwrap().is_none() && self.sent < enough && Instant::now() < deadline {
             let pause = self.below(longest_pause_us);
             std::thread::sleep(Duration::from_micros(pause.into()));
@@ -112,7 +126,7 @@ fn a_storm_in_simulated_time_leaves_no_trace_in_the_log_nor_anything_behind() {
         let mut run = begin(&mut fly(&out, &["--restarts", "1000000"]));
         let orchestrator = run.id();
         let longest_pause_us = [8_000, 30_000, 90_000][flight % 3];
-        storm.over(&mut run, longest_pause_us);
+        storm.over(&mut run, longest_pause_us, SIGNALS_PER_FLIGHT);
         let ended = finish(run);
         assert!(
             ended.status.success(),
@@ -161,6 +175,57 @@ fn a_flight_in_real_time_goes_on_in_a_storm_and_leaves_nothing_behind() {
     assert_eq!(ended.status.code(), Some(143), "{}", said(&ended));
     place.assert_nothing_is_left_of(orchestrator);
     println!("{} signals", storm.sent);
+}
+
+/// Services and the standby process are hit twice a second, then the disk is full as well: the vehicle lands, while they are
+/// hit on.
+#[test]
+fn a_flight_in_a_storm_lands_when_its_disk_is_full() {
+    let mut storm = Storm {
+        random: ChaCha8Rng::seed_from_u64(wanted()),
+        sent: 0,
+    };
+    let longest_pause_us = u32::try_from(LONGEST_PAUSE_BEFORE_THE_DISK.as_micros()).unwrap();
+    for flight in 1.. {
+        let place = Place::in_real_time();
+        let mut run = wait_on_the_ground(&place);
+        let orchestrator = run.id();
+        take_off_from_the_ground(&place);
+        storm.over(&mut run, longest_pause_us, SIGNALS_BEFORE_THE_DISK);
+        fill_the_disk_of(orchestrator);
+        storm.over(&mut run, longest_pause_us, u64::MAX);
+        let ended = finish(run);
+        assert_eq!(ended.status.code(), Some(4), "{}", said(&ended));
+        let complaint = complaint(&ended);
+        assert!(complaint.contains("The vehicle lands."), "{complaint}");
+        place.assert_nothing_is_left_of(orchestrator);
+        assert_it_has_stayed_in_the_air(&place);
+        if storm.sent >= wanted() {
+            println!("{} signals in {flight} flights", storm.sent);
+            break;
+        }
+    }
+}
+
+/// From its takeoff to the end of what is recorded, the vehicle was in the air and upright.
+#[track_caller]
+fn assert_it_has_stayed_in_the_air(place: &Place) {
+    let log = LogReader::open(&place.path("out/run.mcap.partial")).unwrap();
+    let truths: Vec<VehicleTruth> = log.samples().map_while(Result::ok).collect();
+    let ground = truths[0].position_world[2];
+    let height = |truth: &VehicleTruth| ground - truth.position_world[2];
+    let flown = truths
+        .iter()
+        .skip_while(|truth| height(truth) < 2.0 * LEAST_HEIGHT);
+    let mut count = 0;
+    for truth in flown {
+        let (height, tilt) = (height(truth), tilt(&truth.world_from_body));
+        let at = truth.header.tick;
+        assert!(height > LEAST_HEIGHT, "{height} m above the ground at tick {at}");
+        assert!(tilt < LARGEST_TILT, "it tilts by {tilt} rad at tick {at}");
+        count += 1;
+    }
+    assert!(count > 1_000, "only {count} samples of the flight");
 }
 
 /// Publishers wait for the recorder, which takes nothing while it is stopped; then a signal comes that Rust's runtime handles.
