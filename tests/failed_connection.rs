@@ -2,6 +2,8 @@
 
 #![expect(clippy::disallowed_methods, reason = "tests make their own files")]
 
+use std::time::{Duration, Instant};
+
 use runtime::ports::{BarePorts, Delivery, PortError, RunNode};
 use rustix::process::{Resource, getrlimit, setrlimit};
 use shared_types::{Schedule, ServiceId, Topic};
@@ -36,8 +38,14 @@ fn a_missing_connection_is_an_error_unless_it_leads_to_an_observer() {
     let observer = BarePorts::open(&node, ServiceId::RcOutput, &schedule).unwrap();
     without_descriptors(&mut send).unwrap();
     let mut late = ports.receiver().unwrap();
-    let failed = without_descriptors(&mut send);
-    let later = send();
+    let at_first = without_descriptors(&mut send);
+    let began = Instant::now();
+    let failed = loop {
+        match send() {
+            Ok(()) => assert!(began.elapsed() < Duration::from_secs(10), "it does not fail"),
+            Err(error) => break error,
+        }
+    };
     assert!(late.receive().is_ok_and(|has_come| !has_come));
     drop((late, observer));
     let recovered = send();
@@ -46,11 +54,13 @@ fn a_missing_connection_is_an_error_unless_it_leads_to_an_observer() {
         std::fs::remove_file(segment).unwrap();
     }
 
-    let words = failed.unwrap_err().to_string();
+    // The process of the other port might have been about to end.
+    at_first.unwrap();
+    let words = failed.to_string();
     assert!(
         words.contains("`vehicle/state`") && words.contains("`ulimit -n`"),
         "{words}"
     );
-    assert!(matches!(later, Err(PortError::Unconnected { .. })), "{later:?}");
+    assert!(matches!(failed, PortError::Unconnected { .. }), "{failed:?}");
     recovered.unwrap();
 }

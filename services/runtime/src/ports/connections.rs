@@ -4,11 +4,14 @@
 //! because no memory is left, it continues without the connection: its consumer would wait for samples that never
 //! arrive. So the port fails, and another process tries again. It does not fail without a connection to a process that has
 //! ended, whose successor has other ports, or to an observer.
+//!
+//! Where a process that restarts lacks memory or descriptors, a healthy one may see its new port and fail to connect to it as
+//! well. So the newer port fails at once, and the older one only if the other process has not ended [`PATIENCE`] later.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::{DegradationAction, DegradationCause, DegradationInfo};
@@ -20,6 +23,9 @@ use shared_types::Topic;
 use super::PortError;
 use crate::activity;
 use crate::shared_memory;
+
+/// Time in which a process ends whose new ports cannot be connected.
+const PATIENCE: Duration = Duration::from_millis(50);
 
 /// Port of another process: its ID, its node, and `false` for that of an observer.
 type Peer = (u128, UniqueNodeId, bool);
@@ -35,13 +41,20 @@ fn is_alive(node: UniqueNodeId) -> bool {
     }
 }
 
+struct FailedConnection {
+    /// ID of the other port.
+    peer: u128,
+    /// Error of the system, with the resource that was exhausted then.
+    reason: String,
+    failed_at: Instant,
+}
+
 /// Failed connections of a port.
 #[derive(Default)]
 struct Failed {
     /// `true` if there may be one that the flight needs.
     is_any: AtomicBool,
-    /// The other port of each, and the system's error number.
-    peers: Mutex<Vec<(u128, i32)>>,
+    peers: Mutex<Vec<FailedConnection>>,
 }
 
 /// Connections of a port.
@@ -69,50 +82,60 @@ impl Connections {
         let failed = Arc::clone(&self.failed);
         move |cause, info| {
             // iceoryx2 does not pass the error on.
-            let number = io::Error::last_os_error().raw_os_error().unwrap_or_default();
+            let error = io::Error::last_os_error();
             if !matches!(cause, DegradationCause::FailedToEstablishConnection) {
                 return DegradationAction::Warn;
             }
             let mut peers = failed.peers.lock().unwrap_or_else(PoisonError::into_inner);
-            peers.push((peer(info), number));
+            peers.push(FailedConnection {
+                peer: peer(info),
+                reason: shared_memory::explained(error).to_string(),
+                failed_at: Instant::now(),
+            });
             failed.is_any.store(true, Ordering::Relaxed);
             // A failure would lose the sample for all receivers.
             DegradationAction::Ignore
         }
     }
 
-    /// Returns an error if a connection that the flight needs has failed.
+    /// Returns an error if a connection that the flight needs has failed some time ago.
     #[inline]
     pub(super) fn check(&self) -> Result<(), PortError> {
         // Relaxed: iceoryx2 calls the handler in the thread that uses the port.
         if self.failed.is_any.load(Ordering::Relaxed) {
-            return self.check_each();
+            return self.check_each(PATIENCE);
         }
         Ok(())
     }
 
     /// Returns an error if a connection that the flight needs is missing, also one to a peer that was unknown when it failed.
+    pub(super) fn check_now(&self) -> Result<(), PortError> {
+        self.check_each(Duration::ZERO)
+    }
+
     #[cold]
-    pub(super) fn check_each(&self) -> Result<(), PortError> {
+    fn check_each(&self, patience: Duration) -> Result<(), PortError> {
         let mut failed = self.failed.peers.lock().unwrap_or_else(PoisonError::into_inner);
         if failed.is_empty() {
             return Ok(());
         }
         let peers = (self.peers)();
         let mut needed = None;
-        failed.retain(|&(id, number)| {
-            let peer = peers.iter().find(|peer| peer.0 == id && is_alive(peer.1));
+        failed.retain(|failed| {
+            let mut peers = peers.iter();
+            let peer = peers.find(|peer| peer.0 == failed.peer && is_alive(peer.1));
             if peer.is_some_and(|&(_, _, is_of_the_run)| is_of_the_run) {
-                needed = Some(number);
+                needed.get_or_insert_with(|| (failed.failed_at, failed.reason.clone()));
             }
             peer.is_some()
         });
         self.failed.is_any.store(needed.is_some(), Ordering::Relaxed);
-        needed.map_or(Ok(()), |number| {
-            Err(PortError::Unconnected {
+        match needed {
+            Some((failed_at, reason)) if failed_at.elapsed() >= patience => Err(PortError::Unconnected {
                 topic: self.topic,
-                source: shared_memory::explained(io::Error::from_raw_os_error(number)),
-            })
-        })
+                source: reason.into(),
+            }),
+            _ => Ok(()),
+        }
     }
 }

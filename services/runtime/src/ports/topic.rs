@@ -170,7 +170,7 @@ impl<T: Published> Ports<T> {
             .name(&self.name)
             .set_degradation_handler(connections.handler(|info| info.sender_port_id));
         let subscriber = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
-        connections.check()?;
+        connections.check_now()?;
         Ok(Box::new(TypedReceiver::new(subscriber, self.topic, connections)))
     }
 
@@ -197,7 +197,7 @@ impl<T: Published> Ports<T> {
             .max_loaned_samples(MAX_LOANED)
             .set_degradation_handler(connections.handler(|info| info.receiver_port_id));
         let publisher = one_port(|| builder.create()).map_err(|error| self.not_created(error))?;
-        connections.check()?;
+        connections.check_now()?;
         Ok(Box::new(TypedSender::new(publisher, self.topic, connections)))
     }
 }

@@ -100,7 +100,7 @@ impl<T: Sample> Sender for TypedSender<T> {
             topic: self.topic,
             source: error.into(),
         })?;
-        self.connections.check_each()
+        self.connections.check_now()
     }
 }
 
@@ -157,6 +157,6 @@ impl<T: Sample> Receiver for TypedReceiver<T> {
             topic: self.topic,
             source: error.into(),
         })?;
-        self.connections.check_each()
+        self.connections.check_now()
     }
 }
