@@ -26,6 +26,12 @@ pub struct Command {
 }
 
 impl Command {
+    /// Returns the way of the thrust stick on a link: 0 at the least thrust, 1 at the largest.
+    #[must_use]
+    pub fn thrust_share(&self, link: &RcLink) -> f64 {
+        (1.0 + self.travels[0] * link.thrust_slope.signum()) / 2.0
+    }
+
     /// Returns the thrust T on a link, N; never negative.
     #[must_use]
     pub fn thrust(&self, link: &RcLink) -> f64 {

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
+use scenario::RcLink;
 use shared_types::samples::RcFrame;
 
 /// Sticks of a frame.
@@ -37,7 +38,7 @@ impl Sticks {
     /// Converts a frame. A frame without body rates stops the motors.
     #[must_use]
     #[inline]
-    pub fn from_frame(frame: &RcFrame) -> Self {
+    fn from_frame(frame: &RcFrame) -> Self {
         let [thrust, roll, pitch, yaw, ..] = frame.channels;
         let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
         Self {
@@ -46,6 +47,41 @@ impl Sticks {
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
         }
+    }
+}
+
+/// Thrust stick at no thrust. A flight controller does not arm while that stick is off its end (`min_check` of Betaflight), and
+/// the calibrated code of no thrust may be far from it: with the paper's radio at an eighth of the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThrustRest {
+    /// Code of the stick's end.
+    end: u16,
+    /// Thrust of one code, N.
+    one_code: f64,
+}
+
+impl ThrustRest {
+    /// Makes it for a checked link.
+    #[must_use]
+    pub fn new(link: &RcLink) -> Self {
+        let largest = u16::MAX >> (16 - link.resolution.clamp(1, 16));
+        Self {
+            end: if link.thrust_slope > 0.0 { 0 } else { largest },
+            one_code: 2.0 * link.thrust_slope.abs() / f64::from(largest),
+        }
+    }
+
+    /// Returns the sticks of a frame, the thrust stick at its end if there is no thrust.
+    #[must_use]
+    #[inline]
+    pub fn sticks(&self, frame: &RcFrame) -> Sticks {
+        let mut sticks = Sticks::from_frame(frame);
+        if let Some([thrust, ..]) = &mut sticks.codes
+            && frame.thrust < self.one_code
+        {
+            *thrust = self.end;
+        }
+        sticks
     }
 }
 
@@ -187,6 +223,30 @@ mod tests {
             Sticks::flying([0; 4]),
             "a command is followed for as long as the transmitter does"
         );
+    }
+
+    #[test]
+    fn the_thrust_stick_is_at_its_end_while_there_is_no_thrust() {
+        for slope in [3.138, -3.138] {
+            let link = RcLink {
+                thrust_offset: 2.3071,
+                thrust_slope: slope,
+                ..RcLink::default()
+            };
+            let frame = |thrust, code| RcFrame {
+                thrust,
+                channels: [code; 16],
+                mode: RcFrame::MODE_RATES,
+                ..RcFrame::new_zeroed()
+            };
+            let thrust_stick = |frame| ThrustRest::new(&link).sticks(&frame).codes.unwrap()[0];
+            let end = if slope > 0.0 { 0 } else { 2047 };
+            assert_eq!(
+                [thrust_stick(frame(0.0, 271)), thrust_stick(frame(0.001, 271))],
+                [end; 2]
+            );
+            assert_eq!(thrust_stick(frame(0.5, 434)), 434);
+        }
     }
 
     #[test]
