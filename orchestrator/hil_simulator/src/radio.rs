@@ -2,7 +2,8 @@
 //!
 //! A frame acts a stated latency, that of the air link and the flight controller, after its last byte has arrived. Without a
 //! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors; a Crazyflie does what
-//! its [`Supervisor`] does.
+//! its [`Supervisor`] does. A flight controller with an arming switch does not arm unless the thrust stick is down when the
+//! switch is turned on, as Betaflight (`min_check`) and PX4 do.
 
 use std::collections::VecDeque;
 
@@ -14,6 +15,9 @@ use zerocopy::FromZeros;
 use super::crazyflie::Supervisor;
 use super::link_loss_timer::LinkLossTimer;
 
+/// Share of the thrust stick's way below which it is down: `min_check`, 1050 µs.
+const DOWN: f64 = 0.05;
+
 /// A receiver with its delayed frames.
 #[derive(Debug)]
 pub struct Radio {
@@ -23,8 +27,34 @@ pub struct Radio {
     /// Frames with the times at which they begin to act, oldest first.
     pending: VecDeque<(u64, RcFrame)>,
     loss: Loss,
+    /// `None` for a vehicle without one.
+    switch: Option<Switch>,
     /// Number of frames so far: the sequence number of the next one.
     count: u64,
+}
+
+/// Arming switch, as the flight controller has seen it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Switch {
+    Off,
+    /// Turned on while the thrust stick was down.
+    Armed,
+    /// Turned on while it was not.
+    Refused,
+}
+
+impl Switch {
+    /// Adds a command. Returns whether the vehicle is armed by it.
+    fn arms(&mut self, command: &Command, link: &RcLink) -> bool {
+        let is_down = command.thrust_share(link) <= DOWN;
+        *self = match *self {
+            _ if !command.is_armed => Self::Off,
+            Self::Off if is_down => Self::Armed,
+            Self::Off => Self::Refused,
+            seen => seen,
+        };
+        *self == Self::Armed
+    }
 }
 
 /// What the vehicle does without frames.
@@ -50,6 +80,10 @@ impl Radio {
             } else {
                 Loss::Stops(LinkLossTimer::default())
             },
+            switch: transmitter
+                .arming_channel
+                .filter(|_| link.link != RadioProtocol::Crazyflie)
+                .map(|_| Switch::Off),
             count: 0,
         })
     }
@@ -62,13 +96,18 @@ impl Radio {
             latency_ns,
             pending,
             loss,
+            switch,
             count,
         } = self;
         receiver.push(bytes, &mut |command| {
             if let Loss::Stops(timer) = loss {
                 timer.restart(now_ns);
             }
-            pending.push_back((now_ns + *latency_ns, frame_of(command, link, *count)));
+            let is_armed = match switch {
+                Some(switch) => switch.arms(command, link),
+                None => command.is_armed,
+            };
+            pending.push_back((now_ns + *latency_ns, frame_of(command, is_armed, link, *count)));
             *count += 1;
         });
     }
@@ -134,10 +173,10 @@ fn stopped_frame(seq: u64) -> RcFrame {
 }
 
 /// Returns the frame of a command, with the channels of the link.
-fn frame_of(command: &Command, link: &RcLink, seq: u64) -> RcFrame {
+fn frame_of(command: &Command, is_armed: bool, link: &RcLink, seq: u64) -> RcFrame {
     let mut frame = stopped_frame(seq);
     frame.channels = command.codes;
-    if command.is_armed {
+    if is_armed {
         frame.failsafe = false.into();
         frame.thrust = command.thrust(link);
         frame.rates_body = command.rates_body(link);
@@ -165,8 +204,12 @@ mod tests {
         }
     }
 
+    /// A radio whose vehicle is armed, and has had one frame.
     fn radio(latency_ns: u64) -> (Radio, impl FnMut(&Sticks) -> Vec<u8>) {
-        radio_of(RadioProtocol::Crsf, latency_ns)
+        let (mut radio, mut send) = radio_of(RadioProtocol::Crsf, latency_ns);
+        radio.receive(&send(&IDLE), 0);
+        radio.acting(latency_ns);
+        (radio, send)
     }
 
     fn radio_of(protocol: RadioProtocol, latency_ns: u64) -> (Radio, impl FnMut(&Sticks) -> Vec<u8>) {
@@ -181,6 +224,8 @@ mod tests {
         };
         (radio, send)
     }
+
+    const IDLE: Sticks = Sticks::flying([0, 1023, 1023, 1023]);
 
     fn armed() -> Sticks {
         Sticks::flying([1200, 1000, 1100, 1023])
@@ -203,19 +248,40 @@ mod tests {
         radio.receive(&send(&Sticks::MOTORS_OFF), 101);
         radio.receive(&send(&armed()), 110);
         let frame = radio.acting(107).unwrap();
-        assert!(frame.failsafe.is_set() && frame.thrust == 0.0 && frame.header.seq == 1);
-        assert_eq!(radio.acting(115).unwrap().header.seq, 2);
+        assert!(frame.failsafe.is_set() && frame.thrust == 0.0 && frame.header.seq == 2);
+        assert_eq!(radio.acting(115).unwrap().header.seq, 3);
+    }
+
+    #[test]
+    fn a_vehicle_is_not_armed_while_the_thrust_stick_is_up() {
+        let (mut radio, mut send) = radio_of(RadioProtocol::Crsf, 0);
+        let mut thrust = |sticks: &Sticks, at_ns| {
+            radio.receive(&send(sticks), at_ns);
+            radio.acting(at_ns).unwrap().thrust
+        };
+        assert_eq!(
+            [thrust(&armed(), 1), thrust(&IDLE, 2), thrust(&armed(), 3)],
+            [0.0; 3]
+        );
+        assert_eq!([thrust(&Sticks::MOTORS_OFF, 4), thrust(&armed(), 5)], [0.0; 2]);
+        assert_eq!(thrust(&Sticks::MOTORS_OFF, 6), 0.0);
+        thrust(&IDLE, 7);
+        assert!(thrust(&armed(), 8) > 2.3);
     }
 
     #[test]
     fn link_loss_stops_the_motors_once() {
+        let (mut silent, _) = radio_of(RadioProtocol::Crsf, 0);
+        assert!(
+            silent.acting(3 * LOST_AFTER_NS).is_none(),
+            "no frame was received"
+        );
         let (mut radio, mut send) = radio(0);
-        assert!(radio.acting(3 * LOST_AFTER_NS).is_none(), "no frame was received");
         radio.receive(&send(&armed()), 100);
         assert!(radio.acting(100).is_some_and(|frame| !frame.failsafe.is_set()));
         assert!(radio.acting(100 + LOST_AFTER_NS).is_none());
         let lost = radio.acting(101 + LOST_AFTER_NS).unwrap();
-        assert!(lost.failsafe.is_set() && lost.header.seq == 1);
+        assert!(lost.failsafe.is_set() && lost.header.seq == 2);
         assert!(radio.acting(102 + LOST_AFTER_NS).is_none());
         radio.receive(&send(&armed()), 200 + LOST_AFTER_NS);
         let frame = radio.acting(200 + LOST_AFTER_NS).unwrap();
