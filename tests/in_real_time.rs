@@ -24,3 +24,4 @@ mod recovery;
 mod security;
 mod top;
 mod world;
+mod wrong_signs;

@@ -524,7 +524,7 @@ impl<'a> Flight<'a> {
         let mut watched = WatchedSink::new(sink, &mut self.response);
         self.recorder.write_before(tick, &mut watched)?;
         if let Some(found) = watched.found() {
-            self.announce(format!("WRONG: {found}"));
+            self.react_to_wrong_response(&found);
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use std::ops::Bound::Included;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Scenario;
+use super::{Action, Scenario};
 use crate::range::{moment, not_negative, positive, positive_up_to};
 use shared_types::flight_phase::ReadyLimits;
 use shared_types::schedule::OperatorPlan;
@@ -64,6 +64,10 @@ pub struct Flight {
     /// cameras, it is not armed by command. No test is needed unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hand_test: Option<String>,
+    /// Action in real time if the vehicle answers the first commands of a take-off about a wrong axis or with a wrong sign: it is
+    /// off the ground by a few centimetres then. `"kill"` unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wrong_response: Option<Action>,
 }
 
 /// Maximum distance from the stated ground for arming unless stated, m.
@@ -85,6 +89,7 @@ impl Default for Flight {
             ground: None,
             ground_tolerance: None,
             hand_test: None,
+            wrong_response: None,
         }
     }
 }

@@ -1,10 +1,15 @@
-//! Watch over the response to the first commands, on the way of the samples to the log.
+//! Watch over the response to the first commands, on the way of the samples to the log, and what follows from it.
 
 use std::ops::ControlFlow;
 
 use host::in_process::TickSink;
 use metrics::response::ResponseWatch;
+use runtime::shared_page::Request;
+use scenario::Action;
 use shared_types::Topic;
+use shared_types::samples::RunEvent;
+
+use super::Flight;
 
 /// Sink that shows the samples to a watch before it passes them on.
 pub(super) struct WatchedSink<'a, S> {
@@ -49,5 +54,32 @@ impl<S: TickSink> TickSink for WatchedSink<'_, S> {
 
     fn event(&mut self, tick: u64, kind: u32, text: &str) {
         self.sink.event(tick, kind, text);
+    }
+}
+
+impl Flight<'_> {
+    /// Says that the vehicle answers its first commands wrongly, and acts as `flight.wrong_response` states.
+    pub(super) fn react_to_wrong_response(&mut self, found: &str) {
+        self.announce(format!("WRONG: {found}"));
+        let stated = self
+            .scenario
+            .flight
+            .as_ref()
+            .and_then(|flight| flight.wrong_response);
+        let event = "the first commands were answered wrongly, `flight.wrong_response`";
+        match stated.unwrap_or(Action::Kill) {
+            Action::Warn => {}
+            Action::Land => {
+                let text = self.request_end(event);
+                self.announce(text);
+            }
+            Action::Kill => {
+                self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);
+                self.announce(
+                    "killed: the motors rest until the end of the run, as `flight.wrong_response` states"
+                        .to_owned(),
+                );
+            }
+        }
     }
 }
