@@ -7,8 +7,10 @@
 //! * [`noise`]: noise of the captures, from their third differences, in which smooth motion is negligible;
 //! * [`delay`]: coarse search for the delay from sending a frame to its effect that minimises the filter's innovations;
 //! * [`refine`]: marker offset and delay from that start, with intervals;
+//! * [`answer`]: the whole delay from a command to its answer in the captures, and its parts;
 //! * [`report`]: the found values beside the stated ones, and the lines to put into the scenario.
 
+pub mod answer;
 pub mod delay;
 pub mod noise;
 pub mod recording;
@@ -76,8 +78,10 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
         frames: 0,
     })?;
     settings.model.marker_offset = state.nominal.marker_offset_body.into();
-    let (marker_offset, radio_latency) = refine::beside(&stated, &refine::refine(recording, &settings)?);
+    let refined = refine::refine(recording, &settings)?;
+    let (marker_offset, radio_latency) = refine::beside(&stated, &refined);
     Ok(Identification {
+        answer: refined.answer(recording, &stated),
         marker_offset,
         radio_latency,
         position_deviation: Quantity {

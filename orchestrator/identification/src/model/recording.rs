@@ -143,6 +143,21 @@ impl Recording {
         self.poses().filter(|pose| pose.tracked.is_set()).count()
     }
 
+    /// Returns the median of the time from a capture to its arrival, s; 0 without a capture that shows the vehicle.
+    #[must_use]
+    pub fn capture_age(&self) -> f64 {
+        let ages = self.arrivals.iter().filter_map(|(at_ns, arrival)| match arrival {
+            Arrival::Pose(pose) if pose.tracked.is_set() => Some(at_ns.saturating_sub(pose.capture_time_ns)),
+            _ => None,
+        });
+        let mut ages: Vec<u64> = ages.collect();
+        let middle = ages.len() / 2;
+        if ages.is_empty() {
+            return 0.0;
+        }
+        seconds(*ages.select_nth_unstable(middle).1)
+    }
+
     /// Returns the number of frames.
     #[must_use]
     pub fn frames(&self) -> usize {

@@ -1,8 +1,10 @@
-//! Marker offset and delay by the prediction-error method, with empirical intervals.
+//! Marker offset, delay and lags by the prediction-error method, with empirical intervals.
 //!
 //! The whitened innovations of the captures are a function of the filter settings. Gauss–Newton minimises the sum of their
 //! squares, and the process noise is chosen by maximum likelihood. The mass is estimated as well, for every block of some
 //! seconds: it may change in flight, and a wrong mass resembles an offset, because both scale the acceleration by tilt.
+//!
+//! Offset and delay are estimated with the model's lags first, and then all of them together ([`Refined::answer`]).
 //!
 //! Intervals are based on the sandwich estimate of the covariance, from sums of the gradient over one second each. They hold with
 //! turbulence, a quantised link and wrong noise parameters of the filter, where the curvature alone is too optimistic.
@@ -15,17 +17,26 @@ use nalgebra::{SMatrix, SVector};
 use statistics::student;
 
 use super::IdentifyError;
+use super::answer::Answer;
 use super::recording::{FilterSettings, Innovation, Recording};
 use super::report::Quantity;
 
-/// Number of parameters: three components of the offset, m, and the delay, s.
-const PARAMETERS: usize = 4;
+/// Number of parameters: three components of the offset, m, the delay, the lag of the body rates and that of the thrust, s.
+const PARAMETERS: usize = 6;
+
+/// Number of parameters that are estimated with the model's lags.
+const WITHOUT_LAGS: usize = 4;
+
+/// Indices of the delay, and of the lags of body rates and thrust.
+const DELAY: usize = 3;
+const RATE_LAG: usize = 4;
+const THRUST_LAG: usize = 5;
 
 /// Number of parameters with the mass, kg.
 const ALL: usize = PARAMETERS + 1;
 
 /// Steps of the difference quotients.
-const STEPS: [f64; ALL] = [2e-3, 2e-3, 2e-3, 1e-3, 2e-3];
+const STEPS: [f64; ALL] = [2e-3, 2e-3, 2e-3, 1e-3, 2e-3, 2e-3, 2e-3];
 
 /// Duration of a block with a separate mass, ns.
 const BLOCK_NS: u64 = 5_000_000_000;
@@ -40,11 +51,17 @@ const CLUSTER_NS: u64 = 1_000_000_000;
 /// have five.
 const FREEDOM: usize = 5;
 
-/// Maximum delay, s.
+/// Maximum delay, and maximum lag, s.
 const LONGEST: f64 = 0.1;
 
+/// Maximum number of Gauss–Newton steps for the lags, from the model's.
+const LAG_STEPS: usize = 16;
+
+/// Step of delay and lags, as a share of their standard errors, at which they have converged.
+const CONVERGED: f64 = 0.05;
+
 /// Minimum systematic error, as half-widths, m and s: the disturbance is not exactly a random walk.
-const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4];
+const SYSTEMATIC: [f64; PARAMETERS] = [1.5e-3, 1.5e-3, 1.5e-3, 3e-4, 3e-4, 3e-4];
 
 /// Factor on [`SYSTEMATIC`] for the confidence [`CERTAIN`]: the ratio of both half-widths of a normal error.
 const SYSTEMATIC_CERTAIN: f64 = 1.7;
@@ -83,20 +100,24 @@ struct NormalEquations {
     mean_square: Option<f64>,
 }
 
-/// Marker offset and delay with the half-widths of their intervals, m and s.
+/// Parameters of the filter with the half-widths of their intervals, m and s.
 pub struct Refined {
     found: [f64; PARAMETERS],
     errors: [f64; PARAMETERS],
     certain: [f64; PARAMETERS],
+    /// Estimate with free lags, from the same settings; `None` if the flight is too short for it.
+    with_lags: Option<Estimate>,
 }
 
 /// Parameters with their standard errors, the degrees of freedom, and the masses of the blocks.
 #[derive(Clone)]
 struct Estimate {
     parameters: SVector<f64, PARAMETERS>,
-    deviations: SVector<f64, PARAMETERS>,
+    covariance: SMatrix<f64, PARAMETERS, PARAMETERS>,
     freedom: usize,
     blocks: Vec<Block>,
+    /// `true` if the lags are estimated as well.
+    has_lags: bool,
 }
 
 /// An estimate with a factor on a stated process noise.
@@ -136,7 +157,13 @@ pub fn refine(recording: &Recording, settings: &FilterSettings) -> Result<Refine
     estimate.descend(recording, &settings)?;
     estimate.descend(recording, &settings)?;
     let beside = &tried[likeliest.saturating_sub(1)..tried.len().min(likeliest + 2)];
+    let mut with_lags = Estimate {
+        has_lags: true,
+        ..estimate.clone()
+    };
+    let has_converged = with_lags.converge(recording, &settings);
     Ok(Refined {
+        with_lags: has_converged.then_some(with_lags),
         found: estimate.parameters.into(),
         errors: estimate.half_widths(beside, CONFIDENCE, 1.0),
         certain: estimate.half_widths(beside, CERTAIN, SYSTEMATIC_CERTAIN),
@@ -227,9 +254,17 @@ impl Estimate {
             .step_by(usize::try_from(BLOCK_NS).unwrap_or(usize::MAX));
         let [x, y, z] = settings.model.marker_offset;
         Self {
-            parameters: SVector::from([x, y, z, settings.model.radio_latency]),
-            deviations: SVector::zeros(),
+            parameters: SVector::from([
+                x,
+                y,
+                z,
+                settings.model.radio_latency,
+                settings.model.rate_lag,
+                settings.model.thrust_lag,
+            ]),
+            covariance: SMatrix::zeros(),
             freedom: FREEDOM,
+            has_lags: false,
             blocks: begins
                 .map(|from_ns| Block {
                     from_ns,
@@ -248,8 +283,21 @@ impl Estimate {
             let values = || beside.iter().map(|tried| tried.estimate.parameters[index]);
             let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
             let systematic = wider * SYSTEMATIC[index].max(OF_NEIGHBOURS * 0.5 * range);
-            let by_chance = quantile * self.deviations[index];
+            let by_chance = quantile * self.covariance[(index, index)].max(0.0).sqrt();
             (by_chance * by_chance + systematic * systematic).sqrt()
+        })
+    }
+
+    /// Makes Gauss–Newton steps until delay and lags stay. Returns whether they do.
+    fn converge(&mut self, recording: &Recording, settings: &FilterSettings) -> bool {
+        (0..LAG_STEPS).any(|_| {
+            let before = self.parameters;
+            let is_made = self.descend(recording, settings).is_ok();
+            is_made
+                && (DELAY..PARAMETERS).all(|index| {
+                    let change = self.parameters[index] - before[index];
+                    change * change <= CONVERGED * CONVERGED * self.covariance[(index, index)]
+                })
         })
     }
 
@@ -258,7 +306,7 @@ impl Estimate {
         let equations = self
             .blocks
             .iter()
-            .map(|block| block.equations(recording, settings, &self.parameters))
+            .map(|block| block.equations(recording, settings, &self.parameters, self.has_lags))
             .collect::<Result<Vec<_>, _>>()?;
         let usable = usable(equations.iter().map(|equations| equations.mean_square));
         let used = || {
@@ -267,20 +315,27 @@ impl Estimate {
                 .filter(|(_, is_usable)| **is_usable)
                 .map(|(equations, _)| equations)
         };
-        let information: SMatrix<f64, PARAMETERS, PARAMETERS> =
+        let mut information: SMatrix<f64, PARAMETERS, PARAMETERS> =
             used().map(|equations| equations.information).sum();
+        if !self.has_lags {
+            // Their rows and columns are 0, and so are their gradients: they stay.
+            information[(RATE_LAG, RATE_LAG)] = 1.0;
+            information[(THRUST_LAG, THRUST_LAG)] = 1.0;
+        }
         let gradients = || used().flat_map(|equations| &equations.gradients);
         let clusters = gradients().count();
-        self.freedom = clusters.saturating_sub(PARAMETERS + used().count());
+        let parameters = if self.has_lags { PARAMETERS } else { WITHOUT_LAGS };
+        self.freedom = clusters.saturating_sub(parameters + used().count());
         let Some(inverse) = information.try_inverse().filter(|_| self.freedom >= FREEDOM) else {
             return Err(IdentifyError::TooFewSeconds { counted: clusters });
         };
         let change = -(inverse * gradients().sum::<SVector<f64, PARAMETERS>>());
         let spread: SMatrix<f64, PARAMETERS, PARAMETERS> = gradients().map(|one| one * one.transpose()).sum();
-        let covariance = inverse * spread * inverse * (clusters as f64 / self.freedom as f64);
-        self.deviations = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+        self.covariance = inverse * spread * inverse * (clusters as f64 / self.freedom as f64);
         self.parameters += change;
-        self.parameters[3] = self.parameters[3].clamp(0.0, LONGEST);
+        for index in DELAY..PARAMETERS {
+            self.parameters[index] = self.parameters[index].clamp(0.0, LONGEST);
+        }
         for (block, equations) in self.blocks.iter_mut().zip(&equations) {
             let (by_parameters, own) = &equations.mass;
             let change = (by_parameters * change)[0] + own;
@@ -357,15 +412,17 @@ impl Block {
         parameters: &SVector<f64, PARAMETERS>,
         step: Option<(usize, f64)>,
     ) -> Result<Vec<(u64, Option<Innovation>)>, IdentifyError> {
-        let [x, y, z, latency] = (*parameters).into();
-        let mut values = [x, y, z, latency, self.mass];
+        let [x, y, z, latency, rate_lag, thrust_lag] = (*parameters).into();
+        let mut values = [x, y, z, latency, rate_lag, thrust_lag, self.mass];
         if let Some((index, by)) = step {
             values[index] += by;
         }
         let mut settings = settings.clone();
         settings.model.marker_offset = [values[0], values[1], values[2]];
-        settings.model.radio_latency = values[3].max(0.0);
-        settings.model.mass = values[4];
+        settings.model.radio_latency = values[DELAY].max(0.0);
+        settings.model.rate_lag = values[RATE_LAG].max(0.0);
+        settings.model.thrust_lag = values[THRUST_LAG].max(0.0);
+        settings.model.mass = values[PARAMETERS];
         settings.kalman.marker_offset_deviation = 0.0;
         let from_ns = self.from_ns.saturating_sub(WARM_UP_NS);
         recording.innovations(&settings, from_ns, self.to_ns)
@@ -376,9 +433,15 @@ impl Block {
         recording: &Recording,
         settings: &FilterSettings,
         parameters: &SVector<f64, PARAMETERS>,
+        has_lags: bool,
     ) -> Result<NormalEquations, IdentifyError> {
         let mut runs: Vec<Option<(usize, f64)>> = vec![None];
-        runs.extend((0..ALL).flat_map(|index| [STEPS[index], -STEPS[index]].map(|step| Some((index, step)))));
+        let is_free = |index: &usize| has_lags || !(WITHOUT_LAGS..PARAMETERS).contains(index);
+        let free: Vec<usize> = (0..ALL).filter(is_free).collect();
+        runs.extend(
+            free.iter()
+                .flat_map(|&index| [STEPS[index], -STEPS[index]].map(|step| Some((index, step)))),
+        );
         let runs = many::map(&runs, many::cores(), |&step| {
             self.innovations(recording, settings, parameters, step)
         });
@@ -397,16 +460,17 @@ impl Block {
                 continue;
             }
             if let (Some(innovation), Some(stepped)) = (innovation, stepped) {
-                let row = Row::from_fn(|component, index| {
-                    // The delay cannot become negative: its lower step may be shorter.
-                    let lower = if index == 3 {
-                        STEPS[3].min(parameters[3])
+                let mut row = Row::zeros();
+                for (pair, &index) in free.iter().enumerate() {
+                    // Delay and lags cannot become negative: their lower step may be shorter.
+                    let lower = if (DELAY..PARAMETERS).contains(&index) {
+                        STEPS[index].min(parameters[index])
                     } else {
                         STEPS[index]
                     };
-                    (stepped[2 * index][component] - stepped[2 * index + 1][component])
-                        / (STEPS[index] + lower)
-                });
+                    let difference: SVector<f64, 6> = stepped[2 * pair] - stepped[2 * pair + 1];
+                    row.set_column(index, &(difference / (STEPS[index] + lower)));
+                }
                 rows.push((*time_ns, innovation.whitened, row));
             }
         }
@@ -457,7 +521,46 @@ pub fn beside(stated: &FilterSettings, refined: &Refined) -> ([Quantity; 3], Qua
         certain: refined.certain[index],
     };
     let offset = [0, 1, 2].map(|axis| quantity(axis, stated.model.marker_offset[axis]));
-    (offset, quantity(3, stated.model.radio_latency))
+    (offset, quantity(DELAY, stated.model.radio_latency))
+}
+
+impl Refined {
+    /// Returns the delay, the lags and their sums beside the stated values; `None` if the flight is too short for them.
+    #[must_use]
+    pub fn answer(&self, recording: &Recording, stated: &FilterSettings) -> Option<Answer> {
+        let estimate = self.with_lags.as_ref()?;
+        let model = &stated.model;
+        let stated = [model.radio_latency, model.rate_lag, model.thrust_lag];
+        // The sum of the parameters that are selected.
+        let sum = |selected: &[usize]| {
+            let mut weights = SVector::<f64, PARAMETERS>::zeros();
+            for &index in selected {
+                weights[index] = 1.0;
+            }
+            let deviation = (weights.transpose() * estimate.covariance * weights)[0]
+                .max(0.0)
+                .sqrt();
+            let half_width = |confidence: f64, wider: f64| {
+                let by_chance = student::two_sided(confidence, estimate.freedom) * deviation;
+                let systematic = wider * SYSTEMATIC[DELAY];
+                (by_chance * by_chance + systematic * systematic).sqrt()
+            };
+            Quantity {
+                stated: selected.iter().map(|&index| stated[index - DELAY]).sum(),
+                found: weights.dot(&estimate.parameters),
+                error: half_width(CONFIDENCE, 1.0),
+                certain: half_width(CERTAIN, SYSTEMATIC_CERTAIN),
+            }
+        };
+        Some(Answer {
+            radio_latency: sum(&[DELAY]),
+            rate_lag: sum(&[RATE_LAG]),
+            thrust_lag: sum(&[THRUST_LAG]),
+            to_rate: sum(&[DELAY, RATE_LAG]),
+            to_thrust: sum(&[DELAY, THRUST_LAG]),
+            capture_age: recording.capture_age(),
+        })
+    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@ use std::fmt;
 use comfy_table::{Table, presets};
 use serde::Serialize;
 
+use super::answer::Answer;
+
 /// Prior standard deviation of the marker offset in the identification, m: markers are within three of it.
 pub const MARKER_OFFSET_DEVIATION: f64 = 0.02;
 
@@ -14,9 +16,17 @@ const OFFSET_UNKNOWN: f64 = 0.01;
 /// Half-width of an interval above which a delay counts as unknown, s.
 const DELAY_UNKNOWN: f64 = 0.01;
 
-/// Note on a delay that is not as stated.
+/// Half-width of an interval above which the lag of the thrust counts as unknown, and difference up to which it is irrelevant, s.
+const THRUST_LAG_UNKNOWN: f64 = 0.03;
+const THRUST_LAG_MATTERS: f64 = 0.01;
+
+/// Note on a delay that is not as stated, where the lags were not found.
 const EFFECTIVE: &str = "The radio_latency is an effective delay: the radio's own, and all lag of thrust and body rates beyond \
-                         what [model] states. The flight cannot distinguish them: check thrust_lag and rate_lag as well.";
+                         what [model] states. This flight does not distinguish them: check thrust_lag and rate_lag as well.";
+
+/// Note on a delay that is not as stated, where the lags were found.
+const NOT_SEPARABLE: &str = "The radio_latency includes what no flight distinguishes from the radio: waiting in the transmitter and \
+                             on board, and captures that are later than their stamps.";
 
 /// An identified parameter of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -42,6 +52,9 @@ pub struct Identification {
     pub position_deviation: Quantity,
     /// Standard deviation of a captured attitude about each axis, rad.
     pub attitude_deviation: Quantity,
+    /// The delay from a command to its answer in the captures, with its parts; `None` if the flight is too short for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answer: Option<Answer>,
 }
 
 /// Verdict on a parameter.
@@ -103,43 +116,62 @@ impl Quantity {
     }
 }
 
+/// Row of the table.
+struct Line {
+    /// Table and key of the scenario.
+    key: [&'static str; 2],
+    /// Component of a vector.
+    axis: Option<usize>,
+    quantity: Quantity,
+    unit: &'static str,
+    verdict: Verdict,
+}
+
 impl Identification {
-    /// Returns the rows of the table: key, parameter, display unit with its size, and verdict.
-    fn lines(&self) -> Vec<(String, Quantity, &'static str, f64, Verdict)> {
-        let mut lines = Vec::new();
-        for (axis, quantity) in ["x", "y", "z"].into_iter().zip(self.marker_offset) {
-            let verdict = quantity.verdict(0.002, OFFSET_UNKNOWN);
-            lines.push((
-                format!("model.marker_offset, {axis}"),
-                quantity,
-                "mm",
-                1e-3,
-                verdict,
+    /// Returns the rows of the table.
+    fn lines(&self) -> Vec<Line> {
+        let line = |key, axis, quantity: Quantity, unit, matters, unknown| Line {
+            key,
+            axis,
+            quantity,
+            unit,
+            verdict: quantity.verdict(matters, unknown),
+        };
+        let mut lines: Vec<Line> = (0..3)
+            .map(|axis| {
+                let offset = self.marker_offset[axis];
+                line(MARKER_OFFSET, Some(axis), offset, "mm", 0.002, OFFSET_UNKNOWN)
+            })
+            .collect();
+        let delay = |key, quantity| line(["model", key], None, quantity, "ms", 0.002, DELAY_UNKNOWN);
+        if let Some(answer) = &self.answer {
+            lines.push(delay("radio_latency", answer.radio_latency));
+            lines.push(delay("rate_lag", answer.rate_lag));
+            let (matters, unknown) = (THRUST_LAG_MATTERS, THRUST_LAG_UNKNOWN);
+            lines.push(line(
+                ["model", "thrust_lag"],
+                None,
+                answer.thrust_lag,
+                "ms",
+                matters,
+                unknown,
             ));
+        } else {
+            lines.push(delay("radio_latency", self.radio_latency));
         }
-        let delay = self.radio_latency;
-        lines.push((
-            "model.radio_latency".to_owned(),
-            delay,
-            "ms",
-            1e-3,
-            delay.verdict(0.002, DELAY_UNKNOWN),
-        ));
-        let deviations = [
-            (
-                "estimator.kalman.position_deviation",
-                self.position_deviation,
-                "mm",
-            ),
-            (
-                "estimator.kalman.attitude_deviation",
-                self.attitude_deviation,
-                "mrad",
-            ),
-        ];
-        for (key, quantity, unit) in deviations {
-            let verdict = quantity.verdict(0.5 * quantity.stated, f64::INFINITY);
-            lines.push((key.to_owned(), quantity, unit, 1e-3, verdict));
+        for (key, quantity, unit) in [
+            ("position_deviation", self.position_deviation, "mm"),
+            ("attitude_deviation", self.attitude_deviation, "mrad"),
+        ] {
+            let matters = 0.5 * quantity.stated;
+            lines.push(line(
+                ["estimator.kalman", key],
+                None,
+                quantity,
+                unit,
+                matters,
+                f64::INFINITY,
+            ));
         }
         lines
     }
@@ -147,61 +179,118 @@ impl Identification {
     /// Returns the lines of a scenario for the values that differ.
     fn snippet(&self) -> String {
         let lines = self.lines();
-        let differs = |line: usize| lines[line].4 == Verdict::Differs;
-        let mut model = Vec::new();
-        if (0..3).any(differs) {
-            let offset = [0, 1, 2].map(|axis| {
-                let Quantity { stated, found, .. } = self.marker_offset[axis];
-                format!("{:.4}", if differs(axis) { found } else { stated })
+        let mut tables: [(&str, Vec<String>); 2] =
+            ["model", "estimator.kalman"].map(|table| (table, Vec::new()));
+        let offset = lines.iter().filter(|line| line.key == MARKER_OFFSET);
+        if offset.clone().any(|line| line.verdict == Verdict::Differs) {
+            let components = offset.map(|line| {
+                let Quantity { stated, found, .. } = line.quantity;
+                let differs = line.verdict == Verdict::Differs;
+                format!("{:.4}", if differs { found } else { stated })
             });
-            model.push(format!("marker_offset = [{}]", offset.join(", ")));
+            let components: Vec<String> = components.collect();
+            tables[0]
+                .1
+                .push(format!("marker_offset = [{}]", components.join(", ")));
         }
-        if differs(3) {
-            model.push(format!("radio_latency = {:.5}", self.radio_latency.found));
+        let others = lines.iter().filter(|line| line.axis.is_none());
+        for line in others.filter(|line| line.verdict == Verdict::Differs) {
+            let [table, key] = line.key;
+            let found = line.quantity.found;
+            let value = if table == "model" {
+                format!("{found:.5}")
+            } else {
+                format!("{found:.2e}")
+            };
+            let keys = tables.iter_mut().find(|(name, _)| *name == table);
+            keys.into_iter()
+                .for_each(|(_, keys)| keys.push(format!("{key} = {value}")));
         }
-        let mut kalman = Vec::new();
-        for (line, key, quantity) in [
-            (4, "position_deviation", self.position_deviation),
-            (5, "attitude_deviation", self.attitude_deviation),
-        ] {
-            if differs(line) {
-                kalman.push(format!("{key} = {:.2e}", quantity.found));
-            }
-        }
-        let tables = [("[model]", model), ("[estimator.kalman]", kalman)];
         let stated = tables.iter().filter(|(_, keys)| !keys.is_empty());
-        let stated = stated.map(|(table, keys)| format!("{table}\n{}\n", keys.join("\n")));
+        let stated = stated.map(|(table, keys)| format!("[{table}]\n{}\n", keys.join("\n")));
         stated.collect::<Vec<_>>().join("\n")
     }
 }
 
+/// Size of a displayed unit: mm, ms or mrad.
+const UNIT: f64 = 1e-3;
+
+/// Table and key of the marker offset.
+const MARKER_OFFSET: [&str; 2] = ["model", "marker_offset"];
+
 impl fmt::Display for Identification {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut table = Table::new();
-        table.load_style(presets::UTF8_FULL_CONDENSED);
-        table.set_header(["key", "stated", "found", "95 % interval", "unit", ""]);
+        let mut table = table(&["key", "stated", "found", "95 % interval", "unit", ""]);
         let lines = self.lines();
-        for (key, quantity, unit, size, verdict) in &lines {
-            let Quantity {
-                stated, found, error, ..
-            } = quantity;
-            let [low, high] = [found - error, found + error].map(|value| format!("{:.2}", value / size));
-            let [stated, found] = [stated, found].map(|value| format!("{:.2}", value / size));
-            let interval = format!("{low} to {high}");
-            table.add_row([key, &stated, &found, &interval, *unit, verdict.word()]);
+        for line in &lines {
+            let [section, key] = line.key;
+            let axis = line.axis.map_or("", |axis| [", x", ", y", ", z"][axis]);
+            let key = format!("{section}.{key}{axis}");
+            let [stated, found, interval] = cells(&line.quantity);
+            table.add_row([&key, &stated, &found, &interval, line.unit, line.verdict.word()]);
         }
         writeln!(formatter, "{table}")?;
         for verdict in [Verdict::Close, Verdict::NotCertain, Verdict::Unknown] {
-            if lines.iter().any(|line| line.4 == verdict) {
+            if lines.iter().any(|line| line.verdict == verdict) {
                 writeln!(formatter, "\n{}", verdict.meaning())?;
             }
         }
-        if matches!(lines[3].4, Verdict::NotCertain | Verdict::Differs) {
-            writeln!(formatter, "\n{EFFECTIVE}")?;
+        let delay = lines.iter().find(|line| line.key[1] == "radio_latency");
+        if delay.is_some_and(|line| matches!(line.verdict, Verdict::NotCertain | Verdict::Differs)) {
+            let note = if self.answer.is_some() {
+                NOT_SEPARABLE
+            } else {
+                EFFECTIVE
+            };
+            writeln!(formatter, "\n{note}")?;
         }
-        if lines.iter().any(|line| line.4 == Verdict::Differs) {
+        if let Some(answer) = &self.answer {
+            writeln!(formatter, "\n{answer}")?;
+        }
+        if lines.iter().any(|line| line.verdict == Verdict::Differs) {
             write!(formatter, "\nPut into the scenario:\n\n{}", self.snippet())?;
         }
         Ok(())
     }
+}
+
+impl fmt::Display for Answer {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = table(&["delay of a command, ms", "stated", "found", "95 % interval"]);
+        let to_capture = Quantity {
+            stated: self.to_rate.stated + self.capture_age,
+            found: self.to_rate.found + self.capture_age,
+            ..self.to_rate
+        };
+        for (what, quantity) in [
+            ("to its thrust: radio_latency + thrust_lag", &self.to_thrust),
+            ("to its body rate: radio_latency + rate_lag", &self.to_rate),
+            ("to the capture that shows the rate", &to_capture),
+        ] {
+            let [stated, found, interval] = cells(quantity);
+            table.add_row([what, &stated, &found, &interval]);
+        }
+        write!(
+            formatter,
+            "{table}\nThe last row has the age of a capture on arrival, {:.1} ms (median), as its stamp states it.",
+            self.capture_age / UNIT
+        )
+    }
+}
+
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header(header);
+    table
+}
+
+/// Returns a quantity's stated value, found value and interval, in thousandths.
+fn cells(quantity: &Quantity) -> [String; 3] {
+    let Quantity {
+        stated, found, error, ..
+    } = quantity;
+    let [stated, found, low, high] =
+        [*stated, *found, found - error, found + error].map(|value| format!("{:.2}", value / UNIT));
+    [stated, found, format!("{low} to {high}")]
 }

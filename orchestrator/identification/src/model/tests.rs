@@ -101,6 +101,7 @@ fn an_offset_that_no_turn_has_shown_stays_as_stated() {
         radio_latency: close,
         position_deviation: close,
         attitude_deviation: close,
+        answer: None,
     }
     .to_string();
     assert!(told.contains("unknown"), "{told}");
@@ -142,6 +143,7 @@ fn a_word_agrees_with_its_interval() {
             radio_latency,
             position_deviation: noise,
             attitude_deviation: noise,
+            answer: None,
         }
         .to_string()
     };
@@ -206,6 +208,7 @@ fn missed(found: &Identification, truth: [f64; 6]) -> Vec<String> {
         radio_latency,
         position_deviation,
         attitude_deviation,
+        ..
     } = *found;
     let names = ["x", "y", "z", "delay", "position", "attitude"];
     let all = [x, y, z, radio_latency, position_deviation, attitude_deviation];
@@ -338,4 +341,47 @@ fn flights_of_any_duration_with_nothing_wrong_are_found_to_be_as_stated() {
     }
     assert_covered(&all_missed, 6 * flights());
     assert!(changed.is_empty(), "{}", changed.join("\n"));
+}
+
+/// Truth of the study of delays: delay, lag of the body rates and lag of the thrust, s.
+fn delays(draw: &mut impl FnMut() -> f64) -> [f64; 3] {
+    let delay = 1e-3 * (3.0 + 14.0 * draw()).round();
+    [delay, 0.01 + 0.018 * draw(), 0.015 + 0.03 * draw()]
+}
+
+#[test]
+fn delay_and_lags_that_are_not_as_stated_are_in_their_intervals() {
+    let (mut all_missed, mut intervals) = (Vec::new(), 0);
+    for flight in 1..=flights() {
+        let mut draw = draws(2000 + flight);
+        let [delay, rate_lag, thrust_lag] = delays(&mut draw);
+        let mut changes = vec![
+            format!("seed={flight}"),
+            format!("schedule.latency.\"rc/frame -> plant\"={delay}"),
+            format!("vehicle.actuators.rate_lag={:?}", [rate_lag; 3]),
+            format!("vehicle.actuators.thrust_lag={thrust_lag}"),
+        ];
+        if flight % 2 == 1 {
+            changes.push("path.curve={hover={position=[0.0,0.0,-1.0]}}".to_owned());
+        }
+        let changes: Vec<&str> = changes.iter().map(String::as_str).collect();
+        let found = identify(&flown(&changes)).unwrap();
+        let answer = found.answer.unwrap();
+        for (name, quantity, is) in [
+            ("delay", answer.radio_latency, delay),
+            ("rate lag", answer.rate_lag, rate_lag),
+            ("thrust lag", answer.thrust_lag, thrust_lag),
+            ("to rate", answer.to_rate, delay + rate_lag),
+            ("to thrust", answer.to_thrust, delay + thrust_lag),
+        ] {
+            let by = quantity.found - is;
+            let [found, error, is] = [quantity.found, quantity.error, is].map(|time| 1e3 * time);
+            println!("{flight}: {name} {found:.2} ± {error:.2} ms, is {is:.2}");
+            if by.abs() > quantity.error {
+                all_missed.push(format!("{name} of flight {flight} by {by:.5}: {quantity:.5?}"));
+            }
+            intervals += 1;
+        }
+    }
+    assert_covered(&all_missed, intervals);
 }
