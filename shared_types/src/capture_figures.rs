@@ -3,6 +3,9 @@
 
 use std::borrow::Cow;
 
+/// Lateness above which a capture counts as late, ns.
+pub const LATE_NS: u64 = 5_000_000;
+
 crate::sample! {
     /// Statistics of a laboratory's motion capture. All counts are since the start of the receiving process.
     pub struct CaptureFigures {

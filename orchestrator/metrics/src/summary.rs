@@ -4,6 +4,7 @@
 //! `summary.json` for programs, a table for users.
 
 mod at_bound;
+mod cameras;
 pub mod faults;
 mod flight;
 pub mod laboratory;
@@ -27,6 +28,8 @@ use crate::stretch::{Metrics, Stretch};
 use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
 pub use at_bound::AtBound;
+use cameras::CameraWatch;
+pub use cameras::LateCameras;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use flight::FlightWatch;
 pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words, not_ready_in_words};
@@ -153,6 +156,9 @@ pub struct Summary {
     /// The planned faults, as far as they were flown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
+    /// Late cameras of a laboratory; none if they were on time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late_cameras: Option<LateCameras>,
     /// The recorded samples of each topic.
     pub topics: Vec<TopicCount>,
 }
@@ -230,6 +236,8 @@ pub struct FlightSummary {
     flight: FlightWatch,
     /// `None` for a flight without phases.
     response: Option<Box<ResponseWatch>>,
+    /// `None` without the cameras of a laboratory.
+    cameras: Option<Box<CameraWatch>>,
     /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
@@ -273,6 +281,7 @@ impl FlightSummary {
                 .flight
                 .as_ref()
                 .map(|_| Box::new(ResponseWatch::new(scenario))),
+            cameras: scenario.capture_system().map(|_| Box::new(CameraWatch::new())),
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -310,7 +319,12 @@ impl FlightSummary {
             Topic::ControlAdaptation => view(bytes, |adaptation| self.observe_adaptation(adaptation)),
             Topic::RcFrame => view(bytes, |frame| self.observe_frame(frame)),
             Topic::RunEvent => self.observe_event(&read(bytes)),
-            Topic::MocapPose | Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+            Topic::MocapPose => {
+                if let Some(cameras) = &mut self.cameras {
+                    view(bytes, |pose| cameras.observe(pose));
+                }
+            }
+            Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
         }
         if let Some(response) = &mut self.response {
             response.observe(topic, bytes);
@@ -462,6 +476,10 @@ impl FlightSummary {
                 .as_ref()
                 .map(|faults| faults.finish(&self.schedule, lost.as_ref()))
                 .unwrap_or_default(),
+            late_cameras: self
+                .cameras
+                .as_ref()
+                .and_then(|cameras| cameras.finish(run.timing.as_ref())),
             topics: Topic::ALL
                 .into_iter()
                 .filter(|&topic| self.schedule.has_topic(topic))

@@ -67,6 +67,9 @@ impl Summary {
         if let Some(lateness) = self.lateness() {
             writeln!(formatter, "{}", wrapped(&lateness))?;
         }
+        if let Some(late) = &self.late_cameras {
+            writeln!(formatter, "{}", wrapped(&late.to_string()))?;
+        }
         let flown = match &run.timing {
             Some(_) => format!(
                 "{}, seed {seed}, {}: {:.3} s flown",

@@ -1,0 +1,199 @@
+//! Late cameras of a laboratory, told apart from a late flight.
+//!
+//! A sample of `mocap/pose` has the tick of the step that read the pose. A capture counts as late if the step before that one did
+//! not find it, although it was due for more than [`LATE_NS`]: a capture is due at its stamp plus the median age of all captures.
+//! A step that begins late reads captures late, but the one before it has looked: the lateness of the flight does not count.
+//! Captures whose stamps are too late to be mapped (docs/motion_capture.md) are refused, so that the pauses matter as well.
+
+use std::fmt::{Display, Formatter, Result};
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+use shared_types::capture_figures::LATE_NS;
+use shared_types::samples::MocapPose;
+use shared_types::service::seconds;
+
+use super::timing::{self, TimingReport};
+
+/// Pause between poses above which it is worth mentioning, ns: ten captures at 100 Hz.
+const PAUSE_NS: u64 = 100_000_000;
+
+/// Captures that came late, and pauses.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LateCameras {
+    /// Captures that were used.
+    pub captures: u64,
+    /// Captures that came late.
+    pub late: u64,
+    /// Maximum lateness, s; 0 if none was late.
+    pub worst: f64,
+    /// Longest time in which the flight looked for a pose in vain, s.
+    pub pause: f64,
+    /// `true` if the flight's own steps began on time: at most 5 ms late, and none was left out.
+    pub flight_was_on_time: bool,
+}
+
+/// Collects the poses of a flight.
+#[derive(Clone, Debug)]
+pub(super) struct CameraWatch {
+    /// Tick of the previous sample, ns.
+    previous_ns: Option<u64>,
+    /// Minimum time between two samples, ns: without steps that were left out.
+    period_ns: u64,
+    pause_ns: u64,
+    longest_pause_ns: u64,
+    /// Ages of captures at the step that read them, and at the step before it, ns.
+    ages_ns: Histogram<u64>,
+    missed_ages_ns: Histogram<u64>,
+}
+
+impl CameraWatch {
+    pub(super) fn new() -> Self {
+        Self {
+            previous_ns: None,
+            period_ns: u64::MAX,
+            pause_ns: 0,
+            longest_pause_ns: 0,
+            ages_ns: timing::histogram(),
+            missed_ages_ns: timing::histogram(),
+        }
+    }
+
+    pub(super) fn observe(&mut self, pose: &MocapPose) {
+        let now_ns = pose.header.stamp_ns;
+        let Some(previous_ns) = self.previous_ns.replace(now_ns) else {
+            return;
+        };
+        let since_ns = now_ns.saturating_sub(previous_ns);
+        self.period_ns = self.period_ns.min(since_ns.max(1));
+        if !pose.tracked.is_set() {
+            // Before the first pose nothing is missing.
+            if !self.ages_ns.is_empty() {
+                self.pause_ns += since_ns.min(self.period_ns);
+                self.longest_pause_ns = self.longest_pause_ns.max(self.pause_ns);
+            }
+            return;
+        }
+        self.pause_ns = 0;
+        let captured_ns = pose.capture_time_ns;
+        self.ages_ns.saturating_record(now_ns.saturating_sub(captured_ns));
+        self.missed_ages_ns
+            .saturating_record(previous_ns.saturating_sub(captured_ns));
+    }
+
+    /// Returns the lateness; `None` if the cameras were on time.
+    pub(super) fn finish(&self, timing: Option<&TimingReport>) -> Option<LateCameras> {
+        let limit_ns = self.ages_ns.value_at_quantile(0.5) + LATE_NS;
+        let worst_ns = self.missed_ages_ns.max();
+        let late = self
+            .missed_ages_ns
+            .iter_recorded()
+            .filter(|value| value.value_iterated_to() > limit_ns)
+            .map(|value| value.count_at_value())
+            .sum();
+        let is_on_time = timing.is_some_and(|timing| {
+            let worst = timing.worst_wake().unwrap_or(0.0);
+            timing.steps_left_out() == 0 && worst <= seconds(LATE_NS)
+        });
+        (late > 0 || self.longest_pause_ns > PAUSE_NS).then(|| LateCameras {
+            captures: self.ages_ns.len(),
+            late,
+            worst: if late > 0 {
+                seconds(worst_ns.saturating_sub(limit_ns - LATE_NS))
+            } else {
+                0.0
+            },
+            pause: seconds(self.longest_pause_ns),
+            flight_was_on_time: is_on_time,
+        })
+    }
+}
+
+impl Display for LateCameras {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let Self {
+            captures,
+            late,
+            worst,
+            pause,
+            flight_was_on_time,
+        } = self;
+        let mut parts = Vec::new();
+        if *late > 0 {
+            parts.push(format!(
+                "{late} of {captures} captures came more than {:.0} ms late, the latest by {:.0} ms at least",
+                1e3 * seconds(LATE_NS),
+                1e3 * worst
+            ));
+        }
+        if *pause > seconds(PAUSE_NS) {
+            parts.push(format!("for {pause:.2} s no pose came that could be used"));
+        }
+        let whose = if *flight_was_on_time {
+            "the flight's own steps began on time"
+        } else {
+            "the flight's own steps were late as well, which is not in these numbers"
+        };
+        write!(
+            formatter,
+            "The cameras were late: {}; {whose}.",
+            parts.join(", and ")
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::sample::Flag;
+    use zerocopy::FromZeros;
+
+    const TICK_NS: u64 = 1_000_000;
+
+    /// Flies with a step per tick, except those that are left out, and a capture each 10 ms that comes after `age_of` it, ms.
+    fn flown(left_out: impl Fn(u64) -> bool, age_of: impl Fn(u64) -> u64) -> Option<LateCameras> {
+        let mut watch = CameraWatch::new();
+        let mut coming: Vec<[u64; 2]> = (0..100)
+            .map(|index| [10 * index, 10 * index + age_of(10 * index)])
+            .collect();
+        for tick in (0..1000).filter(|tick| !left_out(*tick)) {
+            let newest = coming.iter().rev().find(|[_, arrives]| *arrives <= tick).copied();
+            coming.retain(|[_, arrives]| *arrives > tick);
+            let mut pose = MocapPose::new_zeroed();
+            pose.header.stamp_ns = tick * TICK_NS;
+            pose.capture_time_ns = newest.map_or(0, |[captured, _]| captured * TICK_NS);
+            pose.tracked = Flag::from(newest.is_some());
+            watch.observe(&pose);
+        }
+        watch.finish(None)
+    }
+
+    #[test]
+    fn cameras_on_time_are_not_late_even_in_a_late_flight() {
+        assert_eq!(flown(|_| false, |_| 5), None);
+        assert_eq!(flown(|tick| (300..500).contains(&tick), |_| 5), None);
+    }
+
+    #[test]
+    fn late_captures_count_with_their_lateness() {
+        let late = flown(|_| false, |at| if at == 500 { 13 } else { 5 }).unwrap();
+        assert_eq!(late.late, 1);
+        assert!((late.worst - 0.007).abs() < 5e-4, "{late:?}");
+        assert!(
+            late.to_string()
+                .contains("came more than 5 ms late, the latest by 7 ms")
+        );
+    }
+
+    #[test]
+    fn a_standstill_of_the_cameras_is_a_pause() {
+        let standstill = |at: u64| if (500..800).contains(&at) { 805 - at } else { 5 };
+        let late = flown(|_| false, standstill).unwrap();
+        assert!((late.pause - 0.309).abs() < 0.011, "{late:?}");
+        let text = late.to_string();
+        assert!(
+            text.contains("s no pose came") && text.contains("late as well"),
+            "{text}"
+        );
+    }
+}
