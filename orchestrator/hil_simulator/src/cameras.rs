@@ -15,6 +15,7 @@ use motion_capture::transport::Address;
 use motion_capture::wire::CapturePose;
 use runtime::flight_clock::monotonic_ns;
 use scenario::{CaptureSystem, MotionCapture, Problem};
+use shared_types::capture_figures::LATE_NS;
 use shared_types::rotation::from_row_major;
 use shared_types::samples::MocapPose;
 
@@ -57,6 +58,24 @@ pub struct CameraSender {
     /// Captures to be sent, oldest first.
     pending: VecDeque<Capture>,
     sent: u64,
+    late: LateCaptures,
+}
+
+/// Captures that were sent more than [`LATE_NS`] after they were due.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LateCaptures {
+    /// Number of captures.
+    pub count: u64,
+    /// Maximum lateness, ns.
+    pub worst_ns: u64,
+}
+
+impl LateCaptures {
+    /// Adds the lateness of a capture, ns.
+    fn add(&mut self, late_ns: u64) {
+        self.count += u64::from(late_ns > LATE_NS);
+        self.worst_ns = self.worst_ns.max(late_ns);
+    }
 }
 
 /// A capture; its pose is `None` if the body is not visible. Times are ns of `CLOCK_MONOTONIC`.
@@ -101,6 +120,7 @@ impl CameraSender {
             latency_ns,
             pending: VecDeque::new(),
             sent: 0,
+            late: LateCaptures::default(),
         })
     }
 
@@ -142,8 +162,15 @@ impl CameraSender {
                 sent_ns: monotonic_ns(),
             };
             self.server.send(&frame, &[(&self.object, capture.pose)]);
+            self.late.add(frame.sent_ns.saturating_sub(capture.due_ns));
             self.sent += 1;
         }
+    }
+
+    /// Returns the captures that were sent late; `worst_ns` covers all captures.
+    #[must_use]
+    pub fn late(&self) -> LateCaptures {
+        self.late
     }
 
     /// Returns the number of poses sent.

@@ -38,7 +38,7 @@ use scenario::Scenario;
 use shared_types::service::{BuildError, seconds};
 
 use self::autopilot::{Autopilot, AutopilotCommands};
-use self::cameras::CameraSender;
+use self::cameras::{CameraSender, LateCaptures};
 use self::record::{Record, RecordedTick};
 use self::vehicle::SimulatedVehicle;
 use flight::interrupt::Interrupt;
@@ -87,6 +87,8 @@ pub struct HilReport {
     pub lateness_ns: Histogram<u64>,
     /// Poses sent.
     pub poses: u64,
+    /// Poses sent late.
+    pub late: LateCaptures,
     /// Commands received on board.
     pub received: AutopilotCommands,
     /// The signal that ended the simulation, if any.
@@ -133,14 +135,20 @@ impl HilSimulator {
         self
     }
 
-    /// Runs for `ticks` ticks, or until an interrupt.
+    /// Runs for `ticks` ticks, or until an interrupt. Calls `when_late` at the first capture that is sent late.
     ///
     /// # Errors
     /// [`LogError`] if the log cannot be written.
     ///
     /// # Panics
     /// Never: the bounds of the histogram are valid.
-    pub fn run(mut self, ticks: u64, interrupt: &Interrupt) -> Result<HilReport, LogError> {
+    pub fn run(
+        mut self,
+        ticks: u64,
+        interrupt: &Interrupt,
+        when_late: impl FnOnce(LateCaptures),
+    ) -> Result<HilReport, LogError> {
+        let mut when_late = Some(when_late);
         let mut lateness_ns =
             Histogram::new_with_bounds(1000, LATEST_NS, 3).expect("the bounds of a histogram");
         let mut simulated = 0;
@@ -151,6 +159,10 @@ impl HilSimulator {
             lateness_ns.saturating_record(late_ns.clamp(1, LATEST_NS));
             self.step(simulated, begins_ns);
             simulated += 1;
+            let late = self.cameras.late();
+            if let Some(when_late) = when_late.take_if(|_| late.count > 0) {
+                when_late(late);
+            }
         }
         let received = self.onboard.received();
         self.record.finish()?;
@@ -158,6 +170,7 @@ impl HilSimulator {
             ticks: simulated,
             lateness_ns,
             poses: self.cameras.sent(),
+            late: self.cameras.late(),
             received,
             signal: interrupt.signal(),
         })

@@ -4,8 +4,10 @@ use std::fmt::{Display, Formatter};
 
 use scenario::Scenario;
 use serde::Serialize;
+use shared_types::capture_figures::LATE_NS;
 use shared_types::service::seconds;
 
+use super::cameras::LateCaptures;
 use super::{HilReport, Timing};
 
 /// Returns the text at the start of a simulation.
@@ -33,6 +35,21 @@ pub fn introduction(scenario: &Scenario, timing: &Timing, is_betaflight: bool) -
     )
 }
 
+/// Returns the warning at the first capture that is sent late.
+#[must_use]
+pub fn warning(late: LateCaptures, is_fifo: bool) -> String {
+    let remedy = if is_fifo {
+        "give the simulator a core of its own (`taskset`)"
+    } else {
+        "`gerono world --fifo` puts the simulator above ordinary processes"
+    };
+    format!(
+        "the cameras are late: a pose was sent {:.1} ms after it was due; the flight is not to blame for what follows from it; \
+         {remedy}",
+        1e3 * seconds(late.worst_ns)
+    )
+}
+
 /// Summary of a simulation, printed and written as JSON.
 #[derive(Serialize)]
 pub struct Summary {
@@ -40,6 +57,10 @@ pub struct Summary {
     seconds: f64,
     /// Poses sent.
     poses: u64,
+    /// Poses sent more than 5 ms late.
+    late_poses: u64,
+    /// Maximum lateness of a pose, s.
+    latest_pose: f64,
     /// Frames with commands, or packets of motors.
     frames: u64,
     /// Bytes outside of valid frames.
@@ -58,6 +79,8 @@ impl Summary {
         Self {
             seconds: seconds(report.ticks * tick_ns),
             poses: report.poses,
+            late_poses: report.late.count,
+            latest_pose: seconds(report.late.worst_ns),
             frames: report.received.frames,
             skipped: report.received.skipped,
             losses: report.received.losses,
@@ -72,8 +95,17 @@ impl Display for Summary {
         writeln!(
             formatter,
             "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
-             lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms",
-            self.seconds, self.poses, self.frames, self.skipped, self.losses
+             lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms\n\
+             {} of {} poses sent more than {:.0} ms late, the latest by {:.3} ms",
+            self.seconds,
+            self.poses,
+            self.frames,
+            self.skipped,
+            self.losses,
+            self.late_poses,
+            self.poses,
+            1e3 * seconds(LATE_NS),
+            1e3 * self.latest_pose
         )
     }
 }

@@ -38,6 +38,9 @@ pub struct HilSimulator {
     /// it as well.
     #[arg(long)]
     pub by_hand: bool,
+    /// Run the simulator under SCHED_FIFO, above all ordinary processes; refused if it is not permitted.
+    #[arg(long)]
+    pub fifo: bool,
     /// Duration, s [default: until Ctrl-C].
     #[arg(long, value_name = "S", value_parser = duration())]
     pub seconds: Option<f64>,

@@ -3,14 +3,16 @@
 use std::time::Duration;
 
 use radio_link::port::Target;
+use runtime::deployment::{self, FIFO_PRIORITY};
 use runtime::flight_clock::FlightClock;
-use scenario::{CaptureSystem, Key, Problem, RadioProtocol, Scenario};
+use scenario::{CaptureSystem, Key, Problem, RadioProtocol, Scenario, ServiceDeployment};
 use shared_types::service::nanoseconds;
 
 use super::{Failure, load, print, scenario_name, schedule_of, write_json};
 use crate::cli::HilSimulator as Arguments;
 use command_line::exit::Exit;
 use command_line::interrupt;
+use command_line::output::note;
 use hil_simulator::autopilot::Autopilot;
 use hil_simulator::betaflight::Betaflight;
 use hil_simulator::cameras::CameraSender;
@@ -51,6 +53,13 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         folder.remove_if_empty();
         Failure::bad_input(error)
     })?;
+    if arguments.fifo
+        && let Err(failure) = use_fifo()
+    {
+        folder.remove_logs();
+        folder.remove_if_empty();
+        return Err(failure);
+    }
     if !arguments.quiet {
         print(summary::introduction(&scenario, &timing, arguments.betaflight));
     }
@@ -62,7 +71,13 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     } else {
         world
     };
-    let report = world.run(ticks, &interrupt).map_err(Failure::not_written)?;
+    let warn = |late| {
+        if !arguments.quiet {
+            note(summary::warning(late, arguments.fifo));
+        }
+    };
+    let report = world.run(ticks, &interrupt, warn);
+    let report = report.map_err(Failure::not_written)?;
     let summary = Summary::new(&report, clock.tick_ns);
     write_json(&folder.summary(), &summary)?;
     if !arguments.quiet {
@@ -70,6 +85,18 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         print(format!("results: {}\n", folder.path().display()));
     }
     Ok(Exit::Success)
+}
+
+/// Puts the simulator under `SCHED_FIFO`, with the services' priority. Its writer has started before and stays ordinary.
+fn use_fifo() -> Result<(), Failure> {
+    let settings = ServiceDeployment {
+        priority: Some(FIFO_PRIORITY),
+        ..ServiceDeployment::default()
+    };
+    let refused = deployment::apply(&settings).into_iter().next();
+    refused.map_or(Ok(()), |refusal| {
+        Err(Failure::trouble(format!("{refusal}; or leave out --fifo")))
+    })
 }
 
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {
