@@ -203,11 +203,12 @@ pub enum Command {
     /// Test the kill switch of a scenario's `[operator]`.
     #[command(subcommand)]
     Operator(OperatorCommand),
-    /// Identify markers, delay and noise for the estimator, from a log.
+    /// Identify markers, delay, lags and noise for the estimator, from a log.
     ///
     /// Markers away from the centre of mass, frames that act later than modelled, and cameras noisier than stated make a
-    /// laboratory unstable, and are not visible in the vehicle's state. Fly a figure such as the eight for at least twenty
-    /// seconds; the table compares the scenario with the identified values, and the lines for the scenario are printed.
+    /// laboratory unstable, and are not visible in the vehicle's state. Hover, or fly a figure such as the eight, for at least
+    /// twenty seconds; the table compares the scenario with the identified values, and the lines for the scenario are printed.
+    /// A second table has the whole delay from a command to the capture that shows its effect.
     #[command(after_help = Identify::EXAMPLES)]
     Identify(Identify),
     /// Arm a flight in real time: motors idle, then it takes off.

@@ -1,4 +1,4 @@
-//! `gerono identify`: identifies marker offset, delay and noise from a log.
+//! `gerono identify`: identifies marker offset, delay, lags and noise from a log.
 
 use identification::model::{self, recording::Recording};
 

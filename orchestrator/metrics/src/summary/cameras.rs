@@ -27,10 +27,10 @@ pub struct LateCameras {
     pub late: u64,
     /// Maximum lateness, s; 0 if none was late.
     pub worst: f64,
-    /// Longest time in which the flight looked for a pose in vain, s.
+    /// Longest time in which the flight read no pose that it could use, s.
     pub pause: f64,
-    /// `true` if the flight's own steps began on time: at most 5 ms late, and none was left out.
-    pub flight_was_on_time: bool,
+    /// Maximum delay of the begin of one of the flight's own steps, s.
+    pub flight: f64,
 }
 
 /// Collects the poses of a flight.
@@ -91,10 +91,6 @@ impl CameraWatch {
             .filter(|value| value.value_iterated_to() > limit_ns)
             .map(|value| value.count_at_value())
             .sum();
-        let is_on_time = timing.is_some_and(|timing| {
-            let worst = timing.worst_wake().unwrap_or(0.0);
-            timing.steps_left_out() == 0 && worst <= seconds(LATE_NS)
-        });
         (late > 0 || self.longest_pause_ns > PAUSE_NS).then(|| LateCameras {
             captures: self.ages_ns.len(),
             late,
@@ -104,7 +100,7 @@ impl CameraWatch {
                 0.0
             },
             pause: seconds(self.longest_pause_ns),
-            flight_was_on_time: is_on_time,
+            flight: timing.and_then(TimingReport::worst_wake).unwrap_or(0.0),
         })
     }
 }
@@ -116,7 +112,7 @@ impl Display for LateCameras {
             late,
             worst,
             pause,
-            flight_was_on_time,
+            flight,
         } = self;
         let mut parts = Vec::new();
         if *late > 0 {
@@ -129,10 +125,11 @@ impl Display for LateCameras {
         if *pause > seconds(PAUSE_NS) {
             parts.push(format!("for {pause:.2} s no pose came that could be used"));
         }
-        let whose = if *flight_was_on_time {
-            "the flight's own steps began on time"
+        let flight_late = 1e3 * flight;
+        let whose = if *flight <= seconds(LATE_NS) {
+            format!("the flight was not: its steps began {flight_late:.1} ms late at most")
         } else {
-            "the flight's own steps were late as well, which is not in these numbers"
+            format!("so was the flight, by {flight_late:.1} ms at most, which is not in these numbers")
         };
         write!(
             formatter,
@@ -192,7 +189,7 @@ mod tests {
         assert!((late.pause - 0.309).abs() < 0.011, "{late:?}");
         let text = late.to_string();
         assert!(
-            text.contains("s no pose came") && text.contains("late as well"),
+            text.contains("s no pose came") && text.contains("the flight was not"),
             "{text}"
         );
     }
