@@ -7,6 +7,7 @@ use crate::common;
 
 use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
+use std::time::Duration;
 
 use common::laboratory::free_port;
 use common::logs::last_of_host;
@@ -515,6 +516,30 @@ fn every_system_that_a_world_seems_to_have_is_believed() {
             said(&probed)
         );
     }
+}
+
+#[test]
+fn a_world_that_stands_still_says_how_late_its_cameras_were() {
+    let place = Place::in_real_time();
+    let settings = settings(&place, free_port());
+    let more = ["--seconds", "3", "--out", "world"];
+    let simulated = begin(&mut place.gerono(&arguments("world", &settings, &more)));
+    until("the world", || place.path("radio").exists().then_some(()));
+    std::thread::sleep(Duration::from_millis(300));
+    signal(simulated.id(), Signal::STOP);
+    std::thread::sleep(Duration::from_millis(100));
+    signal(simulated.id(), Signal::CONT);
+    let ended = finish(simulated);
+    assert!(ended.status.success(), "{}", said(&ended));
+    assert!(
+        said(&ended).contains("the cameras are late: a pose was sent"),
+        "{}",
+        said(&ended)
+    );
+    let summary = std::fs::read(place.path("world").join("summary.json")).unwrap();
+    let summary: Value = serde_json::from_slice(&summary).unwrap();
+    assert!(summary["late_poses"].as_u64().unwrap() >= 5, "{summary:#}");
+    assert!(summary["latest_pose"].as_f64().unwrap() > 0.08, "{summary:#}");
 }
 
 #[test]
