@@ -203,7 +203,7 @@ pub enum Command {
     /// Test the kill switch of a scenario's `[operator]`.
     #[command(subcommand)]
     Operator(OperatorCommand),
-    /// Identify markers, delay, lags and noise for the estimator, from a log.
+    /// Identify markers, delay, lags and noise from a log.
     ///
     /// Markers away from the centre of mass, frames that act later than modelled, and cameras noisier than stated make a
     /// laboratory unstable, and are not visible in the vehicle's state. Hover, or fly a figure such as the eight, for at least
