@@ -1,7 +1,7 @@
 //! Signs and axes that are stated wrongly, one at a time and in pairs, in a simulated laboratory: what is said of them, and how
 //! high the vehicle comes.
 //!
-//! `GERONO_SIGNS=all` flies all of them and prints the table of docs/wrong_signs.md; otherwise some of each kind are flown.
+//! `GERONO_SIGNS=all` flies all of them and prints what docs/simulated_flights.md sums up; otherwise some of each kind are flown.
 
 use crate::common;
 
