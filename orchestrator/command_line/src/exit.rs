@@ -21,7 +21,7 @@ pub enum Exit {
     Refused,
     /// The samples of a replay differ from the log or could not all be compared, or two logs differ.
     Diverged,
-    /// The flight was flown to its end, and the vehicle was lost.
+    /// The flight was flown to its end, and the vehicle was lost or the flight killed.
     Lost,
     /// A log is incomplete or damaged: results cover the readable part, or there are none.
     Incomplete,
@@ -64,7 +64,7 @@ impl Exit {
         ),
         (
             "9",
-            "the vehicle was lost: too far from its path, tipped over, on the ground, stopped in the air, or not seen for 2 s; the flight was flown to its end",
+            "the vehicle was lost: too far from its path, tipped over, on the ground, stopped in the air, or not seen for 2 s; or a kill ended the flight before it had landed; the run lasted to its end",
         ),
         (
             "10",

@@ -7,6 +7,7 @@ mod at_bound;
 mod cameras;
 pub mod faults;
 mod flight;
+mod kill;
 pub mod laboratory;
 mod phase;
 pub mod restart;
@@ -33,6 +34,8 @@ pub use cameras::LateCameras;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use flight::FlightWatch;
 pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words, not_ready_in_words};
+pub use kill::Kill;
+use kill::KillWatch;
 use laboratory::LaboratoryReport;
 use phase::PhaseRecords;
 use timing::TimingReport;
@@ -77,6 +80,8 @@ pub enum Outcome {
     Completed,
     /// The run did not fail, and the vehicle was lost.
     Lost,
+    /// The run did not fail, the vehicle was not lost, and a kill ended the flight before it had landed.
+    Killed,
     /// The user ended the run.
     Interrupted,
     /// The run failed.
@@ -133,6 +138,9 @@ pub struct Summary {
     pub real_time_factor: f64,
     /// The loss of the vehicle; none if it was not lost.
     pub lost: Option<Loss>,
+    /// The kill of the flight; none unless it was killed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub killed: Option<Kill>,
     /// A wrong axis or sign in the response to the first commands off the ground; none unless found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub response: Option<String>,
@@ -228,6 +236,7 @@ pub struct FlightSummary {
     schedule: Schedule,
     tracker: Tracker,
     loss: LossWatch,
+    kill: KillWatch,
     /// `true` if the vehicle flies along its path, by the newest information.
     is_on_path: bool,
     phases: PhaseRecords,
@@ -273,6 +282,7 @@ impl FlightSummary {
             bounds: (!scenario.is_foreign(ServiceId::Controller)).then(|| scenario.controller.bounds.clone()),
             loss: LossWatch::new(scenario, tracker.source()),
             tracker,
+            kill: KillWatch::default(),
             is_on_path: false,
             phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
@@ -389,6 +399,7 @@ impl FlightSummary {
         self.tracker.observe_reference(reference);
         self.phases.at(reference.header.tick).gamma = Some(reference.gamma);
         self.loss.observe_reference(reference);
+        self.kill.observe_reference(reference);
         self.flight.observe(reference);
     }
 
@@ -405,6 +416,7 @@ impl FlightSummary {
     #[inline]
     fn observe_frame(&mut self, frame: &RcFrame) {
         self.loss.observe_frame(frame);
+        self.kill.observe_frame(frame);
         if self.is_on_path {
             self.phases.at(frame.header.tick).parts.observe_frame(frame);
         }
@@ -429,6 +441,9 @@ impl FlightSummary {
     pub fn finish(mut self, run: RunFacts) -> Summary {
         self.end_moment();
         let lost = self.lost(&run);
+        let killed = self
+            .kill
+            .finish(|cause, stamp_ns| self.flight.cause_in_words(cause, stamp_ns));
         let source = self.tracker.source();
         let simulated_ticks = self
             .last_tick
@@ -485,8 +500,9 @@ impl FlightSummary {
                 .filter(|&topic| self.schedule.has_topic(topic))
                 .map(|topic| self.topic_count(topic, run.timing.as_ref()))
                 .collect(),
-            run: verdict(run, lost.as_ref()),
+            run: verdict(run, lost.as_ref(), killed.as_ref()),
             lost,
+            killed,
         }
     }
 
@@ -548,14 +564,28 @@ impl RunFacts {
     }
 }
 
-/// Returns the facts of a run with its verdict: lost instead of completed, and the lateness of the machine in the reason.
-fn verdict(run: RunFacts, lost: Option<&Loss>) -> RunFacts {
-    let Some(loss) = lost else { return run };
+/// Returns the facts of a run with its verdict: lost or killed instead of completed, and the lateness of the machine in the
+/// reason of a loss.
+fn verdict(run: RunFacts, lost: Option<&Loss>, killed: Option<&Kill>) -> RunFacts {
+    let is_completed = run.outcome == Outcome::Completed;
+    let Some(loss) = lost else {
+        return match killed.filter(|kill| is_completed && !kill.after_landing) {
+            Some(kill) => RunFacts {
+                outcome: Outcome::Killed,
+                reason: format!("killed {kill}"),
+                ..run
+            },
+            None => run,
+        };
+    };
     let late = run.lateness().map(|lateness| format!("the {lateness}"));
-    let is_lost = run.outcome == Outcome::Completed;
-    let reason = if is_lost { loss.to_string() } else { run.reason };
+    let (outcome, reason) = if is_completed {
+        (Outcome::Lost, loss.to_string())
+    } else {
+        (run.outcome, run.reason)
+    };
     RunFacts {
-        outcome: if is_lost { Outcome::Lost } else { run.outcome },
+        outcome,
         reason: std::iter::once(reason).chain(late).collect::<Vec<_>>().join("; "),
         ..run
     }

@@ -12,7 +12,7 @@ use shared_types::{Header, Topic};
 
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
-use metrics::summary::{FlightSummary, RunFacts, Summary};
+use metrics::summary::{FlightSummary, Kill, RunFacts, Summary};
 use metrics::tracker::StateSource;
 use run_log::run_folder::summary_text_beside;
 use run_log::{
@@ -67,6 +67,9 @@ pub struct Info {
 pub struct Judged {
     /// The loss of the vehicle, if it was lost.
     pub lost: Option<Loss>,
+    /// The kill of the flight, if it was killed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub killed: Option<Kill>,
     /// Source of the vehicle's position.
     pub source: StateSource,
     /// Distance from the path in steady state, by which the flight is judged; `None` if steady state was not reached.
@@ -79,6 +82,7 @@ impl Judged {
     fn from_summary(summary: Summary) -> Self {
         Self {
             lost: summary.lost,
+            killed: summary.killed,
             source: summary.source,
             steady: summary.steady,
             metrics: summary.metrics,

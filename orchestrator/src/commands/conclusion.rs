@@ -142,11 +142,13 @@ fn was_refused(outcome: &Outcome) -> bool {
 }
 
 /// Returns the exit code: failures of the machine or the log take precedence over failures of the flight, and those over the loss
-/// of the vehicle.
+/// of the vehicle or a kill.
 fn exit(outcome: &Outcome, summary: &Summary) -> Exit {
     match outcome {
-        Outcome::Completed if summary.lost.is_some() => Exit::Lost,
-        Outcome::Completed => Exit::Success,
+        Outcome::Completed => match summary.run.outcome {
+            summary::Outcome::Lost | summary::Outcome::Killed => Exit::Lost,
+            _ => Exit::Success,
+        },
         Outcome::Interrupted { signal } => Exit::Signal(*signal),
         Outcome::Failed(RunFailure::Flight(FlightFailure::Log(_)) | RunFailure::Record(_)) => {
             Exit::NotWritten

@@ -9,7 +9,7 @@ use ::flight::interrupt::Interrupt;
 use ::flight::recording_sink::planned_events;
 use ::flight::{Outcome as HostOutcome, in_process};
 use host::in_process::TickSink;
-use metrics::summary::{FlightSummary, RunFacts};
+use metrics::summary::{FlightSummary, Outcome as Verdict, RunFacts};
 use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Programs, Scenario};
@@ -284,10 +284,9 @@ fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flow
         }
     }
     let summary = judge.summary.finish(facts);
-    if let Some(loss) = &summary.lost
-        && outcome == Outcome::Completed
-    {
-        (outcome, reason) = (Outcome::Lost, format!("{loss}"));
+    // Lost, or killed before it had landed.
+    if outcome == Outcome::Completed && summary.run.outcome != Verdict::Completed {
+        (outcome, reason) = (Outcome::Lost, summary.run.reason.clone());
     }
     Ok(Some(Flown {
         outcome,

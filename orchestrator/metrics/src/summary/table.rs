@@ -106,6 +106,9 @@ impl Summary {
             // The command prints the reason of a failure.
             outcome => writeln!(formatter, "{outcome}")?,
         }
+        if let Some(kill) = &self.killed {
+            writeln!(formatter, "{}", wrapped(&format!("KILLED {kill}")))?;
+        }
         if let Some(response) = &self.response {
             writeln!(formatter, "{}", wrapped(&format!("WRONG: {response}")))?;
         }
@@ -389,6 +392,7 @@ impl Display for Outcome {
         formatter.pad(match self {
             Self::Completed => "completed",
             Self::Lost => "the vehicle was lost",
+            Self::Killed => "the flight was killed",
             Self::Interrupted => "interrupted",
             Self::Failed => "failed",
         })

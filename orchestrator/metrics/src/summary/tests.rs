@@ -268,6 +268,57 @@ fn the_phases_of_a_flight_from_the_ground_are_told_with_their_begins() {
     );
 }
 
+/// The summary of a flight of 20 s that is killed on the ground at 15 s, after its last phase began with this cause.
+fn killed_after(cause: u8, limit: u8) -> Summary {
+    let (scenario, schedule) = flight();
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    for tick in 0..=2000 {
+        let mut reference = PathReference::new_zeroed();
+        reference.header = schedule.header(Topic::PathReference, tick);
+        reference.cause = cause;
+        summary.observe(Topic::PathReference, reference.as_bytes());
+        let mut frame = RcFrame::new_zeroed();
+        frame.header = schedule.header(Topic::RcFrame, tick);
+        if tick >= 1500 {
+            (frame.failsafe, frame.action, frame.limit) = (true.into(), RcFrame::ACTION_KILL, limit);
+        }
+        summary.observe(Topic::RcFrame, frame.as_bytes());
+    }
+    summary.finish(facts())
+}
+
+#[test]
+fn a_flight_that_was_killed_before_it_had_landed_is_not_completed() {
+    let by_operator = killed_after(PathReference::CAUSE_NONE, RcFrame::LIMIT_NONE);
+    assert_eq!(
+        (by_operator.run.outcome, &by_operator.lost),
+        (Outcome::Killed, &None)
+    );
+    assert_eq!(by_operator.run.reason, "killed at 15 s: the operator killed");
+    let text = by_operator.to_string();
+    let first = "\nthe flight was killed\nKILLED at 15 s: the operator killed\n";
+    assert!(text.contains(first), "{text}");
+
+    let by_envelope = killed_after(PathReference::CAUSE_NONE, RcFrame::LIMIT_TILT);
+    assert_eq!(
+        by_envelope.run.reason,
+        "killed at 15 s: `envelope.tilt` was exceeded"
+    );
+
+    let landed = killed_after(PathReference::CAUSE_TOUCHED_DOWN, RcFrame::LIMIT_NONE);
+    assert_eq!(landed.run.outcome, Outcome::Completed);
+    assert!(
+        landed
+            .to_string()
+            .contains("\nKILLED at 15 s, after the landing: the operator killed\n")
+    );
+
+    let json = serde_json::to_value(&landed).unwrap();
+    assert_eq!(json["killed"]["after_landing"], true);
+    let flown = summary_of(|_| 0.01, 2000);
+    assert!(serde_json::to_value(&flown).unwrap().get("killed").is_none());
+}
+
 /// A flight in real time with such steps left out and inputs late, of which the recorder has missed frames.
 fn late_timing(missed_steps: u64, late_inputs: u64) -> TimingReport {
     let mut wake = timing::histogram();

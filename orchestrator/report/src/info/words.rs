@@ -118,8 +118,11 @@ fn topic_table(topics: &[TopicInfo]) -> Table {
     table
 }
 
-/// Writes the loss of the vehicle and its distance from the path, computed from the log.
+/// Writes the kill, the loss of the vehicle and its distance from the path, computed from the log.
 fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
+    if let Some(kill) = &judged.killed {
+        writeln!(formatter, "\nKILLED {kill}")?;
+    }
     if let Some(loss) = &judged.lost {
         writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
     }
