@@ -167,6 +167,31 @@ fn a_vehicle_whose_motors_are_stopped_in_the_air_is_lost() {
 }
 
 #[test]
+fn a_flight_that_is_killed_on_the_ground_is_not_completed_and_says_so_first() {
+    let place = Place::new();
+    let in_process = ["--host", "inprocess"];
+    // Armed, and the motors idle.
+    for (at, out, code) in [("2.5", "armed", LOST), ("39.0", "landed", Some(0))] {
+        let kill = format!("flight.kill_at={at}");
+        let flown = run(&place, "takeoff_and_land", out, &[&kill], &in_process);
+        assert_eq!(flown.status.code(), code, "{}", complaint(&flown));
+    }
+    let [armed, landed] = ["armed", "landed"].map(|out| place.summary(out));
+    let first = "\nKILLED at 2.508 s: the operator kills\n";
+    assert_eq!(
+        (&armed["outcome"], &armed["lost"]),
+        (&"killed".into(), &Value::Null)
+    );
+    assert_eq!(armed["reason"], "killed at 2.508 s: the operator kills");
+    assert!(info(&place, "armed", &[]).contains(first));
+    assert_eq!(landed["outcome"], "completed");
+    assert_eq!(landed["killed"]["after_landing"], true);
+    succeed(&mut place.gerono(&["report", "armed", "-o", "page"]));
+    let page = std::fs::read_to_string(place.path("page/report.html")).unwrap();
+    assert!(page.contains("\"killed\":{\"time\":2.508,\"by\":\"the operator kills\""));
+}
+
+#[test]
 fn a_run_that_cannot_be_set_up_says_why_once_and_shows_nothing_else() {
     let place = Place::new();
     let runtime = place.path("runtime");

@@ -1,5 +1,6 @@
 //! The page: one self-contained file. Its content security policy forbids the browser to fetch anything.
 
+use scenario::Fence;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::Topic;
@@ -17,7 +18,7 @@ use super::track::PageTrack;
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
 use metrics::summary::faults::FaultReport;
-use metrics::summary::{Phase, TopicCount};
+use metrics::summary::{Kill, Phase, TopicCount};
 use metrics::tracker::StateSource;
 
 /// The page with placeholders `{{name}}`.
@@ -53,6 +54,10 @@ struct PageFlight<'a> {
     flown: f64,
     bound: Option<f64>,
     lost: Option<LostInWords<'a>>,
+    killed: Option<&'a Kill>,
+    /// A wrong axis or sign in the response to the first commands.
+    response: Option<&'a str>,
+    envelope_box: Option<&'a Fence>,
     source: StateSource,
     steady: Option<&'a Metrics>,
     metrics: Option<&'a Metrics>,
@@ -143,6 +148,12 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         flown: flight.summary.simulated_seconds,
         bound: flight.summary.ultimate_bound,
         lost: flight.summary.lost.as_ref().map(LostInWords::new),
+        killed: flight.summary.killed.as_ref(),
+        response: flight.summary.response.as_deref(),
+        envelope_box: scenario
+            .envelope
+            .as_ref()
+            .and_then(|envelope| envelope.r#box.as_ref()),
         source: flight.summary.source,
         steady: flight.summary.steady.as_ref(),
         metrics: flight.summary.metrics.as_ref(),

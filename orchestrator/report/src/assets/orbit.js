@@ -4,8 +4,8 @@
  * The 3D view, drawn with equal axes on a canvas, that turns with the mouse.
  *
  * The world's z points down, so up is −z. A flight is { color, shown, places: [{ time, position, desired, attitude }] },
- * all in m and rad; one that goes on also has its whole path, in points. What is outside the view's stretch of time is drawn
- * faintly.
+ * all in m and rad; one that goes on also has its whole path, in points, and one with an envelope its box. What is outside the
+ * view's stretch of time is drawn faintly.
  */
 class Orbit {
   static START = { azimuth: -0.9, elevation: 0.45, distance: 1 };
@@ -99,6 +99,7 @@ class Orbit {
     this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.pen.lineJoin = "round";
     this.drawFloor();
+    for (const flight of this.flights.filter((flight) => flight.shown && flight.envelope_box)) this.drawFence(flight.envelope_box);
     for (const flight of this.flights.filter((flight) => flight.shown)) this.drawWay(flight);
     for (const flight of this.flights.filter((flight) => flight.shown)) this.drawVehicle(flight);
   }
@@ -124,6 +125,15 @@ class Orbit {
     this.line([[...corner, floor], [...corner, top]], colors.grid, 1);
     for (const z of ticks(top, floor)) this.text(label(z), [...corner, z], colors.faint, 14);
     this.text("z, m", [...corner, top - step * 0.35], colors.ink, 14);
+  }
+
+  /** The envelope's box, as far as it is above the floor. */
+  drawFence({ min, max }) {
+    const bottom = Math.min(max[2], this.box[2][1]);
+    const ring = (z) => [[min[0], min[1], z], [max[0], min[1], z], [max[0], max[1], z], [min[0], max[1], z], [min[0], min[1], z]];
+    const { fence } = this.colors();
+    const [above, below] = [ring(min[2]), ring(bottom)];
+    for (const line of [above, below, ...above.map((corner, place) => [corner, below[place]])]) this.line(line, fence, 1.2, 0.7);
   }
 
   drawWay({ places, path, color }) {
@@ -194,7 +204,10 @@ class Orbit {
   }
 }
 
-/** Least and greatest of each axis over all places. */
+/** Largest size of the envelope's box that the view takes in, in sizes of the flight. */
+const LARGEST_BOX = 6;
+
+/** Least and greatest of each axis over all places, paths and boxes. */
 function boundsOf(flights) {
   const bounds = [0, 1, 2].map(() => [Infinity, -Infinity]);
   const include = (point) => point.forEach((value, axis) => {
@@ -204,6 +217,13 @@ function boundsOf(flights) {
   for (const { places, path } of flights) {
     for (const { position, desired } of places) [position, desired].forEach(include);
     (path ?? []).forEach(include);
+  }
+  // Of a box its bottom may be far below the floor, and a box that is much larger than the flight would hide it.
+  const extent = Math.max(0.5, ...bounds.map(([low, high]) => high - low).filter(Number.isFinite));
+  for (const { envelope_box: box } of flights) {
+    if (!box || box.max.some((high, axis) => high - box.min[axis] > LARGEST_BOX * extent)) continue;
+    include(box.min);
+    include([box.max[0], box.max[1], NaN]);
   }
   return bounds.map(([low, high]) => (low <= high ? [low, high] : [-1, 1]));
 }

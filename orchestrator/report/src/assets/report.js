@@ -375,8 +375,16 @@ function drawHead() {
     byId("banners").append(element("p", { class: "banner" },
       `${named(flight)}the trajectory in the 3D view is the estimator's: a laboratory flight has no recorded truth.`));
   }
+  for (const flight of flights.filter(({ killed }) => killed !== null)) {
+    const { time, by, after_landing: hasLanded } = flight.killed;
+    byId("banners").append(element("p", { class: hasLanded ? "banner" : "banner alarm", role: "alert" },
+      `${named(flight)}the flight was KILLED at ${label(time)} s${hasLanded ? ", after the landing" : ""}: ${by}.`));
+  }
+  for (const flight of flights.filter(({ response }) => response !== null)) {
+    byId("banners").append(element("p", { class: "banner alarm", role: "alert" }, `${named(flight)}WRONG: ${flight.response}.`));
+  }
   for (const flight of flights.filter(({ lost }) => lost !== null)) {
-    byId("banners").append(element("p", { class: "banner", role: "alert" },
+    byId("banners").append(element("p", { class: "banner alarm", role: "alert" },
       `${named(flight)}the vehicle was LOST at ${label(flight.lost.time)} s: ${flight.lost.words}.`));
   }
   for (const flight of flights.filter(({ lost, steady }) => lost === null && steady !== null)) {
@@ -390,6 +398,7 @@ function drawHead() {
   for (const flight of flights.filter(({ facts }) => facts?.outcome === "failed")) {
     byId("banners").append(element("p", { class: "banner", role: "alert" }, `${named(flight)}the flight failed at ${label(flight.flown)} s. ${flight.facts.reason}`));
   }
+  byId("fence").hidden = flights.every(({ envelope_box: fence }) => fence === null);
   byId("footer").textContent = `gerono ${data.version}. Frames: {I}, z down; lengths in m, times in s, angles in rad.`;
 }
 
@@ -598,7 +607,7 @@ drawHead();
 drawChips();
 flights.forEach((flight, place) => { flight.color = colorOf(place); });
 const orbit = new Orbit(byId("orbit"), flights, () => ({
-  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"),
+  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"), fence: variable("--fault"),
 }));
 drawResults();
 panelsToDraw().forEach(draw);
