@@ -200,9 +200,12 @@ fn without_its_kill_switch_no_flight_begins_and_nobody_arms() {
         "{}",
         said(&refused)
     );
+    let shown = place.look().unwrap().refusal_to_arm.unwrap();
+    assert!(shown.starts_with("the kill switch is lost"), "{shown}");
     switch.plug_in();
     await_words(&place, "is connected again");
     ask("the arming", || may_arm(&place).then_some(()));
+    assert_eq!(place.look().unwrap().refusal_to_arm, None);
     assert!(!place.look().unwrap().killed, "on the ground no loss kills");
     events_after_the_end(&place, run);
 }

@@ -86,7 +86,10 @@ fn a_run_is_found_from_every_environment() {
         killed.contains("killed") && !killed.contains("directly"),
         "{killed}"
     );
-    assert!(look(&place, &run).unwrap().killed);
+    let seen = look(&place, &run).unwrap();
+    assert!(seen.killed);
+    assert_eq!(seen.killed_by.as_deref(), Some("the operator killed"));
+    assert_eq!(seen.refusal_to_arm, None, "nobody arms a flight without phases");
     end(run);
 }
 

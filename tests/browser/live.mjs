@@ -133,6 +133,11 @@ async function watchAFlight() {
     const size = await page.$eval("#phase", (node) => parseFloat(getComputedStyle(node).fontSize));
     assert.ok(size >= 24, `${size} pixels`);
   });
+  await check("the commands that stop it name the run, and the envelope's box is drawn", async () => {
+    assert.match(await text("commands"), /gerono kill --run \d+-0.*Land and end the flight: gerono stop --run \d+-0/);
+    assert.equal(await text("warnings"), "");
+    assert.ok(await page.evaluate(() => !byId("fence").hidden && orbit.bounds[0][1] === flight.envelope_box.max[0]));
+  });
   await check("every number is known, and services step", async () => {
     await page.waitForFunction(() => [...document.querySelectorAll("#numbers dd")].every((cell) => !cell.textContent.startsWith("–")));
     for (const [name, rate] of await services()) assert.ok(Number(rate) > 10, `${name}: ${rate} Hz`);
@@ -217,6 +222,42 @@ async function watchAFlight() {
   });
 }
 
+async function watchAFlightThatIsKilled() {
+  const flight = begin("run", join(scenarios, "takeoff_and_land.toml"), "--host", "realtime", "--quiet", "--out", join(folder, "killed"),
+    "--set", "flight.arm_at=190.0", "--set", "duration=200.0", "--set", "flight.land_at=195.0", "--set", "vehicle.initial.roll_pitch_yaw=[0.8, 0.0, 0.0]");
+  await check("why a vehicle will not arm is told in red", async () => {
+    await page.waitForFunction(() => byId("warnings").textContent.startsWith("Will not arm: the vehicle is tilted by"));
+    assert.doesNotMatch(await text("commands"), /gerono arm/);
+  });
+  await check("a wrong response is told, as text", async () => {
+    const [told, elements] = await page.evaluate(() => {
+      drawWarnings({ killed: false, killed_by: null, response: "<b>roll</b> answers with the wrong sign", refusal_to_arm: null });
+      return [byId("warnings").textContent, document.querySelectorAll("#warnings b").length];
+    });
+    assert.deepEqual([told, elements], ["WRONG: <b>roll</b> answers with the wrong sign.", 0]);
+  });
+  await check("a kill is told on the first screen, wide and narrow, in the light and in the dark", async () => {
+    assert.equal(await begin("kill").ended, 0);
+    await page.waitForFunction(() => byId("warnings").textContent.startsWith("KILLED: the operator killed"));
+    assert.equal(await text("armed"), "killed");
+    for (const [width, height] of [[1400, 900], [390, 844]]) {
+      for (const mode of ["light", "dark"]) {
+        await page.setViewport({ width, height });
+        await darken(mode);
+        await settled();
+        await nothingSticksOut();
+        const bottom = await page.$eval("#warnings", (node) => node.getBoundingClientRect().bottom);
+        assert.ok(bottom < height / 2, `${bottom} of ${height} pixels`);
+        await picture(`10-killed-${width}-${mode}`);
+      }
+    }
+    await darken("light");
+    await page.setViewport(DESKTOP);
+  });
+  flight.kill("SIGINT");
+  await flight.ended;
+}
+
 async function watchFromElsewhere() {
   const { child, url } = await serve("--follow", "--bind", "127.0.0.2");
   const { origin } = new URL(url);
@@ -287,6 +328,7 @@ try {
   await page.setViewport(DESKTOP);
   await page.goto(address, { waitUntil: "load" });
   await watchAFlight();
+  await watchAFlightThatIsKilled();
   if (pictured) await watchALaboratory();
   await watchFromElsewhere();
   await lookAtAFinishedFlight();

@@ -330,12 +330,16 @@ mod tests {
         let snapshot = Snapshot {
             scenario: hostile(),
             phase: Some(hostile()),
+            killed_by: Some(hostile()),
+            refusal_to_arm: Some(hostile()),
+            response: Some(hostile()),
             services: vec![ServiceSnapshot {
                 name: hostile(),
                 ..ServiceSnapshot::default()
             }],
             cameras: Some(CamerasSnapshot {
                 trouble: Some(hostile()),
+                refused: Some(hostile()),
                 ..CamerasSnapshot::default()
             }),
             events: vec![LiveEvent {

@@ -6,6 +6,7 @@ use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleSt
 use shared_types::{Published, Schedule, Topic};
 
 use crate::{NewestSamples, Snapshot};
+use metrics::summary::limit_in_words;
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 
 /// Recorder that gives access to the newest sample of each topic.
@@ -36,6 +37,16 @@ pub trait Newest {
     fn has_killed(&self) -> bool {
         let frame = self.newest::<RcFrame>();
         frame.is_some_and(|frame| frame.action == RcFrame::ACTION_KILL)
+    }
+
+    /// Returns what killed the motors, in words, if they were killed; `by_operator` states whether the operator requested it.
+    fn killed_by(&self, by_operator: bool) -> Option<String> {
+        let frame = self.newest::<RcFrame>();
+        let frame = frame.filter(|frame| frame.action == RcFrame::ACTION_KILL);
+        match frame {
+            Some(frame) if frame.limit != RcFrame::LIMIT_NONE => Some(limit_in_words(frame.limit)),
+            frame => (by_operator || frame.is_some()).then(|| "the operator killed".to_owned()),
+        }
     }
 
     /// Returns the distance of the vehicle from the path, m: the true one, or in a laboratory the estimated one.

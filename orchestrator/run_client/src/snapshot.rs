@@ -20,6 +20,12 @@ pub struct Snapshot {
     pub landing: bool,
     /// `true` if the motors were killed.
     pub killed: bool,
+    /// What killed the motors, in words.
+    pub killed_by: Option<String>,
+    /// Reason why a request to arm would be refused; `None` unless the vehicle is disarmed in a flight that an operator can arm.
+    pub refusal_to_arm: Option<String>,
+    /// A wrong axis or sign in the response to the first commands off the ground.
+    pub response: Option<String>,
     /// Services in the order of the wiring table.
     pub services: Vec<ServiceSnapshot>,
     /// Time from a capture to the frame based on it, in the last second.
@@ -53,9 +59,12 @@ impl Snapshot {
                 .iter_mut()
                 .for_each(|input| change(&mut input.topic));
         }
-        let cameras = self.cameras.as_mut().and_then(|cameras| cameras.trouble.as_mut());
+        let told = [&mut self.killed_by, &mut self.refusal_to_arm, &mut self.response];
+        told.into_iter().flatten().for_each(&mut change);
+        let cameras = self.cameras.iter_mut();
+        let cameras = cameras.flat_map(|cameras| [&mut cameras.trouble, &mut cameras.refused]);
         let radio_link = self.radio_link.as_mut().and_then(|link| link.trouble.as_mut());
-        cameras.into_iter().chain(radio_link).for_each(&mut change);
+        cameras.flatten().chain(radio_link).for_each(&mut change);
         self.events.iter_mut().for_each(|event| change(&mut event.text));
     }
 }

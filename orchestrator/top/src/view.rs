@@ -89,11 +89,16 @@ impl View<'_> {
     fn draw(&self, snapshot: &Snapshot, area: Rect, buffer: &mut Buffer) {
         let table = ServiceTable::new(&snapshot.services, self.controls.selected(), area.width);
         let laboratory = laboratory::line(snapshot, area.width);
-        let rows = Rows::within(area, table.height(), laboratory.is_some());
+        let warning = warning(snapshot);
+        let rows = Rows::within(area, table.height(), laboratory.is_some(), warning.is_some());
         self.title(&snapshot.scenario, area.width)
             .render(rows.title, buffer);
         fitting(status(snapshot), area.width).render(rows.status, buffer);
         fitting(capture_to_frame(snapshot), area.width).render(rows.chain, buffer);
+        if let Some(text) = warning {
+            let text = cut(&text, area.width.into());
+            Line::styled(text, Style::new().red().bold()).render(rows.warning, buffer);
+        }
         if let Some(parts) = laboratory {
             fitting(parts, area.width).render(rows.laboratory, buffer);
         }
@@ -180,6 +185,7 @@ fn confirmation(Intent { kind, service, pid }: &Intent) -> String {
 struct Rows {
     title: Rect,
     status: Rect,
+    warning: Rect,
     chain: Rect,
     laboratory: Rect,
     services: Rect,
@@ -191,7 +197,7 @@ struct Rows {
 
 impl Rows {
     /// Divides the rows in the order of importance.
-    fn within(area: Rect, table: u16, has_laboratory: bool) -> Self {
+    fn within(area: Rect, table: u16, has_laboratory: bool, has_warning: bool) -> Self {
         let mut left = area.height;
         let mut take = |wanted: u16| {
             let given = wanted.min(left);
@@ -199,6 +205,7 @@ impl Rows {
             Constraint::Length(given)
         };
         let [keys, status] = [take(1), take(1)];
+        let warning = take(u16::from(has_warning));
         let laboratory = take(u16::from(has_laboratory));
         let services = take(table);
         let [title, chain, inputs] = [take(1), take(1), take(1)];
@@ -210,6 +217,7 @@ impl Rows {
         let parts = [
             title,
             status,
+            warning,
             chain,
             laboratory,
             services,
@@ -221,6 +229,7 @@ impl Rows {
         let [
             title,
             status,
+            warning,
             chain,
             laboratory,
             services,
@@ -232,6 +241,7 @@ impl Rows {
         Self {
             title,
             status,
+            warning,
             chain,
             laboratory,
             services,
@@ -264,6 +274,19 @@ fn status(snapshot: &Snapshot) -> Vec<Span<'static>> {
     }
     parts.push(Span::raw(format!("{} samples recorded", snapshot.recorded)).dim());
     parts
+}
+
+/// Returns what is wrong with the flight, or keeps the vehicle from being armed.
+fn warning(snapshot: &Snapshot) -> Option<String> {
+    let refusal = snapshot.refusal_to_arm.as_ref().filter(|_| !snapshot.killed);
+    let told = [
+        ("killed", snapshot.killed_by.as_ref()),
+        ("WRONG", snapshot.response.as_ref()),
+        ("will not arm", refusal),
+    ];
+    let told = told.map(|(what, text)| text.map(|text| format!("{what}: {text}")));
+    let told: Vec<_> = told.into_iter().flatten().collect();
+    (!told.is_empty()).then(|| told.join("; "))
 }
 
 fn capture_to_frame(snapshot: &Snapshot) -> Vec<Span<'static>> {

@@ -92,6 +92,7 @@ impl Encoder {
             "panels": panels::panels(&telemetry),
             "channels": self.channels(),
             "path": path::points(scenario),
+            "envelope_box": scenario.envelope.as_ref().and_then(|envelope| envelope.r#box.as_ref()),
             "version": env!("CARGO_PKG_VERSION"),
         });
         flight.to_string()

@@ -112,6 +112,7 @@ impl<'a> Watchers<'a> {
             armed,
             landing: land,
             killed: killed || recorder.has_killed(),
+            killed_by: recorder.killed_by(killed),
             services: self.services(supervisor),
             recorded: recorder.received_in_all(),
             events: self.events.all(),

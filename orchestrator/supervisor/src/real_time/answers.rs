@@ -154,6 +154,11 @@ impl Flight<'_> {
             armed: self.is_armed(),
             landing: land,
             killed: killed || self.recorder.has_killed(),
+            killed_by: self.recorder.killed_by(killed),
+            refusal_to_arm: (self.phase() == Some(FlightPhase::Disarmed))
+                .then(|| self.refusal_to_arm())
+                .flatten(),
+            response: self.response.verdict().map(str::to_owned),
             services: self.services(),
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,

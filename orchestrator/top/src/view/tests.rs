@@ -78,6 +78,9 @@ fn snapshot(time: f64) -> Snapshot {
         armed: true,
         landing: false,
         killed: false,
+        killed_by: None,
+        refusal_to_arm: None,
+        response: None,
         services,
         capture_to_frame: times(58e-6, 140e-6, 1.9e-3),
         cameras: None,
@@ -201,6 +204,34 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
         "{stranger}"
     );
     assert_eq!(drawn(None), "link 812 sent, 3 lost");
+}
+
+#[test]
+fn what_is_wrong_has_a_line_below_the_state() {
+    let refusal = "the cameras do not see the vehicle".to_owned();
+    let mut seen = Snapshot {
+        refusal_to_arm: Some(refusal),
+        ..snapshot(45.0)
+    };
+    let lines = |seen: &Snapshot, height| {
+        let view = View {
+            run: "4711-0",
+            snapshot: Some(seen),
+            history: &History::default(),
+            controls: &selecting(3),
+            silence: None,
+        };
+        view.lines(80, height)
+    };
+    let words = "will not arm: the cameras do not see the vehicle";
+    assert_eq!(lines(&seen, 24)[2], words);
+    assert_eq!(lines(&seen, 4)[1], words, "it needs little room");
+    seen.response = Some("roll answers with the wrong sign".to_owned());
+    (seen.killed, seen.killed_by) = (true, Some("`envelope.box` was exceeded".to_owned()));
+    assert_eq!(
+        lines(&seen, 24)[2],
+        "killed: `envelope.box` was exceeded; WRONG: roll answers with the wrong sign"
+    );
 }
 
 #[test]

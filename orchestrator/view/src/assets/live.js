@@ -27,6 +27,7 @@ const NUMBERS = [
   ["thrust commanded", "N"],
   ["mass estimated", "g", (value) => 1000 * value],
   ["disturbance estimated", "m/s²"],
+  ["to the envelope's box", "m"],
 ];
 
 let flight = null;
@@ -45,7 +46,7 @@ const drawn = { wall: null, at: null };
 
 const followed = { places: [], path: [], shown: true, color: colorOf(0) };
 const orbit = new Orbit(byId("orbit"), [followed], () => ({
-  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"),
+  grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"), fence: variable("--fault"),
 }));
 
 /* ---- News ---- */
@@ -58,6 +59,9 @@ function begin(news) {
   pausedAt = null;
   followed.places = [];
   followed.path = flight.path;
+  followed.envelope_box = flight.envelope_box;
+  byId("fence").hidden = flight.envelope_box === null;
+  cells.at(-1).value.parentElement.hidden = flight.envelope_box === null;
   orbit.measure();
   byId("panels").replaceChildren();
   plots = flight.panels.map(arrange).filter((panel) => panel.curves.length > 0);
@@ -106,6 +110,8 @@ function takeStatus({ snapshot, speed }) {
   byId("armed").className = snapshot.killed ? "killed" : snapshot.armed ? "armed" : "";
   const isSimulated = flight !== null && !flight.is_in_real_time;
   byId("speed").textContent = isSimulated && speed !== null ? `${inDigits(Number(speed.toPrecision(2)))} times real time` : "";
+  drawWarnings(snapshot);
+  drawCommands(snapshot);
   drawServices(snapshot);
   drawLaboratory(snapshot);
   drawEvents();
@@ -116,6 +122,36 @@ function motors({ phase, armed, killed }) {
   if (killed) return "killed";
   if (phase === null || phase === "disarmed") return "";
   return armed ? "armed" : "disarmed";
+}
+
+/** What keeps the vehicle from flying, or is wrong with its flight. */
+function warnings({ killed, killed_by: by, response, refusal_to_arm: refusal }) {
+  return [
+    killed ? `KILLED${by === null ? "" : `: ${by}`}. The motors rest until the end of the run.` : null,
+    response === null ? null : `WRONG: ${response}.`,
+    refusal === null || killed ? null : `Will not arm: ${refusal}.`,
+  ].filter((text) => text !== null);
+}
+
+function drawWarnings(snapshot) {
+  const texts = warnings(snapshot);
+  const shown = [...byId("warnings").children].map((line) => line.textContent);
+  // What is read aloud is read once.
+  if (texts.join() === shown.join()) return;
+  byId("warnings").replaceChildren(...texts.map((text) => element("p", { class: "banner alarm" }, text)));
+}
+
+/** The commands for the terminal of who stands beside the vehicle; a flight in simulated time takes none. */
+function drawCommands({ phase, killed, refusal_to_arm: refusal }) {
+  if (flight === null) return;
+  const command = (words, name) => element("span", {}, `${words}: `, element("code", {}, `gerono ${name} --run ${flight.run}`));
+  const mayArm = phase === "disarmed" && refusal === null;
+  const hasToLand = phase !== null && phase !== "disarmed";
+  byId("commands").replaceChildren(
+    ...(killed ? [] : [command("Stop the motors at once; in the air it falls", "kill")]),
+    command(hasToLand ? "Land and end the flight" : "End the flight", "stop"),
+    ...(mayArm ? [command("Ready to take off", "arm")] : []));
+  byId("commands").hidden = !flight.is_in_real_time;
 }
 
 function takeMarks(news) {
@@ -132,6 +168,7 @@ function takeContact({ state, text }) {
 function sayContact(state, text) {
   const words = { live: "live", silent: "no answer", ended: "ended", waiting: "reconnecting" };
   byId("contact").className = state;
+  if (state === "ended") byId("commands").hidden = true;
   byId("contact").textContent = words[state];
   const old = document.getElementById("contact-text");
   if (old !== null) old.remove();
@@ -170,10 +207,17 @@ const cells = NUMBERS.map(([name, unit]) => {
 
 function drawNumbers(moment) {
   NUMBERS.forEach(([, unit, scaled = (value) => value], place) => {
-    const value = moment.q[place];
+    const value = [...moment.q, roomOf(moment)][place];
     const text = value === null ? "–" : String(Number(scaled(value).toPrecision(3)));
     cells[place].value.replaceChildren(text, element("small", {}, ` ${unit}`));
   });
+}
+
+/** Distance to the nearest face of the envelope's box, m; below 0 outside. */
+function roomOf({ p }) {
+  const box = flight.envelope_box;
+  if (box === null || p[0] === null) return null;
+  return Math.min(...[0, 1, 2].flatMap((axis) => [p[axis] - box.min[axis], box.max[axis] - p[axis]]));
 }
 
 const inUnits = (time) => (time === null || time === undefined ? "–" : time < 1e-3 ? `${inDigits(Number((time * 1e6).toPrecision(2)))} µs` : time < 1 ? `${inDigits(Number((time * 1e3).toPrecision(2)))} ms` : `${inDigits(Number(time.toPrecision(2)))} s`);
