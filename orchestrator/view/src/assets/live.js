@@ -136,7 +136,7 @@ function warnings({ killed, killed_by: by, response, refusal_to_arm: refusal }) 
 function drawWarnings(snapshot) {
   const texts = warnings(snapshot);
   const shown = [...byId("warnings").children].map((line) => line.textContent);
-  // What is read aloud is read once.
+  // Screen readers say a change once.
   if (texts.join() === shown.join()) return;
   byId("warnings").replaceChildren(...texts.map((text) => element("p", { class: "banner alarm" }, text)));
 }
