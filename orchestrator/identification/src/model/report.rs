@@ -20,9 +20,9 @@ const DELAY_UNKNOWN: f64 = 0.01;
 const THRUST_LAG_UNKNOWN: f64 = 0.03;
 const THRUST_LAG_MATTERS: f64 = 0.01;
 
-/// Note on a delay that is not as stated, where the lags were not found.
-const EFFECTIVE: &str = "The radio_latency is an effective delay: the radio's own, and all lag of thrust and body rates beyond \
-                         what [model] states. This flight does not distinguish them: check thrust_lag and rate_lag as well.";
+/// Note on a flight whose lags were not found.
+const EFFECTIVE: &str = "This flight does not tell delay and lags apart: fly for longer. The radio_latency is an effective delay: the \
+                         radio's own, and all lag of thrust and body rates beyond what [model] states.";
 
 /// Note on a delay that is not as stated, where the lags were found.
 const NOT_SEPARABLE: &str = "The radio_latency includes what no flight distinguishes from the radio: waiting in the transmitter and \
@@ -236,13 +236,10 @@ impl fmt::Display for Identification {
             }
         }
         let delay = lines.iter().find(|line| line.key[1] == "radio_latency");
-        if delay.is_some_and(|line| matches!(line.verdict, Verdict::NotCertain | Verdict::Differs)) {
-            let note = if self.answer.is_some() {
-                NOT_SEPARABLE
-            } else {
-                EFFECTIVE
-            };
-            writeln!(formatter, "\n{note}")?;
+        if self.answer.is_none() {
+            writeln!(formatter, "\n{EFFECTIVE}")?;
+        } else if delay.is_some_and(|line| matches!(line.verdict, Verdict::NotCertain | Verdict::Differs)) {
+            writeln!(formatter, "\n{NOT_SEPARABLE}")?;
         }
         if let Some(answer) = &self.answer {
             writeln!(formatter, "\n{answer}")?;
