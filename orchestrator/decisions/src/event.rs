@@ -11,6 +11,8 @@ use crate::process::{Exit, ProcessNumber, Role, Said};
 pub enum Event {
     /// The system has started it.
     Started { pid: u32 },
+    /// It was told its role: others may have had to be told first.
+    Asked,
     /// The system has not started it; with the reason.
     NotStarted(String),
     /// It sent a message.

@@ -171,6 +171,8 @@ impl Supervision {
         match event {
             Event::Ended(exit) => self.reap_standby(now, number, exit),
             _ if !is_current => {}
+            // One with a role is no standby process any more.
+            Event::Asked => {}
             Event::Started { pid } => {
                 if let Some(process) = &mut self.standby.process {
                     (process.pid, process.asked_at) = (pid, now);

@@ -189,6 +189,7 @@ impl Supervision {
             }
             // Only now: the system may take long to start several.
             Event::Started { pid } => (member.process.pid, member.process.asked_at) = (pid, now),
+            Event::Asked => member.process.asked_at = now,
             Event::NotStarted(reason) if member.phase == Phase::Starting => {
                 self.note_not_started(at, now, reason);
             }

@@ -522,6 +522,7 @@ impl<'a, W: World> Simulation<'a, W> {
                     self.count_start(service, self.machine.now);
                 }
                 self.send(process, Message::Become(role));
+                self.handle(process, Event::Asked);
             }
             Action::MakePorts { process } => self.send(process, Message::MakePorts),
             Action::Go {

@@ -292,3 +292,28 @@ fn a_vehicle_is_judged_until_the_last_step() {
         ],
     }]);
 }
+
+/// The limit of a standby process with a role counted from the decision; before it is told, another one may have to be.
+#[test]
+fn a_standby_process_has_its_whole_limit_from_when_it_is_told_its_role() {
+    assert_holds([History {
+        seed: 10_292_450,
+        setting: Setting {
+            external: Some(0),
+            length_ms: 600_000,
+            loop_delay_ns: 50_000,
+            ..LONG
+        },
+        faults: vec![
+            fault(
+                602_586_992,
+                FaultKind::MachineStalls,
+                Target::Machine,
+                300_000_000,
+            ),
+            fault(777_382_141, FaultKind::Death, Target::Service(4), 0),
+            fault(777_432_424, FaultKind::Starves, Target::Standby, 1_400_000_000),
+            fault(777_712_825, FaultKind::Death, Target::Service(0), 0),
+        ],
+    }]);
+}

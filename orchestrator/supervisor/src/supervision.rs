@@ -187,6 +187,7 @@ impl<'a> Supervisor<'a> {
             Action::Become { process, role } => {
                 let role = self.processes.role(role);
                 self.send(process, &ToService::Become(role));
+                self.handle(process, Event::Asked);
             }
             Action::MakePorts { process } => self.send(process, &ToService::MakePorts),
             Action::Go {
