@@ -136,7 +136,7 @@ function warnings({ killed, killed_by: by, response, refusal_to_arm: refusal }) 
 function drawWarnings(snapshot) {
   const texts = warnings(snapshot);
   const shown = [...byId("warnings").children].map((line) => line.textContent);
-  // Screen readers say a change once.
+  // Screen readers announce every replaced text.
   if (texts.join() === shown.join()) return;
   byId("warnings").replaceChildren(...texts.map((text) => element("p", { class: "banner alarm" }, text)));
 }
