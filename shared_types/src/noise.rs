@@ -27,6 +27,16 @@ pub enum Stream {
     Gusts = 7,
     /// Gusts of the Dryden model.
     Dryden = 8,
+    /// White noise and bias walk of the inertial measurement unit.
+    Imu = 9,
+    /// Errors and latency of the fixes of a satellite receiver.
+    Gnss = 10,
+    /// Errors of the barometer.
+    Barometer = 11,
+    /// Noise of the magnetometer.
+    Magnetometer = 12,
+    /// What sensors have from being switched on; the number of the sensor is the tick.
+    SensorTurnOn = 13,
     /// Lost samples of an edge; the index of the edge is added.
     EdgeLoss = 0x100,
     /// Random contents of the samples of an edge; the index of the edge is added.
