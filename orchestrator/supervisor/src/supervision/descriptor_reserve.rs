@@ -5,7 +5,6 @@
 //! not complete it later: the successor would have no room for its ports. What a restart keeps open takes the place of what
 //! was open for the dead process.
 
-use std::io;
 use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
@@ -25,17 +24,14 @@ pub(super) struct DescriptorReserve {
 }
 
 impl DescriptorReserve {
-    /// Reserves them.
-    ///
-    /// # Errors
-    /// If this process may not open as many files.
-    pub(super) fn new() -> io::Result<Self> {
+    /// Reserves them, if this process may open as many files.
+    pub(super) fn new() -> Self {
         let mut reserve = Self {
-            reserved: Vec::with_capacity(COUNT),
+            reserved: Vec::new(),
             lent_at: None,
         };
-        reserve.fill()?;
-        Ok(reserve)
+        reserve.fill();
+        reserve
     }
 
     /// Frees them for a restart.
@@ -47,16 +43,15 @@ impl DescriptorReserve {
     /// Reserves them again once a restart has what it needs.
     pub(super) fn refill(&mut self) {
         if self.lent_at.is_some_and(|lent_at| lent_at.elapsed() > SETTLED) {
-            // Those that are missing are tried again after the next period.
-            self.lent_at = self.fill().is_err().then(Instant::now);
+            self.fill();
         }
     }
 
-    fn fill(&mut self) -> io::Result<()> {
-        while self.reserved.len() < COUNT {
-            let file = open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())?;
-            self.reserved.push(file);
-        }
-        Ok(())
+    /// Reserves all or none, which is tried again after a while: part of them would be the last ones, which others need.
+    fn fill(&mut self) {
+        let open = || open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty());
+        let opened: Result<Vec<_>, _> = std::iter::repeat_with(open).take(COUNT).collect();
+        self.lent_at = opened.is_err().then(Instant::now);
+        self.reserved = opened.unwrap_or_default();
     }
 }
