@@ -245,9 +245,10 @@ fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let mut encoder = Encoder::new(link, link.transmitter.as_ref().unwrap()).unwrap();
     let mut frame = Frame::default();
     let recorded = log(place);
+    let mut rest = ThrustRest::new(link);
     let recorded = recorded
         .samples::<RcFrame>()
-        .map(|frame| ThrustRest::new(link).sticks(&frame.unwrap()));
+        .map(|frame| rest.sticks(&frame.unwrap()));
     let mut codes: Vec<_> = recorded
         .chain([Sticks::MOTORS_OFF])
         .map(|sticks| {

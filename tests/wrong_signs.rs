@@ -97,6 +97,8 @@ struct Flown {
     says: String,
     /// Greatest height of the vehicle above the ground, m.
     height: f64,
+    /// What killed the motors, if they were killed.
+    killed_by: String,
     /// Time from the take-off to the stop of the motors, s.
     stopped_after: Option<f64>,
 }
@@ -117,14 +119,14 @@ fn arm(place: &Place) -> Option<String> {
 }
 
 /// Flies from the ground with this stated wrongly in the flight; the laboratory itself is right. `None` if the machine stood still.
-fn fly(wrong: &[Wrong]) -> Option<Flown> {
+fn fly(wrong: &[Wrong], more: &[String]) -> Option<Flown> {
     let place = Place::in_real_time();
     let laboratory = vec![
         format!("motion_capture.port={}", free_port()),
         format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
         "flight.spool_up=0.2".to_owned(),
     ];
-    let settings = [laboratory.clone(), settings_of(wrong)?].concat();
+    let settings = [&laboratory, &settings_of(wrong)?, more].concat();
     let simulated = World::begin(&place, &laboratory, &["--out", "world"]);
     until("the device", || place.path("radio").exists().then_some(()));
     let run = begin(&mut place.gerono(&arguments(
@@ -158,6 +160,7 @@ fn fly(wrong: &[Wrong]) -> Option<Flown> {
     let says = refused.or_else(|| summary["response"].as_str().map(str::to_owned));
     let flown = Flown {
         says: says.unwrap_or_else(|| "nothing".to_owned()),
+        killed_by: summary["killed"]["by"].as_str().unwrap_or_default().to_owned(),
         height: heights.fold(0.0, f64::max),
         stopped_after: begins("take-off").and_then(|from| Some(begins("disarmed")? - from)),
     };
@@ -165,8 +168,8 @@ fn fly(wrong: &[Wrong]) -> Option<Flown> {
 }
 
 /// Flies until the machine keeps its time.
-fn flown(wrong: &[Wrong]) -> Flown {
-    let mut attempts = std::iter::repeat_with(|| fly(wrong)).take(5);
+fn flown(wrong: &[Wrong], more: &[String]) -> Flown {
+    let mut attempts = std::iter::repeat_with(|| fly(wrong, more)).take(5);
     attempts
         .find_map(|flown| flown)
         .expect("the machine stands still in every flight")
@@ -175,8 +178,20 @@ fn flown(wrong: &[Wrong]) -> Flown {
 /// Says of a flight what the table says, and whether it is what is wrong.
 fn row(wrong: &[Wrong]) -> String {
     let names: Vec<_> = wrong.iter().copied().map(name_of).collect();
-    let flown = flown(wrong);
+    let flown = flown(wrong, &[]);
     let is_yaw = wrong == [Wrong::Reversed('R')];
+    if is_yaw {
+        assert!(
+            flown.killed_by.contains("flight.wrong_response"),
+            "{}",
+            flown.killed_by
+        );
+        assert!(
+            flown.says.starts_with("yaw answers with the wrong sign"),
+            "{}",
+            flown.says
+        );
+    }
     let limit = if is_yaw { LOW_FOR_YAW } else { LOW };
     assert!(
         flown.height < limit,
@@ -228,5 +243,24 @@ fn no_vehicle_comes_high_with_wrong_signs_or_axes() {
     );
     for wrong in flown {
         println!("{}", row(&wrong));
+    }
+}
+
+#[test]
+fn a_wrong_response_lands_the_vehicle_or_is_only_said_if_that_is_stated() {
+    for action in ["land", "warn"] {
+        let stated = format!("flight.wrong_response='{action}'");
+        let flown = flown(&[Wrong::Reversed('R')], &[stated]);
+        assert!(
+            flown.says.starts_with("yaw answers with the wrong sign"),
+            "{}",
+            flown.says
+        );
+        assert!(
+            !flown.killed_by.contains("flight.wrong_response"),
+            "{}",
+            flown.killed_by
+        );
+        assert!(flown.height > LOW, "{action}: {} m", flown.height);
     }
 }

@@ -37,6 +37,10 @@ const EXPLAINS: f64 = 0.6;
 /// Least ratio of measured and commanded rotation.
 const RESPONDS: f64 = 0.3;
 
+/// Largest ratio of measured and commanded rotation in a block, beside this rotation (rad): more is an error of the cameras.
+const MOST_RESPONDS: f64 = 3.0;
+const JUMP: f64 = 0.1;
+
 /// Angle between commanded and measured axis from which the response is wrong, rad: 50°.
 const TURNED: f64 = 0.87;
 
@@ -62,7 +66,7 @@ pub struct ResponseWatch {
     /// Rates that act, with the modelled lag.
     rates: Vector3<f64>,
     modelled_until_ns: u64,
-    is_taking_off: bool,
+    phase: FlightPhase,
     /// Pose on the ground.
     ground: Option<(f64, Matrix3<f64>)>,
     is_off: bool,
@@ -101,7 +105,7 @@ impl ResponseWatch {
             frames: VecDeque::new(),
             rates: Vector3::zeros(),
             modelled_until_ns: 0,
-            is_taking_off: false,
+            phase: FlightPhase::Disarmed,
             ground: None,
             is_off: false,
             block: None,
@@ -129,14 +133,21 @@ impl ResponseWatch {
         None
     }
 
-    /// Adds a reference: each take-off restarts the watch.
+    /// Adds a reference: each take-off from the ground restarts the watch. One that was not seen to begin there may be in the
+    /// air already.
     fn observe_reference(&mut self, reference: &PathReference) {
-        let is_taking_off = FlightPhase::from_code(reference.phase) == FlightPhase::TakeOff;
-        if is_taking_off && !self.is_taking_off {
+        let before = std::mem::replace(&mut self.phase, FlightPhase::from_code(reference.phase));
+        if self.phase == FlightPhase::TakeOff && before != FlightPhase::TakeOff {
             (self.ground, self.is_off, self.block) = (None, false, None);
-            (self.blocks, self.sums) = (0, Sums::default());
+            let is_from_the_ground = before == FlightPhase::Armed;
+            (self.blocks, self.sums) = (if is_from_the_ground { 0 } else { BLOCKS[1] }, Sums::default());
         }
-        self.is_taking_off = is_taking_off;
+    }
+
+    /// Returns how far a pose is above that on the ground, m, if that was seen.
+    #[must_use]
+    pub fn rise(&self, pose: &MocapPose) -> Option<f64> {
+        self.ground.map(|(height, _)| -pose.position_world[2] - height)
     }
 
     /// Adds a frame; one that was added before has no effect.
@@ -160,8 +171,13 @@ impl ResponseWatch {
         if !pose.tracked.is_set() || at_ns <= self.modelled_until_ns {
             return None;
         }
+        if !pose.has_attitude() {
+            self.block = None;
+            return None;
+        }
         let commanded = self.turn_until(at_ns);
-        let is_watched = self.is_taking_off && self.verdict.is_none() && self.blocks < BLOCKS[1];
+        let is_watched =
+            self.phase == FlightPhase::TakeOff && self.verdict.is_none() && self.blocks < BLOCKS[1];
         if !is_watched {
             self.block = None;
             return None;
@@ -181,9 +197,11 @@ impl ResponseWatch {
         if at_ns - began_ns < BLOCK_NS {
             return None;
         }
-        // After a gap nothing can be said.
-        if at_ns - began_ns < 2 * BLOCK_NS {
-            self.sums.add(&turn(&began, &attitude), &self.commanded);
+        let turned = turn(&began, &attitude);
+        // After a gap, or a turn that no vehicle makes, nothing can be said.
+        let is_possible = turned.norm() < MOST_RESPONDS * self.commanded.norm() + JUMP;
+        if at_ns - began_ns < 2 * BLOCK_NS && is_possible {
+            self.sums.add(&turned, &self.commanded);
             self.blocks += 1;
         }
         (self.block, self.commanded) = (Some((at_ns, attitude)), Vector3::zeros());
@@ -341,8 +359,10 @@ mod tests {
     fn fly(response: Matrix3<f64>, yaw: f64, amplitude: Vector3<f64>) -> Option<(f64, String)> {
         let mut watch = ResponseWatch::with(5_000_000, 0.02);
         let mut reference = PathReference::new_zeroed();
-        reference.phase = FlightPhase::TakeOff.code();
-        watch.observe_reference(&reference);
+        for phase in [FlightPhase::Armed, FlightPhase::TakeOff] {
+            reference.phase = phase.code();
+            watch.observe_reference(&reference);
+        }
         let mut attitude = exp(&Vector3::new(0.0, 0.0, yaw));
         let (mut rates, mut target) = (Vector3::zeros(), Vector3::zeros());
         let mut targets = VecDeque::from(vec![Vector3::zeros(); 5]);

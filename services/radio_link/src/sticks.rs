@@ -51,13 +51,16 @@ impl Sticks {
 }
 
 /// Thrust stick at no thrust. A flight controller does not arm while that stick is off its end (`min_check` of Betaflight), and
-/// the calibrated code of no thrust may be far from it: with the paper's radio at an eighth of the way.
+/// the calibrated code of no thrust may be far from it: with the paper's radio at an eighth of the way. In flight the calibration
+/// holds, because a flight controller may stop levelling at that end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrustRest {
     /// Code of the stick's end.
     end: u16,
     /// Thrust of one code, N.
     one_code: f64,
+    /// `true` from the first thrust after arming on.
+    has_pulled: bool,
 }
 
 impl ThrustRest {
@@ -67,17 +70,20 @@ impl ThrustRest {
         let largest = u16::MAX >> (16 - link.resolution.clamp(1, 16));
         Self {
             end: if link.thrust_slope > 0.0 { 0 } else { largest },
+            has_pulled: false,
             one_code: 2.0 * link.thrust_slope.abs() / f64::from(largest),
         }
     }
 
-    /// Returns the sticks of a frame, the thrust stick at its end if there is no thrust.
+    /// Returns the sticks of the next frame, the thrust stick at its end until the first thrust.
     #[must_use]
     #[inline]
-    pub fn sticks(&self, frame: &RcFrame) -> Sticks {
+    pub fn sticks(&mut self, frame: &RcFrame) -> Sticks {
         let mut sticks = Sticks::from_frame(frame);
+        let is_armed = sticks.codes.is_some();
+        self.has_pulled = is_armed && (self.has_pulled || frame.thrust >= self.one_code);
         if let Some([thrust, ..]) = &mut sticks.codes
-            && frame.thrust < self.one_code
+            && !self.has_pulled
         {
             *thrust = self.end;
         }
@@ -226,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn the_thrust_stick_is_at_its_end_while_there_is_no_thrust() {
+    fn the_thrust_stick_is_at_its_end_until_the_first_thrust() {
         for slope in [3.138, -3.138] {
             let link = RcLink {
                 thrust_offset: 2.3071,
@@ -239,13 +245,15 @@ mod tests {
                 mode: RcFrame::MODE_RATES,
                 ..RcFrame::new_zeroed()
             };
-            let thrust_stick = |frame| ThrustRest::new(&link).sticks(&frame).codes.unwrap()[0];
+            let mut rest = ThrustRest::new(&link);
+            let mut thrust_stick = |frame| rest.sticks(&frame).codes.unwrap()[0];
             let end = if slope > 0.0 { 0 } else { 2047 };
             assert_eq!(
                 [thrust_stick(frame(0.0, 271)), thrust_stick(frame(0.001, 271))],
                 [end; 2]
             );
             assert_eq!(thrust_stick(frame(0.5, 434)), 434);
+            assert_eq!(thrust_stick(frame(0.0, 271)), 271, "in flight");
         }
     }
 

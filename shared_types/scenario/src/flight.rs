@@ -64,8 +64,8 @@ pub struct Flight {
     /// cameras, it is not armed by command. No test is needed unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hand_test: Option<String>,
-    /// Action in real time if the vehicle answers the first commands of a take-off about a wrong axis or with a wrong sign: it is
-    /// off the ground by a few centimetres then. `"kill"` unless stated.
+    /// Action in real time if the vehicle answers the first commands of a take-off about a wrong axis or with a wrong sign;
+    /// `"kill"` unless stated, which lands a vehicle that is 0.3 m above the ground or higher.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wrong_response: Option<Action>,
 }

@@ -1,15 +1,23 @@
 //! Watch over the response to the first commands, on the way of the samples to the log, and what follows from it.
 
 use std::ops::ControlFlow;
+use std::sync::atomic::Ordering;
 
 use host::in_process::TickSink;
 use metrics::response::ResponseWatch;
+use run_client::newest::Newest;
 use runtime::shared_page::Request;
 use scenario::Action;
 use shared_types::Topic;
-use shared_types::samples::RunEvent;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{MocapPose, RunEvent};
 
 use super::Flight;
+
+/// Height above the ground up to which a vehicle that answers wrongly is dropped, m.
+const DROP: f64 = 0.3;
+
+const KILLED: &str = "killed: the motors rest until the end of the run, as `flight.wrong_response` states";
 
 /// Sink that shows the samples to a watch before it passes them on.
 pub(super) struct WatchedSink<'a, S> {
@@ -67,19 +75,32 @@ impl Flight<'_> {
             .as_ref()
             .and_then(|flight| flight.wrong_response);
         let event = "the first commands were answered wrongly, `flight.wrong_response`";
+        let has_ended = self
+            .supervisor
+            .page()
+            .control_block()
+            .stopping
+            .load(Ordering::SeqCst)
+            != 0;
         match stated.unwrap_or(Action::Kill) {
+            _ if has_ended => {}
             Action::Warn => {}
-            Action::Land => {
+            Action::Kill if self.is_low() => {
+                self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);
+                self.announce(KILLED.to_owned());
+            }
+            // Higher than that, a fall costs more than a landing.
+            Action::Kill | Action::Land => {
                 let text = self.request_end(event);
                 self.announce(text);
             }
-            Action::Kill => {
-                self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);
-                self.announce(
-                    "killed: the motors rest until the end of the run, as `flight.wrong_response` states"
-                        .to_owned(),
-                );
-            }
         }
+    }
+
+    /// Returns whether the vehicle is in its take-off and low enough to be dropped.
+    fn is_low(&self) -> bool {
+        let pose = self.recorder.newest::<MocapPose>();
+        let rise = pose.and_then(|pose| self.response.rise(&pose));
+        self.phase() == Some(FlightPhase::TakeOff) && rise.is_some_and(|rise| rise < DROP)
     }
 }

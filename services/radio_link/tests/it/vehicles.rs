@@ -189,7 +189,7 @@ fn described(vehicle: Vehicle, protocol: RadioProtocol, transmitter: Transmitter
 /// every way to stop the motors.
 pub fn asked(case: &Case) -> Vec<Asked> {
     let link = Link::new(Some(&case.link));
-    let rest = ThrustRest::new(&case.link);
+    let mut rest = ThrustRest::new(&case.link);
     let mut frame = RcFrame::new_zeroed();
     let mut found = vec![(Sticks::MOTORS_OFF, None)];
     link.transmit(None, &mut frame);
