@@ -25,6 +25,7 @@ pub mod digest;
 mod earlier_layouts;
 pub mod finiteness;
 pub mod flight_phase;
+pub mod gnss;
 pub mod input_validator;
 mod moment;
 pub mod noise;

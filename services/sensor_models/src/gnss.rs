@@ -13,56 +13,11 @@
 //! the height, sAcc of a component of the velocity, each one standard deviation of the whole error.
 
 use nalgebra::Vector3;
+use shared_types::gnss::{FixErrors, FixKind};
 use shared_types::noise::{Noise, Stream};
 
 use crate::gauss_markov::advanced;
 use crate::{TrueMotion, TurnOn};
-
-/// What a receiver has solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum FixKind {
-    /// From the codes of the satellites alone.
-    SinglePoint = 0,
-    /// With corrections, and with the numbers of carrier waves as real numbers.
-    RtkFloat = 1,
-    /// With corrections, and with these numbers known.
-    RtkFixed = 2,
-}
-
-/// Errors of a kind of fixes, each one standard deviation of a component.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FixErrors {
-    /// σ_w horizontally, m.
-    pub position_white: f64,
-    /// σ_s horizontally, m.
-    pub position_slow: f64,
-    /// τ, s.
-    pub position_time: f64,
-    /// Vertical error of the position over the horizontal one.
-    pub vertical_factor: f64,
-    /// ς_w, m/s.
-    pub velocity_white: f64,
-    /// ς_s, m/s.
-    pub velocity_slow: f64,
-    /// τ_V, s.
-    pub velocity_time: f64,
-}
-
-impl FixErrors {
-    /// Returns the standard deviations of the whole error of a fix: of a horizontal component of the position (m), of the
-    /// height (m), and of a component of the velocity (m/s).
-    #[must_use]
-    pub fn deviations(&self) -> [f64; 3] {
-        let sum = |white: f64, slow: f64| (white * white + slow * slow).sqrt();
-        let position = sum(self.position_white, self.position_slow);
-        [
-            position,
-            position * self.vertical_factor,
-            sum(self.velocity_white, self.velocity_slow),
-        ]
-    }
-}
 
 /// Parameters of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,33 +32,8 @@ pub struct GnssParameters {
 
 impl Default for GnssParameters {
     fn default() -> Self {
-        let rtk = FixErrors {
-            position_white: 0.008,
-            position_slow: 0.006,
-            position_time: 30.0,
-            vertical_factor: 1.5,
-            velocity_white: 0.05,
-            velocity_slow: 0.02,
-            velocity_time: 2.0,
-        };
         Self {
-            errors: [
-                FixErrors {
-                    position_white: 0.15,
-                    position_slow: 1.0,
-                    position_time: 120.0,
-                    velocity_white: 0.08,
-                    velocity_slow: 0.05,
-                    ..rtk
-                },
-                FixErrors {
-                    position_white: 0.03,
-                    position_slow: 0.2,
-                    position_time: 60.0,
-                    ..rtk
-                },
-                rtk,
-            ],
+            errors: FixErrors::TYPICAL,
             antenna_body: Vector3::new(0.0, 0.0, 0.0),
             latency: [0.06, 0.11],
         }

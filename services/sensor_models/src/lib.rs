@@ -21,7 +21,7 @@ pub mod magnetometer;
 use nalgebra::{Matrix3, Vector3};
 
 pub use barometer::{Barometer, BarometerParameters, BarometerState};
-pub use gnss::{Fix, FixKind, Gnss, GnssParameters, GnssState};
+pub use gnss::{Fix, Gnss, GnssParameters, GnssState};
 pub use imu::{Imu, ImuParameters, ImuSample, ImuState};
 pub use magnetometer::{Magnetometer, MagnetometerParameters};
 

@@ -2,13 +2,12 @@
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use sensor_models::gnss::FixErrors;
-use sensor_models::{Fix, FixKind, Gnss, GnssParameters, TrueMotion};
+use sensor_models::{Fix, Gnss, GnssParameters, TrueMotion};
+use shared_types::gnss::{FixErrors, FixKind};
 use shared_types::rotation::exp;
 
 /// Time between fixes, s.
 const PERIOD: f64 = 0.1;
-const KINDS: [FixKind; 3] = [FixKind::SinglePoint, FixKind::RtkFloat, FixKind::RtkFixed];
 
 /// Returns the mean of `squares` over all three axes, and over as many seeds.
 fn mean(squares: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
@@ -31,7 +30,7 @@ fn fixes(parameters: &GnssParameters, seed: u64, kind: FixKind, count: u64) -> V
 fn errors_have_the_stated_deviations_at_any_age_of_the_flight() {
     const SEEDS: u64 = 3_000;
     let parameters = GnssParameters::default();
-    for kind in KINDS {
+    for kind in FixKind::ALL {
         let [horizontal, vertical, speed] = parameters.errors[kind as usize].deviations();
         let flights: Vec<_> = (0..SEEDS)
             .map(|seed| fixes(&parameters, seed, kind, 31))

@@ -3,9 +3,10 @@
 use crate::allocations;
 use sensor_models::barometer::Surroundings;
 use sensor_models::{
-    Barometer, BarometerParameters, FixKind, Gnss, GnssParameters, Imu, ImuParameters, Magnetometer,
+    Barometer, BarometerParameters, Gnss, GnssParameters, Imu, ImuParameters, Magnetometer,
     MagnetometerParameters, TrueMotion,
 };
+use shared_types::gnss::FixKind;
 
 #[test]
 fn samples_do_not_allocate() {

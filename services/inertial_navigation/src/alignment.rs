@@ -1,0 +1,181 @@
+//! Start of the filter at rest: tilt from the specific force, heading from the magnetic field, and the bias of the gyroscope
+//! from its mean rate, over one second.
+//!
+//! ```text
+//! f̄ = −Rᵀg        ω̄ = b_g        R⁰ᵀB = z̄_B
+//! ```
+//!
+//! The errors of the start are taken for independent and larger than they are; they become dependent as they should be
+//! (tilt on b_a, heading on b_m) with the measurements of the next seconds, in which the vehicle still rests.
+
+use nalgebra::{Matrix3, Vector3};
+use shared_types::GRAVITY;
+use zerocopy::FromZeros;
+
+use crate::error_state::{
+    ACCELEROMETER_BIAS, ALTITUDE_BIAS, ATTITUDE, Covariance, FIELD_BIAS, FIX_POSITION, FIX_VELOCITY,
+    GYROSCOPE_BIAS, POSITION, Transition, VELOCITY, add_to_diagonal, symmetrized,
+};
+use crate::horizon::Horizon;
+use crate::nominal::{Biases, Kinematics};
+use crate::parameters::Parameters;
+
+/// Time over which the start is averaged, s.
+const SPAN: f64 = 1.0;
+
+/// Mean rate (rad/s) above which a vehicle is not at rest: several biases.
+const MOST_RATE: f64 = 0.1;
+/// Difference of the mean specific force from gravity (m/s²) above which it is not.
+const MOST_FORCE: f64 = 0.5;
+
+/// Standard deviations of the start: position (m), velocity (m/s), tilt and heading (rad).
+const POSITION_DEVIATION: f64 = 1e3;
+const VELOCITY_DEVIATION: f64 = 0.1;
+const TILT_DEVIATION: f64 = 0.1;
+const HEADING_DEVIATION: f64 = 0.3;
+
+shared_types::sample! {
+    /// Sums over the samples since the alignment began.
+    pub struct Alignment {
+        /// Of the time, s.
+        pub span: f64,
+        /// Of rate and time, rad.
+        pub turn_body: [f64; 3],
+        /// Of specific force and time, m/s.
+        pub push_body: [f64; 3],
+        /// Of measured fields, G.
+        pub field_body: [f64; 3],
+        /// Number of fields.
+        pub fields: f64,
+        /// Of altitudes, m.
+        pub altitude: f64,
+        /// Number of altitudes.
+        pub altitudes: f64,
+        /// Of positions of fixes in {I}, m.
+        pub position_world: [f64; 3],
+        /// Number of fixes.
+        pub fixes: f64,
+    }
+}
+
+impl Alignment {
+    /// Adds a sample of the inertial measurement unit, a mean over `h` s.
+    pub fn add_imu(&mut self, rate_body: &Vector3<f64>, force_body: &Vector3<f64>, h: f64) {
+        self.span += h;
+        add(&mut self.turn_body, &(rate_body * h));
+        add(&mut self.push_body, &(force_body * h));
+    }
+
+    /// Adds a field, G.
+    pub fn add_field(&mut self, field_body: &Vector3<f64>) {
+        self.fields += 1.0;
+        add(&mut self.field_body, field_body);
+    }
+
+    /// Adds an altitude, m.
+    pub fn add_altitude(&mut self, altitude: f64) {
+        self.altitudes += 1.0;
+        self.altitude += altitude;
+    }
+
+    /// Adds the position of a fix in {I}, m.
+    pub fn add_position(&mut self, position_world: &Vector3<f64>) {
+        self.fixes += 1.0;
+        add(&mut self.position_world, position_world);
+    }
+
+    /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved.
+    pub fn start(&mut self, time_ns: u64, parameters: &Parameters) -> Option<Horizon> {
+        if self.span < SPAN || self.fields == 0.0 {
+            return None;
+        }
+        let rate = Vector3::from(self.turn_body) / self.span;
+        let force = Vector3::from(self.push_body) / self.span;
+        if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE {
+            *self = Self::new_zeroed();
+            return None;
+        }
+        let field = Vector3::from(self.field_body) / self.fields;
+        let mut kinematics = Kinematics {
+            world_from_body: attitude(&force, &field, &parameters.field_world),
+            ..Kinematics::AT_REST
+        };
+        if self.fixes > 0.0 {
+            kinematics.position_world = Vector3::from(self.position_world) / self.fixes
+                - kinematics.world_from_body * parameters.antenna_body;
+        }
+        if self.altitudes > 0.0 {
+            kinematics.position_world.z = -self.altitude / self.altitudes;
+        }
+        let biases = Biases {
+            gyroscope_body: rate,
+            ..Biases::NONE
+        };
+        Some(Horizon {
+            time_ns,
+            kinematics,
+            biases,
+            covariance: covariance(&kinematics.world_from_body, parameters),
+            transition: Transition::NONE,
+        })
+    }
+}
+
+/// Adds a vector to a sum.
+fn add(sum: &mut [f64; 3], vector: &Vector3<f64>) {
+    for (sum, component) in sum.iter_mut().zip(vector) {
+        *sum += component;
+    }
+}
+
+/// Returns R of a vehicle at rest with this mean specific force and field: its rows are north, east and down in {B}, turned by
+/// the declination of the field in {I}.
+fn attitude(
+    force_body: &Vector3<f64>,
+    field_body: &Vector3<f64>,
+    field_world: &Vector3<f64>,
+) -> Matrix3<f64> {
+    let axes = |down: &Vector3<f64>, field: &Vector3<f64>| {
+        let down = down.normalize();
+        let across = down.cross(field);
+        // A field along the vertical shows no heading: any.
+        let east = if across.norm() > 1e-9 * field.norm() {
+            across.normalize()
+        } else {
+            down.cross(&Vector3::x())
+                .try_normalize(1e-3)
+                .unwrap_or_else(Vector3::y)
+        };
+        Matrix3::from_columns(&[east.cross(&down), east, down])
+    };
+    axes(&Vector3::z(), field_world) * axes(&-force_body, field_body).transpose()
+}
+
+/// Returns P of the start.
+fn covariance(world_from_body: &Matrix3<f64>, parameters: &Parameters) -> Covariance {
+    let mut covariance = Covariance::zeros();
+    for (row, deviation) in [
+        (POSITION, POSITION_DEVIATION),
+        (VELOCITY, VELOCITY_DEVIATION),
+        (GYROSCOPE_BIAS, parameters.gyroscope.bias_deviation),
+        (ACCELEROMETER_BIAS, parameters.accelerometer.bias_deviation),
+        (FIELD_BIAS, parameters.field_bias_deviation),
+        // Of no use before the first fix.
+        (FIX_POSITION, 1.0),
+        (FIX_VELOCITY, 1.0),
+    ] {
+        add_to_diagonal(&mut covariance, row, row, Vector3::repeat(deviation * deviation));
+    }
+    let (tilt, heading) = (
+        TILT_DEVIATION * TILT_DEVIATION,
+        HEADING_DEVIATION * HEADING_DEVIATION,
+    );
+    let in_world = Matrix3::from_diagonal(&Vector3::new(tilt, tilt, heading));
+    let in_body = world_from_body.transpose() * in_world * world_from_body;
+    covariance
+        .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
+        .copy_from(&in_body);
+    covariance[(ALTITUDE_BIAS, ALTITUDE_BIAS)] =
+        parameters.altitude_deviation * parameters.altitude_deviation;
+    symmetrized(&covariance)
+}

@@ -1,0 +1,667 @@
+//! Measurements at their time of validity, gates, resets, and the motion at present.
+//!
+//! Failure policy, by the faults of the samples:
+//! * a sample with a number that is not finite is refused, as is one older than the horizon, and one from the future;
+//! * a measurement is fused when its innovation is within the 99.9 % quantile of its source; the position and the velocity
+//!   of a fix are two sources;
+//! * a source that is refused for [`reset_after`](Parameters::reset_after) without a break is accepted again: what it
+//!   measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]);
+//! * when the kind of the fixes changes, their slow errors are new;
+//! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
+//!   motion that was not measured;
+//! * without fixes the motion is that of the inertial measurement unit, with a covariance that grows;
+//! * when motors start, the field of the vehicle may change;
+//! * while they are stopped, and the vehicle is seen to be still, its velocity is zero and the gyroscope measures its bias.
+
+use nalgebra::Vector3;
+use shared_types::gnss::{FixErrors, FixKind};
+use shared_types::sample::{Field as _, Flag};
+use shared_types::service::{nanoseconds, seconds};
+use zerocopy::FromZeros;
+
+use crate::alignment::Alignment;
+use crate::error_state::{
+    ATTITUDE, FIELD_BIAS, FIX_POSITION, FIX_VELOCITY, POSITION, VELOCITY, add_to_diagonal,
+    slow_position_variance,
+};
+use crate::horizon::Horizon;
+use crate::measurement::{self, Altitude, Field, Fix, ImuSample, Linearized};
+use crate::nominal::{Kinematics, Unbiased};
+use crate::parameters::Parameters;
+
+/// Number of samples of the inertial measurement unit between horizon and present: a quarter of a second at 1 kHz.
+pub(crate) const RING: usize = 256;
+/// Number of measurements that wait for the horizon.
+pub(crate) const QUEUE: usize = 64;
+
+/// 99.9 % quantiles of χ² with one and three degrees of freedom.
+const GATES: [f64; 2] = [10.83, 16.27];
+
+/// Time by which a measurement may be newer than the newest sample of the inertial measurement unit, ns.
+const FUTURE_NS: u64 = 500_000_000;
+/// Longest time between two samples of the inertial measurement unit without a gap, ns.
+const GAP_NS: u64 = 10_000_000;
+/// Longest span of a sample that the alignment counts, s.
+const LONGEST_SPAN: f64 = 0.1;
+/// Standard deviations of an acceleration (m/s²) and of a rate (rad/s) that were not measured: over a gap, and beyond the end of
+/// a range of 16 g.
+const OVER_GAP: [f64; 2] = [10.0, 2.0];
+const BEYOND_RANGE: [f64; 2] = [160.0, 2.0];
+
+/// Time after which stopped motors mean a vehicle at rest, ns.
+const SETTLED_NS: u64 = 1_000_000_000;
+/// Time over which rate and force of a vehicle at rest are averaged, s.
+const REST_SPAN: f64 = 0.1;
+/// Rate (rad/s), and difference of the specific force from gravity (m/s²), above which it is not at rest.
+const STILL: [f64; 2] = [0.05, 0.5];
+/// Standard deviation of the velocity of a vehicle at rest, m/s.
+const REST_DEVIATION: f64 = 0.01;
+
+/// Variances after which a state is as good as forgotten: of a position (m²) and of a velocity ((m/s)²).
+const FORGOTTEN: [f64; 2] = [1e6, 400.0];
+
+/// What corrects the filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Source {
+    FixPosition = 0,
+    FixVelocity = 1,
+    Field = 2,
+    Altitude = 3,
+}
+
+impl Source {
+    /// All sources.
+    pub const ALL: [Self; 4] = [Self::FixPosition, Self::FixVelocity, Self::Field, Self::Altitude];
+}
+
+shared_types::sample! {
+    /// What has become of the measurements of a source.
+    pub struct SourceStatus {
+        /// Time of validity of the last that was fused, ns since the start of the flight; 0 for none.
+        pub fused_ns: u64,
+        /// Time of validity of the first of those refused in a row, ns since the start of the flight; all ones for none.
+        pub refused_since_ns: u64,
+        /// Squared Mahalanobis distance of the last innovation, of as many degrees of freedom as it has numbers.
+        pub squared_distance: f64,
+        /// Number of those fused.
+        pub fused: u32,
+        /// Number of those beyond the gate.
+        pub refused: u32,
+        /// Number of those that were late, from the future, not finite, or too many.
+        pub unusable: u32,
+        /// Number of resets to this source.
+        pub resets: u32,
+    }
+}
+
+shared_types::sample! {
+    /// Sample of the inertial measurement unit between horizon and present.
+    pub struct ImuRecord {
+        /// End of the time of which it is the mean, ns since the start of the flight.
+        pub time_ns: u64,
+        /// Length of this time, ns.
+        pub span_ns: u64,
+        /// ω_m in {B}, rad/s.
+        pub rate_body: [f64; 3],
+        /// a_m in {B}, m/s².
+        pub force_body: [f64; 3],
+        /// `true` if a component is at the end of its range.
+        pub is_clipped: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+}
+
+shared_types::sample! {
+    /// Measurement that waits for the horizon.
+    pub struct QueuedMeasurement {
+        /// Time at which it is valid, ns since the start of the flight.
+        pub time_ns: u64,
+        /// Position (m), velocity (m/s) and accuracies of a fix; a field (G), or an altitude (m).
+        pub numbers: [f64; 9],
+        /// Its [`Source`]; `FixPosition` of a fix.
+        pub source: u8,
+        /// Its [`FixKind`].
+        pub kind: u8,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+}
+
+shared_types::sample! {
+    /// Motors, and the vehicle that rests without them.
+    pub struct Rest {
+        /// Time from which the vehicle may rest, ns since the start of the flight.
+        pub from_ns: u64,
+        /// Time at which the motors start, ns since the start of the flight; all ones while they are stopped.
+        pub until_ns: u64,
+        /// Time over which the sums extend, s.
+        pub span: f64,
+        /// Sum of rate and time, rad.
+        pub turn_body: [f64; 3],
+        /// Sum of specific force and time, m/s.
+        pub push_body: [f64; 3],
+    }
+}
+
+/// State of the filter from step to step.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory {
+    /// Samples after the horizon, in a ring that begins at `first`.
+    pub ring: [ImuRecord; RING],
+    pub first: usize,
+    pub count: usize,
+    /// Measurements after the horizon, by their time.
+    pub queue: [QueuedMeasurement; QUEUE],
+    pub queued: usize,
+    pub newest: ImuRecord,
+    pub alignment: Alignment,
+    /// `None` before the alignment.
+    pub horizon: Option<Horizon>,
+    /// The motion at the time of the newest sample.
+    pub present: Kinematics,
+    pub rest: Rest,
+    /// `true` if the motors have started, but not yet at the horizon.
+    pub is_starting: bool,
+    /// Kind of the last fix; `None` before the first.
+    pub kind: Option<FixKind>,
+    pub sources: [SourceStatus; 4],
+    /// Sum of the jumps of the position by resets in {I}, m.
+    pub jump_world: Vector3<f64>,
+}
+
+/// Error-state filter of a flight.
+#[derive(Clone, Debug)]
+pub struct InertialFilter {
+    parameters: Parameters,
+    horizon_ns: u64,
+    reset_after_ns: u64,
+    pub(crate) memory: Memory,
+}
+
+/// Outcome of a measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Fused,
+    Refused,
+    /// Refused for so long that the state has to be reset to it.
+    Overdue,
+}
+
+impl InertialFilter {
+    /// Makes a filter that is not aligned yet, of a vehicle with stopped motors.
+    #[must_use]
+    pub fn new(parameters: &Parameters) -> Self {
+        let mut source = SourceStatus::new_zeroed();
+        source.refused_since_ns = u64::MAX;
+        let mut rest = Rest::new_zeroed();
+        rest.until_ns = u64::MAX;
+        Self {
+            parameters: *parameters,
+            horizon_ns: nanoseconds(parameters.horizon),
+            reset_after_ns: nanoseconds(parameters.reset_after),
+            memory: Memory {
+                ring: [ImuRecord::new_zeroed(); RING],
+                first: 0,
+                count: 0,
+                queue: [QueuedMeasurement::new_zeroed(); QUEUE],
+                queued: 0,
+                newest: ImuRecord::new_zeroed(),
+                alignment: Alignment::new_zeroed(),
+                horizon: None,
+                present: Kinematics::AT_REST,
+                rest,
+                is_starting: false,
+                kind: None,
+                sources: [source; 4],
+                jump_world: Vector3::zeros(),
+            },
+        }
+    }
+
+    /// Returns whether there is a state.
+    #[must_use]
+    pub fn is_aligned(&self) -> bool {
+        self.memory.horizon.is_some()
+    }
+
+    /// Returns the motion at the time of the newest sample; `None` before the alignment.
+    #[must_use]
+    pub fn motion(&self) -> Option<Kinematics> {
+        self.memory.horizon.as_ref().map(|_| self.memory.present)
+    }
+
+    /// Returns the newest rate (rad/s) and specific force (m/s²) without their biases; `None` before the alignment.
+    #[must_use]
+    pub fn unbiased(&self) -> Option<Unbiased> {
+        let horizon = self.memory.horizon.as_ref()?;
+        let ImuRecord {
+            rate_body,
+            force_body,
+            ..
+        } = self.memory.newest;
+        Some(horizon.biases.removed_from(&rate_body.into(), &force_body.into()))
+    }
+
+    /// Returns mean and covariance at the delayed time; `None` before the alignment.
+    #[must_use]
+    pub fn horizon(&self) -> Option<&Horizon> {
+        self.memory.horizon.as_ref()
+    }
+
+    /// Returns what has become of the measurements of a source.
+    #[must_use]
+    pub fn source(&self, source: Source) -> &SourceStatus {
+        &self.memory.sources[source as usize]
+    }
+
+    /// Returns the number of resets of position or velocity, and the sum of the jumps of the position in {I}, m.
+    #[must_use]
+    pub fn resets(&self) -> (u32, Vector3<f64>) {
+        let fixes = [Source::FixPosition, Source::FixVelocity].map(|source| self.source(source).resets);
+        (fixes[0] + fixes[1], self.memory.jump_world)
+    }
+
+    /// Returns the time since the last fused position of a fix at the horizon, s; `None` before the first.
+    #[must_use]
+    pub fn without_fix_for(&self) -> Option<f64> {
+        let horizon = self.memory.horizon.as_ref()?;
+        let status = self.source(Source::FixPosition);
+        (status.fused > 0).then(|| seconds(horizon.time_ns.saturating_sub(status.fused_ns)))
+    }
+
+    /// States from when on the motors turn, or are stopped.
+    pub fn set_motors(&mut self, now_ns: u64, turn: bool) {
+        let was_stopped = self.memory.rest.until_ns == u64::MAX;
+        let rest = &mut self.memory.rest;
+        if turn && was_stopped {
+            rest.until_ns = now_ns;
+            self.memory.is_starting = true;
+        } else if !turn && !was_stopped {
+            rest.from_ns = now_ns.saturating_add(SETTLED_NS);
+            rest.until_ns = u64::MAX;
+        }
+    }
+
+    /// Adds a fix.
+    pub fn add_fix(&mut self, fix: &Fix) {
+        let mut numbers = [0.0; 9];
+        let values = fix
+            .position_world
+            .iter()
+            .chain(&fix.velocity_world)
+            .chain(&fix.accuracies);
+        for (number, value) in numbers.iter_mut().zip(values) {
+            *number = *value;
+        }
+        if self.memory.horizon.is_none() && numbers.is_finite() {
+            self.memory.alignment.add_position(&fix.position_world);
+            return;
+        }
+        self.enqueue(Source::FixPosition, fix.kind, fix.time_ns, numbers);
+    }
+
+    /// Adds a field.
+    pub fn add_field(&mut self, field: &Field) {
+        let [x, y, z]: [f64; 3] = field.field_body.into();
+        let numbers = [x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        if self.memory.horizon.is_none() && numbers.is_finite() {
+            self.memory.alignment.add_field(&field.field_body);
+            return;
+        }
+        self.enqueue(Source::Field, FixKind::SinglePoint, field.time_ns, numbers);
+    }
+
+    /// Adds an altitude.
+    pub fn add_altitude(&mut self, altitude: &Altitude) {
+        let mut numbers = [0.0; 9];
+        numbers[0] = altitude.altitude;
+        if self.memory.horizon.is_none() && numbers.is_finite() {
+            self.memory.alignment.add_altitude(altitude.altitude);
+            return;
+        }
+        self.enqueue(Source::Altitude, FixKind::SinglePoint, altitude.time_ns, numbers);
+    }
+
+    /// Inserts a measurement into the queue, by its time.
+    fn enqueue(&mut self, source: Source, kind: FixKind, time_ns: u64, numbers: [f64; 9]) {
+        let memory = &mut self.memory;
+        let latest_ns = memory.newest.time_ns.saturating_add(FUTURE_NS);
+        let is_in_time = memory
+            .horizon
+            .as_ref()
+            .is_some_and(|horizon| (horizon.time_ns..=latest_ns).contains(&time_ns));
+        if !is_in_time || !numbers.is_finite() || memory.queued == QUEUE {
+            let unusable = &mut memory.sources[source as usize].unusable;
+            *unusable = unusable.saturating_add(1);
+            return;
+        }
+        let waiting = &memory.queue[..memory.queued];
+        let place = waiting.partition_point(|other| other.time_ns <= time_ns);
+        memory.queue.copy_within(place..memory.queued, place + 1);
+        memory.queue[place] = QueuedMeasurement {
+            time_ns,
+            numbers,
+            source: source as u8,
+            kind: kind as u8,
+            pad0: [0; 6],
+        };
+        memory.queued += 1;
+    }
+
+    /// Adds a sample of the inertial measurement unit, and brings the state to its time. A sample that is not newer than the one
+    /// before is refused.
+    pub fn add_imu(&mut self, sample: &ImuSample) {
+        let record = ImuRecord {
+            time_ns: sample.time_ns,
+            span_ns: sample.time_ns.saturating_sub(self.memory.newest.time_ns),
+            rate_body: sample.rate_body.into(),
+            force_body: sample.force_body.into(),
+            is_clipped: sample.is_clipped.into(),
+            pad0: [0; 7],
+        };
+        if record.span_ns == 0 || !record.is_finite() {
+            return;
+        }
+        self.memory.newest = record;
+        if self.memory.horizon.is_none() {
+            self.align(sample, seconds(record.span_ns));
+            return;
+        }
+        let mut is_corrected = self.memory.count == RING && self.process_oldest();
+        let memory = &mut self.memory;
+        memory.ring[(memory.first + memory.count) % RING] = record;
+        memory.count += 1;
+        while self.memory.count > 0
+            && self.memory.ring[self.memory.first].time_ns + self.horizon_ns <= record.time_ns
+        {
+            is_corrected |= self.process_oldest();
+        }
+        self.predict(is_corrected);
+    }
+
+    fn align(&mut self, sample: &ImuSample, h: f64) {
+        let memory = &mut self.memory;
+        // The first sample has no beginning.
+        if h < LONGEST_SPAN {
+            memory.alignment.add_imu(&sample.rate_body, &sample.force_body, h);
+        }
+        memory.horizon = memory.alignment.start(sample.time_ns, &self.parameters);
+        if let Some(horizon) = &memory.horizon {
+            memory.present = horizon.kinematics;
+        }
+    }
+
+    /// Brings the motion to the time of the newest sample: by that sample alone, or from a corrected horizon.
+    fn predict(&mut self, is_corrected: bool) {
+        let memory = &mut self.memory;
+        let Some(horizon) = &memory.horizon else { return };
+        let step = |kinematics: Kinematics, record: &ImuRecord| {
+            let unbiased = horizon
+                .biases
+                .removed_from(&record.rate_body.into(), &record.force_body.into());
+            kinematics.advanced(&unbiased, seconds(record.span_ns))
+        };
+        memory.present = if is_corrected {
+            (0..memory.count)
+                .map(|index| &memory.ring[(memory.first + index) % RING])
+                .fold(horizon.kinematics, step)
+        } else {
+            step(memory.present, &memory.newest)
+        };
+    }
+
+    /// Moves the horizon over the oldest sample, and fuses the measurements on the way. Returns whether the mean was corrected.
+    fn process_oldest(&mut self) -> bool {
+        let memory = &mut self.memory;
+        let record = memory.ring[memory.first];
+        memory.first = (memory.first + 1) % RING;
+        memory.count -= 1;
+        let Some(mut horizon) = memory.horizon.take() else {
+            return false;
+        };
+        let mut is_corrected = false;
+        while self.memory.queued > 0 && self.memory.queue[0].time_ns <= record.time_ns {
+            let measurement = self.memory.queue[0];
+            self.memory.queue.copy_within(1..self.memory.queued, 0);
+            self.memory.queued -= 1;
+            self.advance(&mut horizon, &record, measurement.time_ns);
+            is_corrected |= self.fuse_queued(&mut horizon, &measurement, &record);
+        }
+        self.advance(&mut horizon, &record, record.time_ns);
+        self.add_unmeasured(&mut horizon, &record);
+        self.start_motors(&mut horizon);
+        is_corrected |= self.rest(&mut horizon, &record);
+        self.memory.horizon = Some(horizon);
+        is_corrected
+    }
+
+    fn fix_errors(&self) -> &FixErrors {
+        &self.parameters.fixes[self.memory.kind.unwrap_or(FixKind::SinglePoint) as usize]
+    }
+
+    /// Propagates the horizon to a time within a sample.
+    fn advance(&self, horizon: &mut Horizon, record: &ImuRecord, to_ns: u64) {
+        if to_ns <= horizon.time_ns {
+            return;
+        }
+        let h = seconds(to_ns - horizon.time_ns);
+        let unbiased = horizon
+            .biases
+            .removed_from(&record.rate_body.into(), &record.force_body.into());
+        horizon.advance(&unbiased, h, &self.parameters, self.fix_errors());
+        horizon.time_ns = to_ns;
+    }
+
+    /// Adds the variance of a motion that was not measured.
+    fn add_unmeasured(&self, horizon: &mut Horizon, record: &ImuRecord) {
+        if record.span_ns <= GAP_NS && !record.is_clipped.is_set() {
+            return;
+        }
+        horizon.carry(&self.parameters, self.fix_errors());
+        let h = seconds(record.span_ns);
+        let [acceleration, rate] = if record.is_clipped.is_set() {
+            BEYOND_RANGE
+        } else {
+            OVER_GAP
+        };
+        for (row, deviation) in [
+            (POSITION, 0.5 * acceleration * h * h),
+            (VELOCITY, acceleration * h),
+            (ATTITUDE, rate * h),
+        ] {
+            add_to_diagonal(
+                &mut horizon.covariance,
+                row,
+                row,
+                Vector3::repeat(deviation * deviation),
+            );
+        }
+    }
+
+    /// Lets the field of the vehicle change when its motors start.
+    fn start_motors(&mut self, horizon: &mut Horizon) {
+        if self.memory.is_starting && horizon.time_ns >= self.memory.rest.until_ns {
+            self.memory.is_starting = false;
+            let deviation = self.parameters.field_arming_deviation;
+            horizon.carry(&self.parameters, self.fix_errors());
+            add_to_diagonal(
+                &mut horizon.covariance,
+                FIELD_BIAS,
+                FIELD_BIAS,
+                Vector3::repeat(deviation * deviation),
+            );
+        }
+    }
+
+    /// Corrects the state of a vehicle at rest. Returns whether it was.
+    fn rest(&mut self, horizon: &mut Horizon, record: &ImuRecord) -> bool {
+        let rest = &mut self.memory.rest;
+        let mut sums = Rest {
+            from_ns: rest.from_ns,
+            until_ns: rest.until_ns,
+            ..Rest::new_zeroed()
+        };
+        if (rest.from_ns..rest.until_ns).contains(&horizon.time_ns) {
+            let h = seconds(record.span_ns);
+            let sum = |sum: [f64; 3], value: [f64; 3]| (Vector3::from(sum) + Vector3::from(value) * h).into();
+            sums.span = rest.span + h;
+            sums.turn_body = sum(rest.turn_body, record.rate_body);
+            sums.push_body = sum(rest.push_body, record.force_body);
+        }
+        *rest = sums;
+        if sums.span < REST_SPAN {
+            return false;
+        }
+        (rest.span, rest.turn_body, rest.push_body) = (0.0, [0.0; 3], [0.0; 3]);
+        let mean = |sum: [f64; 3]| Vector3::from(sum) / sums.span;
+        let (rate, force) = (mean(sums.turn_body), mean(sums.push_body));
+        let unbiased = horizon.biases.removed_from(&rate, &force);
+        let is_still = unbiased.rate_body.norm() < STILL[0]
+            && (unbiased.force_body.norm() - shared_types::GRAVITY).abs() < STILL[1];
+        if !is_still {
+            return false;
+        }
+        horizon.carry(&self.parameters, self.fix_errors());
+        let velocity = measurement::zero_velocity(&horizon.kinematics, REST_DEVIATION);
+        let innovation = horizon.innovation(&velocity);
+        horizon.correct(&innovation);
+        let rate = measurement::resting_rate(&rate, sums.span, &horizon.biases, &self.parameters);
+        let innovation = horizon.innovation(&rate);
+        horizon.correct(&innovation);
+        true
+    }
+
+    /// Fuses a measurement whose time the horizon has reached. Returns whether the mean was corrected.
+    fn fuse_queued(&mut self, horizon: &mut Horizon, queued: &QueuedMeasurement, record: &ImuRecord) -> bool {
+        horizon.carry(&self.parameters, self.fix_errors());
+        let numbers = &queued.numbers;
+        let three = |at: usize| Vector3::from_row_slice(&numbers[at..at + 3]);
+        let source = Source::ALL
+            .into_iter()
+            .find(|source| *source as u8 == queued.source);
+        let kind = FixKind::ALL.into_iter().find(|kind| *kind as u8 == queued.kind);
+        let (Some(source), Some(kind)) = (source, kind) else {
+            return false;
+        };
+        match source {
+            Source::FixPosition | Source::FixVelocity => {
+                let fix = Fix {
+                    time_ns: queued.time_ns,
+                    kind,
+                    position_world: three(0),
+                    velocity_world: three(3),
+                    accuracies: three(6).into(),
+                };
+                self.fuse_fix(horizon, &fix, &record.rate_body.into())
+            }
+            Source::Field => {
+                let field = Field {
+                    time_ns: queued.time_ns,
+                    field_body: three(0),
+                };
+                self.fuse_field(horizon, &field)
+            }
+            Source::Altitude => {
+                let altitude = Altitude {
+                    time_ns: queued.time_ns,
+                    altitude: numbers[0],
+                };
+                self.fuse_altitude(horizon, &altitude)
+            }
+        }
+    }
+
+    fn fuse_fix(&mut self, horizon: &mut Horizon, fix: &Fix, rate_body: &Vector3<f64>) -> bool {
+        let parameters = self.parameters;
+        let errors = &parameters.fixes[fix.kind as usize];
+        let slow_position = slow_position_variance(errors);
+        let slow_velocity = Vector3::repeat(errors.velocity_slow * errors.velocity_slow);
+        let forget_errors = |horizon: &mut Horizon| {
+            horizon.biases.fix_position_world = Vector3::zeros();
+            horizon.biases.fix_velocity_world = Vector3::zeros();
+            horizon.forget(FIX_POSITION, slow_position);
+            horizon.forget(FIX_VELOCITY, slow_velocity);
+        };
+        if self.memory.kind != Some(fix.kind) {
+            self.memory.kind = Some(fix.kind);
+            forget_errors(horizon);
+        }
+
+        let position =
+            |horizon: &Horizon| measurement::position(fix, &horizon.kinematics, &horizon.biases, &parameters);
+        let verdict = self.fuse(horizon, Source::FixPosition, fix.time_ns, &position(horizon));
+        let mut is_corrected = verdict == Verdict::Fused;
+        if verdict == Verdict::Overdue {
+            let before = horizon.kinematics.position_world;
+            forget_errors(horizon);
+            horizon.forget(POSITION, Vector3::repeat(FORGOTTEN[0]));
+            let innovation = horizon.innovation(&position(horizon));
+            is_corrected |= horizon.correct(&innovation);
+            self.memory.jump_world += horizon.kinematics.position_world - before;
+        }
+
+        let velocity = |horizon: &Horizon| {
+            let rate = rate_body - horizon.biases.gyroscope_body;
+            measurement::velocity(fix, &horizon.kinematics, &horizon.biases, &rate, &parameters)
+        };
+        let verdict = self.fuse(horizon, Source::FixVelocity, fix.time_ns, &velocity(horizon));
+        is_corrected |= verdict == Verdict::Fused;
+        if verdict == Verdict::Overdue {
+            horizon.forget(VELOCITY, Vector3::repeat(FORGOTTEN[1]));
+            let innovation = horizon.innovation(&velocity(horizon));
+            is_corrected |= horizon.correct(&innovation);
+        }
+        is_corrected
+    }
+
+    fn fuse_field(&mut self, horizon: &mut Horizon, sample: &Field) -> bool {
+        let parameters = self.parameters;
+        let field =
+            |horizon: &Horizon| measurement::field(sample, &horizon.kinematics, &horizon.biases, &parameters);
+        let verdict = self.fuse(horizon, Source::Field, sample.time_ns, &field(horizon));
+        if verdict == Verdict::Overdue {
+            let deviation = parameters.field_bias_deviation + parameters.field_arming_deviation;
+            horizon.forget(FIELD_BIAS, Vector3::repeat(deviation * deviation));
+            horizon.biases.field_body += field(horizon).residual;
+        }
+        verdict != Verdict::Refused
+    }
+
+    fn fuse_altitude(&mut self, horizon: &mut Horizon, sample: &Altitude) -> bool {
+        let altitude = measurement::altitude(sample, &horizon.kinematics, &horizon.biases, &self.parameters);
+        let verdict = self.fuse(horizon, Source::Altitude, sample.time_ns, &altitude);
+        if verdict == Verdict::Overdue {
+            horizon.biases.altitude += altitude.residual.x;
+        }
+        verdict != Verdict::Refused
+    }
+
+    /// Corrects the horizon by a measurement within its gate.
+    fn fuse<const M: usize>(
+        &mut self,
+        horizon: &mut Horizon,
+        source: Source,
+        time_ns: u64,
+        measured: &Linearized<M>,
+    ) -> Verdict {
+        let innovation = horizon.innovation(measured);
+        let status = &mut self.memory.sources[source as usize];
+        status.squared_distance = innovation.squared_distance().unwrap_or(f64::MAX);
+        let gate = if M == 1 { GATES[0] } else { GATES[1] };
+        if status.squared_distance <= gate && horizon.correct(&innovation) {
+            (status.fused_ns, status.refused_since_ns) = (time_ns, u64::MAX);
+            status.fused = status.fused.saturating_add(1);
+            return Verdict::Fused;
+        }
+        status.refused = status.refused.saturating_add(1);
+        status.refused_since_ns = status.refused_since_ns.min(time_ns);
+        if time_ns - status.refused_since_ns < self.reset_after_ns {
+            return Verdict::Refused;
+        }
+        status.refused_since_ns = u64::MAX;
+        status.resets = status.resets.saturating_add(1);
+        Verdict::Overdue
+    }
+}
