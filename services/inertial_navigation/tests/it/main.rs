@@ -6,6 +6,7 @@ mod allocations;
 mod consistency;
 mod derivatives;
 mod faults;
+mod figures;
 mod no_allocation;
 mod restart;
 mod rig;
