@@ -180,28 +180,43 @@ fn a_flight_in_real_time_goes_on_in_a_storm_and_leaves_nothing_behind() {
 /// Services and the standby process are hit twice a second, then the disk is full as well: the vehicle lands, while they are
 /// hit on.
 #[test]
+#[ignore = "needs a machine of its own; .ci/full flies it"]
 fn a_flight_in_a_storm_lands_when_its_disk_is_full() {
     let mut storm = Storm {
         random: ChaCha8Rng::seed_from_u64(wanted()),
         sent: 0,
     };
     let longest_pause_us = u32::try_from(LONGEST_PAUSE_BEFORE_THE_DISK.as_micros()).unwrap();
+    let mut judged = 0;
     for flight in 1.. {
         let place = Place::in_real_time();
         let mut run = wait_on_the_ground(&place);
         let orchestrator = run.id();
         take_off_from_the_ground(&place);
         storm.over(&mut run, longest_pause_us, SIGNALS_BEFORE_THE_DISK);
+        let flies = place
+            .look()
+            .is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"));
         fill_the_disk_of(orchestrator);
         storm.over(&mut run, longest_pause_us, u64::MAX);
         let ended = finish(run);
         assert_eq!(ended.status.code(), Some(4), "{}", said(&ended));
         let complaint = complaint(&ended);
-        assert!(complaint.contains("The vehicle lands."), "{complaint}");
         place.assert_nothing_is_left_of(orchestrator);
-        assert_it_has_stayed_in_the_air(&place);
-        if storm.sent >= wanted() {
-            println!("{} signals in {flight} flights", storm.sent);
+        if flies {
+            assert!(complaint.contains("The vehicle lands."), "{complaint}");
+            assert_it_has_stayed_in_the_air(&place);
+            judged += 1;
+        } else {
+            // A machine that stands still has hidden it from the cameras, and it has landed by itself.
+            assert!(complaint.contains("touched down"), "{complaint}");
+            assert!(
+                judged > 0 || flight < 5,
+                "the machine stands still in every flight"
+            );
+        }
+        if storm.sent >= wanted() && judged > 0 {
+            println!("{} signals in {judged} of {flight} flights", storm.sent);
             break;
         }
     }
