@@ -14,15 +14,10 @@ venv=$target/allan-venv
 
 cargo build --quiet --release --manifest-path "$root/Cargo.toml" --package sensor_models --example imu_at_rest
 
-if ! cmp -s "$here/allan_requirements.txt" "$venv/requirements.txt"; then
-    rm -rf "$venv"
-    if python3 -m venv "$venv" &&
-        "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/allan_requirements.txt"; then
-        cp "$here/allan_requirements.txt" "$venv/requirements.txt"
-    else
-        echo "SKIPPED: allantools cannot be installed" >&2
-        exit 3
-    fi
+. "$here/../python_environment.sh"
+if ! python_environment "$venv" "$here/allan_requirements.txt"; then
+    echo "SKIPPED: allantools cannot be installed" >&2
+    exit 3
 fi
 
 work=$(mktemp -d)

@@ -17,14 +17,8 @@ if [ -z "${GERONO:-}" ]; then
     GERONO=$target/release/gerono
 fi
 
-# The environment is complete only if it says which requirements it was made of.
-if ! cmp -s "$here/delay_requirements.txt" "$venv/requirements.txt"; then
-    rm -rf "$venv"
-    python3 -m venv "$venv"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/delay_requirements.txt"
-    "$venv/bin/pip" check --disable-pip-version-check
-    cp "$here/delay_requirements.txt" "$venv/requirements.txt"
-fi
+. "$here/../python_environment.sh"
+python_environment "$venv" "$here/delay_requirements.txt"
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -10,14 +10,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 venv=${CARGO_TARGET_DIR:-$root/target}/python-venv
 
-# The environment is complete only if it says which requirements it was made of.
-if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
-    rm -rf "$venv"
-    python3 -m venv "$venv"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/requirements.txt"
-    "$venv/bin/pip" check --disable-pip-version-check
-    cp "$here/requirements.txt" "$venv/requirements.txt"
-fi
+. "$here/../python_environment.sh"
+python_environment "$venv" "$here/requirements.txt"
 
 "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$root"
 "$venv/bin/pip" check --disable-pip-version-check
