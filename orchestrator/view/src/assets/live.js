@@ -135,10 +135,14 @@ function warnings({ killed, killed_by: by, response, refusal_to_arm: refusal }) 
 
 function drawWarnings(snapshot) {
   const texts = warnings(snapshot);
-  const shown = [...byId("warnings").children].map((line) => line.textContent);
-  // Screen readers announce every replaced text.
-  if (texts.join() === shown.join()) return;
-  byId("warnings").replaceChildren(...texts.map((text) => element("p", { class: "banner alarm" }, text)));
+  replaceIfChanged("warnings", texts.map((text) => element("p", { class: "banner alarm" }, text)));
+}
+
+/** Replaces the children of an element if they differ: screen readers announce a replaced text, and its selection is lost. */
+function replaceIfChanged(id, children) {
+  const shown = [...byId(id).children];
+  const isShown = shown.length === children.length && children.every((child, at) => child.isEqualNode(shown[at]));
+  if (!isShown) byId(id).replaceChildren(...children);
 }
 
 /** The commands for the terminal of who stands beside the vehicle; a flight in simulated time takes none. */
@@ -147,10 +151,11 @@ function drawCommands({ phase, killed, refusal_to_arm: refusal }) {
   const command = (words, name) => element("span", {}, `${words}: `, element("code", {}, `gerono ${name} --run ${flight.run}`));
   const mayArm = phase === "disarmed" && refusal === null;
   const hasToLand = phase !== null && phase !== "disarmed";
-  byId("commands").replaceChildren(
+  replaceIfChanged("commands", [
     ...(killed ? [] : [command("Stop the motors at once; in the air it falls", "kill")]),
     command(hasToLand ? "Land and end the flight" : "End the flight", "stop"),
-    ...(mayArm ? [command("Ready to take off", "arm")] : []));
+    ...(mayArm ? [command("Ready to take off", "arm")] : []),
+  ]);
   byId("commands").hidden = !flight.is_in_real_time;
 }
 
