@@ -278,14 +278,18 @@ impl Estimate {
     /// Returns the half-widths of the intervals from the random error and the systematic one, which is at least a share of the
     /// range of the estimates with the neighbouring drifts. `wider` is the ratio of the systematic half-width to that of 95 %.
     fn half_widths(&self, beside: &[Tried], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
-        let quantile = student::two_sided(confidence, self.freedom);
         std::array::from_fn(|index| {
             let values = || beside.iter().map(|tried| tried.estimate.parameters[index]);
             let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
             let systematic = wider * SYSTEMATIC[index].max(OF_NEIGHBOURS * 0.5 * range);
-            let by_chance = quantile * self.covariance[(index, index)].max(0.0).sqrt();
-            (by_chance * by_chance + systematic * systematic).sqrt()
+            self.half_width(self.covariance[(index, index)], systematic, confidence)
         })
+    }
+
+    /// Returns the half-width of an interval from the variance of the random error and the systematic error.
+    fn half_width(&self, variance: f64, systematic: f64, confidence: f64) -> f64 {
+        let by_chance = student::two_sided(confidence, self.freedom) * variance.max(0.0).sqrt();
+        (by_chance * by_chance + systematic * systematic).sqrt()
     }
 
     /// Makes Gauss–Newton steps until delay and lags stay. Returns whether they do.
@@ -537,14 +541,9 @@ impl Refined {
             for &index in selected {
                 weights[index] = 1.0;
             }
-            let deviation = (weights.transpose() * estimate.covariance * weights)[0]
-                .max(0.0)
-                .sqrt();
-            let half_width = |confidence: f64, wider: f64| {
-                let by_chance = student::two_sided(confidence, estimate.freedom) * deviation;
-                let systematic = wider * SYSTEMATIC[DELAY];
-                (by_chance * by_chance + systematic * systematic).sqrt()
-            };
+            let variance = (weights.transpose() * estimate.covariance * weights)[0];
+            let half_width =
+                |confidence, wider: f64| estimate.half_width(variance, wider * SYSTEMATIC[DELAY], confidence);
             Quantity {
                 stated: selected.iter().map(|&index| stated[index - DELAY]).sum(),
                 found: weights.dot(&estimate.parameters),
