@@ -138,7 +138,6 @@ impl Supervision {
         };
         let (process, was_prepared) = match standby {
             Some((mut process, was_prepared)) => {
-                process.asked_at = now;
                 let activity = facts.activity(process.number);
                 process.delayed_before_ns = activity.map_or(0, |activity| activity.run_delay_ns);
                 (process, was_prepared)
