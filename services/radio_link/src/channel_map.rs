@@ -115,7 +115,7 @@ impl ChannelMap {
             motors_off[channel] = Some(SentTravel(transmitter.arming[0]));
         }
         Self {
-            largest_code: f64::from((1_u32 << link.resolution.clamp(1, 16)) - 1),
+            largest_code: f64::from(largest_code(link)),
             sticks,
             least_thrust: StickTravel(-link.thrust_slope.signum()),
             arming: arming.map(|channel| (channel, transmitter.arming)),
@@ -205,6 +205,11 @@ impl ChannelMap {
     pub fn code(&self, travel: StickTravel) -> u16 {
         libm::round((travel.0 + 1.0) / 2.0 * self.largest_code) as u16
     }
+}
+
+/// Returns the largest stick code of a frame on a link: 2^bits − 1.
+pub(crate) fn largest_code(link: &RcLink) -> u16 {
+    u16::MAX >> (16 - link.resolution.clamp(1, 16))
 }
 
 /// Converts a channel counted from 1 to an index.

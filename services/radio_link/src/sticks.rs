@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 use scenario::RcLink;
 use shared_types::samples::RcFrame;
 
+use crate::channel_map::largest_code;
+
 /// Sticks of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sticks {
@@ -67,7 +69,7 @@ impl ThrustRest {
     /// Makes it for a checked link.
     #[must_use]
     pub fn new(link: &RcLink) -> Self {
-        let largest = u16::MAX >> (16 - link.resolution.clamp(1, 16));
+        let largest = largest_code(link);
         Self {
             end: if link.thrust_slope > 0.0 { 0 } else { largest },
             has_pulled: false,
