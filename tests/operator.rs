@@ -89,7 +89,7 @@ fn a_run_is_found_from_every_environment() {
     let seen = look(&place, &run).unwrap();
     assert!(seen.killed);
     assert_eq!(seen.killed_by.as_deref(), Some("the operator killed"));
-    assert_eq!(seen.refusal_to_arm, None, "nobody arms a flight without phases");
+    assert_eq!(seen.refusal_to_arm, None, "a flight without phases is not armed");
     end(run);
 }
 

@@ -91,7 +91,7 @@ fn name_of(wrong: Wrong) -> String {
     }
 }
 
-/// What came of a flight.
+/// Result of a flight.
 struct Flown {
     /// First sentence about it: why it was not armed, or what is wrong.
     says: String,

@@ -11,7 +11,7 @@ use crate::process::{Exit, ProcessNumber, Role, Said};
 pub enum Event {
     /// The system has started it.
     Started { pid: u32 },
-    /// It was told its role: others may have had to be told first.
+    /// The role was sent to it, which may be long after the decision: actions for other processes come first.
     Asked,
     /// The system has not started it; with the reason.
     NotStarted(String),

@@ -171,7 +171,7 @@ impl Supervision {
         match event {
             Event::Ended(exit) => self.reap_standby(now, number, exit),
             _ if !is_current => {}
-            // One with a role is no standby process any more.
+            // Sent to services only: a standby process with a role is one.
             Event::Asked => {}
             Event::Started { pid } => {
                 if let Some(process) = &mut self.standby.process {

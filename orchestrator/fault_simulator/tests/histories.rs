@@ -293,7 +293,7 @@ fn a_vehicle_is_judged_until_the_last_step() {
     }]);
 }
 
-/// The limit of a standby process with a role counted from the decision; before it is told, another one may have to be.
+/// The limit of a standby process with a role counted from the decision, which the clean-up for another service can precede.
 #[test]
 fn a_standby_process_has_its_whole_limit_from_when_it_is_told_its_role() {
     assert_holds([History {

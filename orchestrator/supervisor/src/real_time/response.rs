@@ -69,21 +69,14 @@ impl Flight<'_> {
     /// Says that the vehicle answers its first commands wrongly, and acts as `flight.wrong_response` states.
     pub(super) fn react_to_wrong_response(&mut self, found: &str) {
         self.announce(format!("WRONG: {found}"));
-        let stated = self
-            .scenario
-            .flight
-            .as_ref()
-            .and_then(|flight| flight.wrong_response);
+        let block = self.supervisor.page().control_block();
+        if block.stopping.load(Ordering::SeqCst) != 0 {
+            return;
+        }
+        let flight = self.scenario.flight.as_ref();
+        let stated = flight.and_then(|flight| flight.wrong_response);
         let event = "the first commands were answered wrongly, `flight.wrong_response`";
-        let has_ended = self
-            .supervisor
-            .page()
-            .control_block()
-            .stopping
-            .load(Ordering::SeqCst)
-            != 0;
         match stated.unwrap_or(Action::Kill) {
-            _ if has_ended => {}
             Action::Warn => {}
             Action::Kill if self.is_low() => {
                 self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);

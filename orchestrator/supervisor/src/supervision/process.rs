@@ -64,7 +64,7 @@ impl Process {
         let mut child = command.spawn()?;
         let pid = Pid::from_child(&child);
         let death = pidfd_open(pid, PidfdFlags::empty()).inspect_err(|_| {
-            // It has ended, or is killed, and nobody watches it.
+            // Its end could not be watched.
             let _ = child.kill();
             let _ = child.wait();
         })?;
