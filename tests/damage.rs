@@ -287,6 +287,8 @@ fn services_are_started_again_where_the_orchestrator_can_open_no_more_files() {
         let place = Place::new();
         let run = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
         let orchestrator = run.id();
+        // Its start is over: it opens files only for restarts from now on.
+        place.await_log("out", 200_000);
         let is_standby = |(name, _): &(String, u32)| name == SPARE;
         until("the standby process", || {
             processes_of(orchestrator).iter().any(is_standby).then_some(())
