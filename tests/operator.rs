@@ -3,10 +3,11 @@
 use crate::common;
 
 use std::fs::File;
+use std::os::fd::OwnedFd;
 use std::process::Command;
 
 use common::pilot::{await_phase, wait_on_the_ground};
-use common::processes::{processes_of, signal};
+use common::processes::{free_the_descriptors_of, leave_no_descriptor_to, processes_of, signal};
 use common::terminal::Terminal;
 use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
 use run_client::runs::SCOPE;
@@ -197,20 +198,7 @@ fn a_lock_on_the_folder_of_runs_keeps_no_operator_out_and_a_run_waits_for_it_no_
 fn programs_that_connect_and_say_nothing_keep_no_operator_out() {
     let place = Place::in_real_time();
     let run = take_off(&place, "out");
-    let folder = format!("gerono-{}/{}", rustix::process::geteuid().as_raw(), name_of(&run));
-    let address = SocketAddrUnix::new(place.path("tmp").join(folder).join(SOCKET)).unwrap();
-    let mut silent = Vec::new();
-    for _ in 0..200 {
-        let socket = socket_with(
-            AddressFamily::UNIX,
-            SocketType::SEQPACKET,
-            SocketFlags::CLOEXEC,
-            None,
-        )
-        .unwrap();
-        connect(&socket, &address).unwrap();
-        silent.push(socket);
-    }
+    let silent: Vec<_> = (0..200).map(|_| say_nothing(&place, &run)).collect();
     let killed = said(&succeed(&mut place.gerono(&["kill"])));
     assert!(
         killed.contains("killed") && !killed.contains("directly"),
@@ -219,6 +207,32 @@ fn programs_that_connect_and_say_nothing_keep_no_operator_out() {
     assert!(look(&place, &run).unwrap().killed);
     drop(silent);
     end(run);
+}
+
+#[test]
+fn a_kill_arrives_although_the_orchestrator_can_open_no_more_files() {
+    let place = Place::in_real_time();
+    let run = take_off(&place, "out");
+    leave_no_descriptor_to(run.id());
+    let silent: Vec<_> = (0..3).map(|_| say_nothing(&place, &run)).collect();
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(
+        killed.contains("killed") && !killed.contains("directly"),
+        "{killed}"
+    );
+    drop(silent);
+    free_the_descriptors_of(run.id());
+    end(run);
+}
+
+/// Connects to the orchestrator, and asks nothing.
+fn say_nothing(place: &Place, run: &Begun) -> OwnedFd {
+    let folder = format!("gerono-{}/{}", rustix::process::geteuid().as_raw(), name_of(run));
+    let address = SocketAddrUnix::new(place.path("tmp").join(folder).join(SOCKET)).unwrap();
+    let (family, kind) = (AddressFamily::UNIX, SocketType::SEQPACKET);
+    let socket = socket_with(family, kind, SocketFlags::CLOEXEC, None).unwrap();
+    connect(&socket, &address).unwrap();
+    socket
 }
 
 #[test]

@@ -122,6 +122,16 @@ pub(crate) fn use_up_the_descriptors_of(pid: u32) {
     limit_descriptors_of(pid, none);
 }
 
+/// A process can open not even the files for which it has a number between others from now on.
+pub(crate) fn leave_no_descriptor_to(pid: u32) {
+    let is_free = |number: &u64| std::fs::symlink_metadata(format!("/proc/{pid}/fd/{number}")).is_err();
+    let none = Rlimit {
+        current: (0..).find(is_free),
+        ..getrlimit(Resource::Nofile)
+    };
+    limit_descriptors_of(pid, none);
+}
+
 /// A process can open as many files as this one.
 pub(crate) fn free_the_descriptors_of(pid: u32) {
     limit_descriptors_of(pid, getrlimit(Resource::Nofile));

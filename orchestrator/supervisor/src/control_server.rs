@@ -2,7 +2,8 @@
 //!
 //! It never waits for a client: it accepts new ones, answers pending questions, and returns. A client cannot take time
 //! from the flight or a slot from another client: there is one answer a round, a message has a maximum size, and when
-//! all slots are in use the client that was silent for longest is closed. So a `kill` always arrives.
+//! all slots are in use the client that was silent for longest is closed. A file descriptor is reserved for a client that
+//! comes when this process can open no more files. So a `kill` always arrives.
 
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
@@ -10,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use runtime::control::{Channel, Host};
 use runtime::peer::peer_credentials;
-use rustix::fs::{Mode, fchmod};
+use rustix::fs::{Mode, OFlags, fchmod, open};
+use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
 use postmortem::contained;
@@ -38,6 +40,8 @@ pub struct ControlServer {
     listener: OwnedFd,
     /// Sorted by their last question, the longest silent first.
     clients: Vec<Client>,
+    /// Gives its descriptor to a client for which there is no other.
+    reserved: Option<OwnedFd>,
     question: Box<[u8; MAX_QUESTION]>,
     /// Makes the run discoverable while none of its services lives.
     _label: OrchestratorLabel,
@@ -80,6 +84,7 @@ impl ControlServer {
         Ok(Self {
             listener,
             clients: Vec::with_capacity(CLIENTS),
+            reserved: reserved_descriptor(),
             question: Box::new([0; MAX_QUESTION]),
             // Must be last: a process that finds the run can then connect.
             _label: OrchestratorLabel::new(root.folder(), host)?,
@@ -94,8 +99,7 @@ impl ControlServer {
         }
         self.answer_all(now, &mut answer);
         for _ in 0..MAX_ACCEPTS {
-            let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-            let Ok(socket) = rustix::net::accept_with(&self.listener, flags) else {
+            let Some(socket) = self.accept(now, &mut answer) else {
                 break;
             };
             let channel = Channel::inherited(socket);
@@ -115,6 +119,23 @@ impl ControlServer {
             });
         }
         self.answer_all(now, &mut answer);
+        if self.reserved.is_none() {
+            self.reserved = reserved_descriptor();
+        }
+    }
+
+    /// Accepts a client that waits. Without a free descriptor it gets the reserved one, or else that of the client that was
+    /// silent for longest.
+    fn accept(&mut self, now: Instant, answer: &mut impl FnMut(Question) -> Answer) -> Option<OwnedFd> {
+        let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+        let accepted = rustix::net::accept_with(&self.listener, flags);
+        if !matches!(accepted, Err(Errno::MFILE | Errno::NFILE)) {
+            return accepted.ok();
+        }
+        if self.reserved.take().is_none() && !self.clients.is_empty() {
+            self.make_room(now, answer);
+        }
+        rustix::net::accept_with(&self.listener, flags).ok()
     }
 
     /// Answers pending questions, and closes disconnected and silent clients.
@@ -144,6 +165,11 @@ impl ControlServer {
     }
 }
 
+/// Opens a file that is never read, for its descriptor.
+fn reserved_descriptor() -> Option<OwnedFd> {
+    open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty()).ok()
+}
+
 /// Returns the reason if the client may not ask.
 fn admit(channel: &Channel) -> Result<(), String> {
     let peer = peer_credentials(channel).map_err(|error| format!("cannot identify the client: {error}"))?;
@@ -171,7 +197,7 @@ impl Client {
         let flags = RecvFlags::DONTWAIT | RecvFlags::TRUNC;
         let received = rustix::io::retry_on_intr(|| rustix::net::recv(&self.channel, &mut *buffer, flags));
         let question = match received {
-            Err(rustix::io::Errno::AGAIN) => return ClientRequest::Nothing,
+            Err(Errno::AGAIN) => return ClientRequest::Nothing,
             Ok((_, 0)) | Err(_) => return ClientRequest::End,
             Ok((_, length)) => buffer.get(..length),
         };
