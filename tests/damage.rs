@@ -25,6 +25,9 @@ use shared_types::ServiceId;
 
 const HOSTS: [&str; 2] = ["lockstep", "realtime"];
 
+/// Bytes of more than one chunk of a log, of which one may have been pending.
+const CHUNKS: u64 = 2_500_000;
+
 /// Time for which a flight with damaged memory is let be, as one with a hostile external service.
 const WHILE: Duration = Duration::from_millis(700);
 
@@ -275,7 +278,7 @@ fn services_are_started_again_where_shared_memory_is_full() {
         let orchestrator = run.id();
         place.await_log("out", 20_000);
         let filling = fill_memory_of(orchestrator);
-        let deaths = kill_each_and_all(orchestrator);
+        let deaths = kill_each_and_all(&place, host, orchestrator);
         drop(filling);
         assert_all_were_replaced(&place, run, deaths);
     }
@@ -294,14 +297,19 @@ fn services_are_started_again_where_the_orchestrator_can_open_no_more_files() {
             processes_of(orchestrator).iter().any(is_standby).then_some(())
         });
         use_up_the_descriptors_of(orchestrator);
-        let deaths = kill_each_and_all(orchestrator);
+        assert_eq!(
+            place.look().is_some(),
+            host == HOSTS[1],
+            "it answers in real time"
+        );
+        let deaths = kill_each_and_all(&place, host, orchestrator);
         free_the_descriptors_of(orchestrator);
         assert_all_were_replaced(&place, run, deaths);
     }
 }
 
-/// Kills each service twice, and then all of them at once, and waits for their successors. Returns the number of deaths.
-fn kill_each_and_all(orchestrator: u32) -> usize {
+/// Kills each service twice, and then all of them at once, and waits until their successors fly. Returns the number of deaths.
+fn kill_each_and_all(place: &Place, host: &str, orchestrator: u32) -> usize {
     let mut deaths = 0;
     for _ in 0..2 {
         for service in ServiceId::ALL {
@@ -309,8 +317,7 @@ fn kill_each_and_all(orchestrator: u32) -> usize {
             signal(pid, Signal::KILL);
             await_successor(orchestrator, service, pid);
             deaths += 1;
-            // In real time it makes its ports at its own pace.
-            std::thread::sleep(Duration::from_millis(100));
+            await_restarts(place, host, deaths);
         }
     }
     signal(orchestrator, Signal::STOP);
@@ -321,8 +328,21 @@ fn kill_each_and_all(orchestrator: u32) -> usize {
         await_successor(orchestrator, ServiceId::from_name(&name).unwrap(), pid);
         deaths += 1;
     }
-    std::thread::sleep(Duration::from_millis(300));
+    await_restarts(place, host, deaths);
     deaths
+}
+
+/// Waits until so many services were started again and fly: the death of one that does not fly yet is no further restart.
+fn await_restarts(place: &Place, host: &str, deaths: usize) {
+    if host == HOSTS[0] {
+        // Lock step waits for all of them, and then goes on.
+        return place.await_log("out", place.log_bytes("out") + CHUNKS);
+    }
+    until("the restarts", || {
+        let services = place.look()?.services;
+        let restarts: u64 = services.iter().map(|service| service.restarts).sum();
+        (restarts == deaths as u64 && services.iter().all(|service| service.flies)).then_some(())
+    });
 }
 
 /// Ends a flight, of which every death was followed by a restart.
