@@ -17,7 +17,7 @@ use run_log::{
     CaptureFigures, HostEvent, HostSample, LinkFigures, ServiceCheckpoint, ServiceHealth, ServiceStep,
 };
 use serde_json::Value;
-use shared_types::sample::{Record, msg_definition};
+use shared_types::sample::{self, Record, msg_definition};
 use shared_types::{Header, Topic};
 
 fn repository(path: &str) -> PathBuf {
@@ -129,21 +129,43 @@ fn topic_table() -> String {
     table
 }
 
-fn message(channel: &str, name: &str, definition: &str) -> String {
+fn message(channel: &str, name: &str, definition: &str, members: &[sample::Member]) -> String {
     // The header, which every definition carries with it, is shown once.
     let own = definition.split(&"=".repeat(80)).next().expect("splits into one");
-    format!("### {channel}: {name}\n\n```text\n{own}```\n\n")
+    let mut text = format!("### {channel}: {name}\n\n```text\n");
+    for line in own.lines() {
+        match members
+            .iter()
+            .find(|member| line.ends_with(&format!(" {}", member.name)))
+        {
+            Some(member) => text += &format!("{line:<36} # {}\n", member.meaning),
+            None => text += &format!("{line}\n"),
+        }
+    }
+    text + "```\n\n"
 }
 
 fn run_messages() -> String {
-    let header = message("every topic", Header::MSG_NAME, &msg_definition::<Header>());
-    let messages = Topic::ALL.map(|topic| message(topic.name(), topic.msg_name(), &topic.msg_definition()));
+    let header = message(
+        "every topic",
+        Header::MSG_NAME,
+        &msg_definition::<Header>(),
+        &Header::members(),
+    );
+    let messages = Topic::ALL.map(|topic| {
+        message(
+            topic.name(),
+            topic.msg_name(),
+            &topic.msg_definition(),
+            &topic.members(),
+        )
+    });
     header + &messages.concat()
 }
 
 fn host_messages() -> String {
     fn of<T: HostSample>() -> String {
-        message(T::CHANNEL, T::MSG_NAME, &msg_definition::<T>())
+        message(T::CHANNEL, T::MSG_NAME, &msg_definition::<T>(), &T::members())
     }
     [
         of::<HostEvent>(),

@@ -168,6 +168,8 @@ pub struct Member {
     pub element: String,
     /// Number of its elements; `None` for a single value.
     pub length: Option<usize>,
+    /// What it is: symbol, frame, unit.
+    pub meaning: &'static str,
 }
 
 impl Member {
@@ -367,6 +369,7 @@ macro_rules! sample {
                         offset: ::core::mem::offset_of!($name, $field),
                         element,
                         length,
+                        meaning: concat!($($field_doc),*).trim(),
                     }
                 }),+]
             }
@@ -469,6 +472,7 @@ mod tests {
             offset: 24,
             element: "float64".to_owned(),
             length: Some(3),
+            meaning: "",
         };
         assert_eq!(position.numbers(None), Some(24..48));
         assert_eq!(position.numbers(Some(2)), Some(40..48));

@@ -69,7 +69,7 @@ crate::sample! {
         pub velocity_body: [f64; 3],
         /// ω, angular velocity in {B}, rad/s.
         pub angular_velocity_body: [f64; 3],
-        /// v̇, linear acceleration in {I} at that time, m/s²; 0 without a filter.
+        /// p̈, acceleration of the position in {I} at that time, m/s², which is 0 in hover; always 0 without a filter.
         pub acceleration_world: [f64; 3],
         /// T, thrust that acts at that time by the frames sent so far, N; 0 without a filter.
         pub thrust: f64,

@@ -2,8 +2,7 @@
  *
  * The library exports gerono_plugin_v1. A service has no clock, does no input or output, and does not allocate in a
  * step; its state is all on which the next step depends besides its inputs. SI units and radians. The frame {I} has its
- * third axis down, and {B} its third axis opposite to the thrust. docs/plugins.md explains the rest, and docs/topics.md
- * the members of the samples.
+ * third axis down, and {B} its third axis opposite to the thrust. docs/plugins.md explains the rest.
  */
 #ifndef GERONO_H
 #define GERONO_H
@@ -106,81 +105,81 @@ static inline double gerono_parameter_or(const gerono_setup *setup, const char *
 /* Generated: the samples of the topics, and the inputs and outputs of the services. */
 
 typedef struct {
-    uint64_t tick;
-    uint64_t stamp_ns;
-    uint64_t seq;
+    uint64_t tick;                      /* Base tick at which the sample was published. */
+    uint64_t stamp_ns;                  /* Time of that tick since the start of the flight, ns. */
+    uint64_t seq;                       /* Number of the sample on its topic, from 0; in lock-step a function of the schedule. */
 } gerono_header;
 /* A sample of `vehicle/truth`. */
 typedef struct {
-    gerono_header header;
-    double position_world[3];
-    double world_from_body[9];
-    double velocity_body[3];
-    double angular_velocity_body[3];
-    double thrust;
-    double torque_body[3];
-    double mass;
-    double inertia[3];
-    double disturbance_world[3];
+    gerono_header header;               /* Common header. */
+    double position_world[3];           /* p, position in {I}, m. */
+    double world_from_body[9];          /* R, body to inertial, row-major. */
+    double velocity_body[3];            /* v, linear velocity in {B}, m/s. */
+    double angular_velocity_body[3];    /* ω, angular velocity in {B}, rad/s. */
+    double thrust;                      /* T, thrust that acted up to this tick, N. */
+    double torque_body[3];              /* τ, torque that acted up to this tick, in {B}, N m. */
+    double mass;                        /* m, mass from this tick on, kg. */
+    double inertia[3];                  /* Diagonal of J from this tick on, kg m². */
+    double disturbance_world[3];        /* b, disturbance from this tick on, an acceleration in {I}, m/s²: the constant one, fan, turbulence and drag together. */
 } gerono_vehicle_truth;
 GERONO_ASSERT(sizeof(gerono_vehicle_truth) == 256, "another layout of gerono_vehicle_truth");
 #define GERONO_VEHICLE_TRUTH_LAYOUT "ed8388ebbe7bd0f66aa2ee9a255d98c5"
 
 /* A sample of `mocap/pose`. */
 typedef struct {
-    gerono_header header;
-    uint64_t capture_time_ns;
-    double position_world[3];
-    double world_from_body[9];
-    double velocity_body[3];
-    double angular_velocity_body[3];
-    uint8_t tracked;
-    uint8_t velocities_measured;
-    uint8_t pad0[6];
+    gerono_header header;               /* Common header. */
+    uint64_t capture_time_ns;           /* Time of the exposure, ns since the start of the flight. */
+    double position_world[3];           /* Position of the body in {I}, m. */
+    double world_from_body[9];          /* Attitude, body to inertial, row-major. */
+    double velocity_body[3];            /* Linear velocity in {B}, m/s; only with `velocities_measured`. */
+    double angular_velocity_body[3];    /* Angular velocity in {B}, rad/s; only with `velocities_measured`. */
+    uint8_t tracked;                    /* `true` if the body was tracked; if not, all else is zero. */
+    uint8_t velocities_measured;        /* `true` if the velocities are measured (ideal cameras); if not, they are zero. */
+    uint8_t pad0[6];                    /* Explicit padding. */
 } gerono_mocap_pose;
 GERONO_ASSERT(sizeof(gerono_mocap_pose) == 184, "another layout of gerono_mocap_pose");
 #define GERONO_MOCAP_POSE_LAYOUT "bedf9211a16ebf957d79fe1164763f9a"
 
 /* A sample of `vehicle/state`. */
 typedef struct {
-    gerono_header header;
-    uint64_t state_time_ns;
-    double position_world[3];
-    double world_from_body[9];
-    double velocity_body[3];
-    double angular_velocity_body[3];
-    double acceleration_world[3];
-    double thrust;
-    double position_sigma;
-    uint32_t captures_refused;
-    uint8_t tracked;
-    uint8_t coasting;
-    uint8_t pad0[2];
+    gerono_header header;               /* Common header. */
+    uint64_t state_time_ns;             /* Time of the state, ns since the start of the flight. */
+    double position_world[3];           /* p, position in {I}, m. */
+    double world_from_body[9];          /* R, body to inertial, row-major. */
+    double velocity_body[3];            /* v, linear velocity in {B}, m/s. */
+    double angular_velocity_body[3];    /* ω, angular velocity in {B}, rad/s. */
+    double acceleration_world[3];       /* p̈, acceleration of the position in {I} at that time, m/s², which is 0 in hover; always 0 without a filter. */
+    double thrust;                      /* T, thrust that acts at that time by the frames sent so far, N; 0 without a filter. */
+    double position_sigma;              /* Standard deviation of the position, the largest axis, m. */
+    uint32_t captures_refused;          /* Captures refused as outliers since the start of the flight. */
+    uint8_t tracked;                    /* `true` if the state is based on a measurement of the body that is recent enough. */
+    uint8_t coasting;                   /* `true` if due captures are missing, so that the state is predicted further than usual. */
+    uint8_t pad0[2];                    /* Explicit padding. */
 } gerono_vehicle_state;
 GERONO_ASSERT(sizeof(gerono_vehicle_state) == 224, "another layout of gerono_vehicle_state");
 #define GERONO_VEHICLE_STATE_LAYOUT "6590b045e30f1356f304c7efbe1e71af"
 
 /* A sample of `path/reference`. */
 typedef struct {
-    gerono_header header;
-    uint64_t reference_time_ns;
-    double gamma;
-    double gamma_dot;
-    double gamma_ddot;
-    double gamma_dot_desired;
-    double gamma_dddot_constant;
-    double gamma_dddot_slope;
-    double position_world[3];
-    double derivative1_world[3];
-    double derivative2_world[3];
-    double derivative3_world[3];
-    double yaw;
-    double yaw_rate;
-    uint32_t states_refused;
-    uint8_t vehicle_known;
-    uint8_t phase;
-    uint8_t airborne;
-    uint8_t cause;
+    gerono_header header;               /* Common header. */
+    uint64_t reference_time_ns;         /* Time of the reference, ns since the start of the flight: that of the state it was made from, and later by the excess of that state's age over its usual age. */
+    double gamma;                       /* γ, path parameter. */
+    double gamma_dot;                   /* γ̇, 1/s. */
+    double gamma_ddot;                  /* γ̈ of the timing law (25), 1/s². */
+    double gamma_dot_desired;           /* γ̇d = vd ψ(‖z1‖), 1/s. */
+    double gamma_dddot_constant;        /* Constant part of γ⃛ = c0 + c1 d²‖z1‖/dt², 1/s³. */
+    double gamma_dddot_slope;           /* Coefficient c1 of d²‖z1‖/dt² in γ⃛, 1/(m s). */
+    double position_world[3];           /* pd(γ) in {I}, m. */
+    double derivative1_world[3];        /* dpd/dγ in {I}, m. */
+    double derivative2_world[3];        /* d²pd/dγ² in {I}, m. */
+    double derivative3_world[3];        /* d³pd/dγ³ in {I}, m. */
+    double yaw;                         /* ψd, desired yaw, rad. */
+    double yaw_rate;                    /* Rate of the desired yaw, rad/s. */
+    uint32_t states_refused;            /* Impossible states refused since the start of the flight. */
+    uint8_t vehicle_known;              /* `true` if the position of the vehicle is known; if not, the path stands still. */
+    uint8_t phase;                      /* Phase of the flight; a flight without phases is in the phase `fly` from its start. */
+    uint8_t airborne;                   /* `true` if the vehicle is airborne, as far as its motion shows. */
+    uint8_t cause;                      /* Cause of the phase. The causes of the envelope are added to the exceeded limit (`limit` of the frame). */
 } gerono_path_reference;
 #define GERONO_PATH_REFERENCE_PHASE_DISARMED 0
 #define GERONO_PATH_REFERENCE_PHASE_ARMED 1
@@ -203,12 +202,12 @@ GERONO_ASSERT(sizeof(gerono_path_reference) == 200, "another layout of gerono_pa
 
 /* A sample of `control/command`. */
 typedef struct {
-    gerono_header header;
-    double thrust;
-    double torque_body[3];
-    double rates_body[3];
-    uint32_t mode;
-    uint32_t pad0;
+    gerono_header header;               /* Common header. */
+    double thrust;                      /* T, thrust along −R e3, N. */
+    double torque_body[3];              /* τ, torque in {B}, N m; with `MODE_TORQUE`. */
+    double rates_body[3];               /* Body rates in {B}, rad/s; with `MODE_RATES`. */
+    uint32_t mode;                      /* Quantities that the vehicle shall follow; none in failsafe. */
+    uint32_t pad0;                      /* Explicit padding. */
 } gerono_control_command;
 #define GERONO_CONTROL_COMMAND_MODE_TORQUE 0
 #define GERONO_CONTROL_COMMAND_MODE_RATES 1
@@ -218,18 +217,18 @@ GERONO_ASSERT(sizeof(gerono_control_command) == 88, "another layout of gerono_co
 
 /* A sample of `control/adaptation`. */
 typedef struct {
-    gerono_header header;
-    double eta_hat;
-    double eta_projected;
-    double mass_estimate;
-    double disturbance_hat_world[3];
-    double disturbance_projected_world[3];
-    double w_hat[15];
-    double observer_mass_estimate;
-    uint32_t inputs_refused;
-    uint8_t resting;
-    uint8_t stage;
-    uint8_t pad0[2];
+    gerono_header header;               /* Common header. */
+    double eta_hat;                     /* η̂, estimate of 1/m before projection, 1/kg. */
+    double eta_projected;               /* π(η̂), 1/kg. */
+    double mass_estimate;               /* m̂ = 1/π(η̂), kg. */
+    double disturbance_hat_world[3];    /* b̂ in {I} before projection, m/s². */
+    double disturbance_projected_world[3]; /* π(b̂) in {I}, m/s². */
+    double w_hat[15];                   /* ŵ: Diag(J), η Diag(J), J1 b, J2 b, J3 b. */
+    double observer_mass_estimate;      /* m̂ of the immersion-and-invariance observer, kg; 0 without one. */
+    uint32_t inputs_refused;            /* Impossible inputs refused since the start of the flight. */
+    uint8_t resting;                    /* `true` if the estimates are frozen, because there are no valid data to adapt to. */
+    uint8_t stage;                      /* Failsafe stage: the law, or by the age of its inputs a safer command. */
+    uint8_t pad0[2];                    /* Explicit padding. */
 } gerono_control_adaptation;
 #define GERONO_CONTROL_ADAPTATION_STAGE_LAW 0
 #define GERONO_CONTROL_ADAPTATION_STAGE_HOLD 1
@@ -241,34 +240,34 @@ GERONO_ASSERT(sizeof(gerono_control_adaptation) == 232, "another layout of geron
 
 /* A sample of `control/errors`. */
 typedef struct {
-    gerono_header header;
-    double z1[3];
-    double z2[3];
-    double z3[3];
-    double z4;
-    double zeta[3];
-    double omega_desired[3];
+    gerono_header header;               /* Common header. */
+    double z1[3];                       /* z1 = p − pd(γ), eq. (7), m. */
+    double z2[3];                       /* z2, eq. (9), m/s. */
+    double z3[3];                       /* z3 = ω − ωd, eq. (18), rad/s. */
+    double z4;                          /* z4 = γ̇ − γ̇d, eq. (22), 1/s. */
+    double zeta[3];                     /* ζ of section IV, m/s². */
+    double omega_desired[3];            /* ωd, virtual angular velocity, rad/s. */
 } gerono_control_errors;
 GERONO_ASSERT(sizeof(gerono_control_errors) == 152, "another layout of gerono_control_errors");
 #define GERONO_CONTROL_ERRORS_LAYOUT "357b4d7d79bfcf95049e1f031ab67e34"
 
 /* A sample of `rc/frame`. */
 typedef struct {
-    gerono_header header;
-    uint16_t channels[16];
-    double thrust;
-    double torque_body[3];
-    double rates_body[3];
-    uint32_t mode;
-    uint32_t saturated_frames;
-    uint32_t commands_refused;
-    uint8_t failsafe;
-    uint8_t saturated;
-    uint8_t stage;
-    uint8_t limit;
-    uint8_t action;
-    uint8_t inputs_fresh;
-    uint8_t pad0[6];
+    gerono_header header;               /* Common header. */
+    uint16_t channels[16];              /* Channels as sent, in the link's units: thrust, roll rate, pitch rate, yaw rate, then unused ones; all zero on the ideal link and in failsafe frames. */
+    double thrust;                      /* T commanded by the frame, N. */
+    double torque_body[3];              /* τ commanded by the frame in {B}, N m; with `MODE_TORQUE`. */
+    double rates_body[3];               /* Body rates commanded by the frame in {B}, rad/s; with `MODE_RATES`. */
+    uint32_t mode;                      /* Quantities that the vehicle shall follow. */
+    uint32_t saturated_frames;          /* Saturated frames since the start of the flight, this one included. */
+    uint32_t commands_refused;          /* Invalid commands refused since the start of the flight. */
+    uint8_t failsafe;                   /* `true` for a failsafe frame: the motors stop. */
+    uint8_t saturated;                  /* `true` if a limit changed the controller's command by more than the link's resolution. */
+    uint8_t stage;                      /* Content of the frame: the newest command, or by its age a safer one. */
+    uint8_t limit;                      /* Limit of the envelope to which `action` belongs; none if the operator killed. */
+    uint8_t action;                     /* Action of the transmitter for the limit: a warning, a demand to land, or a permanent stop of the motors. */
+    uint8_t inputs_fresh;               /* `true` if the transmitter's required inputs exist and are recent. */
+    uint8_t pad0[6];                    /* Explicit padding. */
 } gerono_rc_frame;
 #define GERONO_RC_FRAME_MODE_TORQUE 0
 #define GERONO_RC_FRAME_MODE_RATES 1
@@ -293,10 +292,10 @@ GERONO_ASSERT(sizeof(gerono_rc_frame) == 136, "another layout of gerono_rc_frame
 
 /* A sample of `run/events`. */
 typedef struct {
-    gerono_header header;
-    uint32_t kind;
-    uint32_t text_length;
-    uint8_t text[120];
+    gerono_header header;               /* Common header. */
+    uint32_t kind;                      /* Kind of the event. */
+    uint32_t text_length;               /* Length of `text`, bytes. */
+    uint8_t text[120];                  /* The event as text, UTF-8, filled up with zeros. */
 } gerono_run_event;
 #define GERONO_RUN_EVENT_KIND_FLIGHT_STARTS 1
 #define GERONO_RUN_EVENT_KIND_VEHICLE_CHANGES 2
@@ -314,8 +313,8 @@ GERONO_ASSERT(sizeof(gerono_run_event) == 152, "another layout of gerono_run_eve
 
 /* A sample of `control/telemetry`. */
 typedef struct {
-    gerono_header header;
-    double values[32];
+    gerono_header header;               /* Common header. */
+    double values[32];                  /* The numbers in the order of their names; zero after them. */
 } gerono_control_telemetry;
 GERONO_ASSERT(sizeof(gerono_control_telemetry) == 280, "another layout of gerono_control_telemetry");
 #define GERONO_CONTROL_TELEMETRY_LAYOUT "a6922d2eefbb6f0f71554cf4f2015233"

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use shared_types::sample::{Header, Member, Record};
 use shared_types::{ServiceId, Topic};
 
 const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/include/gerono.h");
@@ -29,11 +30,11 @@ fn generated() -> String {
             let (name, body) = nested.split_once('\n').unwrap_or((nested, ""));
             structures
                 .entry(c_name(name))
-                .or_insert_with(|| structure(&c_name(name), body, None));
+                .or_insert_with(|| structure(&c_name(name), body, &Header::members(), None));
         }
         let name = c_name(topic.msg_name());
         let _ = writeln!(samples, "/* A sample of `{topic}`. */");
-        samples += &structure(&name, body, Some(topic.kind().size));
+        samples += &structure(&name, body, &topic.members(), Some(topic.kind().size));
         let constant = c_name(topic.msg_name()).to_uppercase();
         let _ = writeln!(samples, "#define {constant}_LAYOUT \"{}\"\n", topic.layout_hash());
     }
@@ -55,7 +56,7 @@ fn c_name(message: &str) -> String {
     text
 }
 
-fn structure(name: &str, body: &str, size: Option<usize>) -> String {
+fn structure(name: &str, body: &str, described: &[Member], size: Option<usize>) -> String {
     let (mut members, mut constants) = (String::new(), String::new());
     for line in body.lines() {
         let Some((kind, rest)) = line.split_once(' ') else {
@@ -69,7 +70,10 @@ fn structure(name: &str, body: &str, size: Option<usize>) -> String {
             Some((element, length)) => (element, format!("[{length}")),
             None => (kind, String::new()),
         };
-        let _ = writeln!(members, "    {} {rest}{length};", c_type(element));
+        let meaning = described.iter().find(|member| member.name == rest);
+        let meaning = meaning.expect("a member of the definition").meaning;
+        let declaration = format!("{} {rest}{length};", c_type(element));
+        let _ = writeln!(members, "    {declaration:<35} /* {meaning} */");
     }
     let mut text = format!("typedef struct {{\n{members}}} {name};\n{constants}");
     if let Some(size) = size {
