@@ -197,6 +197,11 @@ fn what_a_library_does_wrong_in_its_step_ends_the_flight_clearly_and_the_log_is_
         ),
         ("command->thrust = NAN", "thrust", true),
         (
+            "command->mode = 0",
+            "its vehicle takes body rates: write `rates_body`",
+            true,
+        ),
+        (
             "memset(command, 0, sizeof *command + 8)",
             "wrote beyond a sample",
             true,

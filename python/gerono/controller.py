@@ -347,11 +347,16 @@ class Bridge:
                 f"{name} commands mode {mode}, which does not exist; there are "
                 + ", ".join(f"{mode} ({name.lower()})" for mode, name in MODES.items())
             )
-        if mode == RATES and self._mode == TORQUE:
-            raise ValueError(
-                f"{name} commands body rates (mode {RATES}), but the scenario has no `[controller.rates]`, so its vehicle takes "
-                f"torques: leave the mode at {TORQUE}"
-            )
+        if mode == FAILSAFE:
+            return
+        taken, has = ("rates_body", "has") if self._mode == RATES else ("torque_body", "has no")
+        unread = "torque_body" if self._mode == RATES else "rates_body"
+        because = f"but the scenario {has} `[controller.rates]`, so its vehicle takes `{taken}`"
+        if mode != self._mode:
+            wrong = "body rates" if mode == RATES else "torques"
+            raise ValueError(f"{name} commands {wrong} (mode {mode}), {because}: leave the mode at {self._mode}")
+        if self._command[unread].any():
+            raise ValueError(f"{name} writes `{unread}`, {because}: write that")
 
     def _copy_inputs(self, first: Bridge) -> None:
         """Copy the memory of another bridge before its step."""

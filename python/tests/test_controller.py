@@ -441,19 +441,30 @@ def test_modes_that_do_not_exist_are_refused(hover):
 
 
 @pytest.mark.parametrize("mode", [0, 1, gerono.FAILSAFE])
-def test_body_rates_are_refused_where_the_vehicle_takes_torques(hover, mode):
+def test_what_the_vehicle_does_not_take_is_refused(hover, mode):
     class Commands(gerono.Controller):
         def step(self, now, state, reference, command, errors):
             command["mode"], command["thrust"] = mode, 2.0
 
     short = {"duration": 0.1, "vehicle.change": []}
     laboratory = gerono.Scenario(REPOSITORY / "scenarios" / "fig3_6.toml")
-    assert set(laboratory.fly(controller=Commands(), set=short)["control/command"]["mode"]) == {mode}
-    if mode == 1:
-        with pytest.raises(ValueError, match=r"Commands commands body rates \(mode 1\), .* takes torques"):
-            hover.fly(controller=Commands(), set=short)
-    else:
-        assert set(hover.fly(controller=Commands(), set=short)["control/command"]["mode"]) == {mode}
+    for scenario, taken, wrong in [(hover, 0, "body rates"), (laboratory, 1, "torques")]:
+        if mode in (taken, gerono.FAILSAFE):
+            assert set(scenario.fly(controller=Commands(), set=short)["control/command"]["mode"]) == {mode}
+        else:
+            with pytest.raises(ValueError, match=rf"Commands commands {wrong} \(mode {mode}\), .* its vehicle takes "):
+                scenario.fly(controller=Commands(), set=short)
+
+
+@pytest.mark.parametrize(("name", "unread", "read"), [("fig1", "rates_body", "torque_body"), ("fig3_6", "torque_body", "rates_body")])
+def test_numbers_that_the_vehicle_does_not_take_are_refused(name, unread, read):
+    class Commands(gerono.Controller):
+        def step(self, now, state, reference, command, errors):
+            command["thrust"], command[unread] = 2.0, [0.0, 0.1, 0.0]
+
+    with pytest.raises(ValueError, match=f"Commands writes `{unread}`, .* its vehicle takes `{read}`"):
+        scenario = gerono.Scenario(REPOSITORY / "scenarios" / f"{name}.toml")
+        scenario.fly(controller=Commands(), set={"duration": 0.1, "vehicle.change": []})
 
 
 class TellsCount(gerono.Controller):

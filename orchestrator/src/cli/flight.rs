@@ -20,7 +20,7 @@ use scenario_file::values::{ValueError, between, value_between};
 /// A scenario: a file and the settings that change it.
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
-    /// The scenario file, or the name of a shipped scenario such as fig1.
+    /// The scenario file, or in a clone the name of a shipped scenario such as fig1.
     #[arg(add = scenario_file(), value_parser = PathBufValueParser::new().map(scenario_file::find))]
     pub scenario: PathBuf,
     /// Seed of every random draw, in place of the scenario's.

@@ -14,9 +14,11 @@ use std::path::{Path, PathBuf};
 use libloading::{Library, Symbol};
 use scenario::Scenario;
 use shared_types::checkpoint::CAPACITY;
+use shared_types::samples::ControlCommand;
 use shared_types::schedule::MAX_PORTS;
 use shared_types::service::{Built, ErasedService, InputView, OutputSlot};
 use shared_types::{Header, Now, ServiceId, Topic};
+use zerocopy::FromBytes;
 
 use crate::abi;
 use crate::calls::{self, Call, FloatModeChanged, Living};
@@ -128,6 +130,8 @@ struct PluginService {
     outputs: Vec<Guarded>,
     state: RefCell<Guarded>,
     state_size: usize,
+    /// `true` if the vehicle takes body rates, not torques.
+    has_rates: bool,
     /// Verification of the saved state; `None` in the second instance.
     trial: Option<Box<Trial>>,
     /// Counts the service, for the detection of `exit`.
@@ -321,6 +325,7 @@ impl PluginService {
             state: RefCell::new(Guarded::new(state_size.min(CAPACITY))),
             state_size,
             trial: None,
+            has_rates: scenario.controller.rates.is_some(),
             _living: Living::begin(),
         };
         if state_size > CAPACITY {
@@ -417,6 +422,28 @@ impl PluginService {
         }
     }
 
+    /// Checks that a controller commands what the vehicle takes: anything else would stop the motors.
+    #[inline]
+    fn check_mode(&self, tick: u64, ports: Ports) {
+        let is_due = self.role == ServiceId::Controller && ports.due & 1 != 0;
+        let command = ControlCommand::ref_from_bytes(self.outputs[0].bytes());
+        if let Ok(command) = command
+            && is_due
+        {
+            match (command.mode, self.has_rates) {
+                (ControlCommand::MODE_TORQUE, true) => self.fail(&format!(
+                    "commands a torque at tick {tick}, but the scenario has `[controller.rates]`, so its vehicle takes body \
+                     rates: write `rates_body`, and `mode` 1"
+                )),
+                (ControlCommand::MODE_RATES, false) => self.fail(&format!(
+                    "commands body rates at tick {tick}, but the scenario has no `[controller.rates]`, so its vehicle takes \
+                     torques: write `torque_body`, and `mode` 0"
+                )),
+                _ => {}
+            }
+        }
+    }
+
     /// Checks that the size of the state is unchanged: a Rust library reports a panic by another size.
     #[expect(unsafe_code, reason = "the library tells the size of its state")]
     fn check_state_size(&self, function: &str) {
@@ -456,6 +483,7 @@ impl ErasedService for PluginService {
         }
         let ports = self.copy_ports(inputs, outputs);
         self.step_in_memory(&now, ports);
+        self.check_mode(now.tick, ports);
         for (slot, place) in outputs.iter_mut().zip(&self.outputs) {
             if let Some(bytes) = &mut slot.bytes {
                 // Only the host writes the header.
