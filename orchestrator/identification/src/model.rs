@@ -79,11 +79,12 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
     })?;
     settings.model.marker_offset = state.nominal.marker_offset_body.into();
     let refined = refine::refine(recording, &settings)?;
-    let (marker_offset, radio_latency) = refine::beside(&stated, &refined);
+    let (marker_offset, effective_delay) = refine::beside(&stated, &refined);
     Ok(Identification {
+        rehearsal: recording.rehearsal(),
         answer: refined.answer(recording, &stated),
         marker_offset,
-        radio_latency,
+        effective_delay,
         position_deviation: Quantity {
             stated: stated.kalman.position_deviation,
             ..position

@@ -7,7 +7,7 @@ use super::report::Quantity;
 /// Delay and lags of the model, estimated together, and the sums that a slow motion shows, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Answer {
-    /// Delay of the radio link.
+    /// Delay of the radio link alone: the key of the scenario.
     pub radio_latency: Quantity,
     /// Time constant of the body rates.
     pub rate_lag: Quantity,

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use shared_types::rotation::from_row_major;
 use shared_types::rotation::log;
 use shared_types::samples::MocapPose;
-use statistics::student;
+use statistics::{quantile, student};
 
 use super::report::Quantity;
 
@@ -93,8 +93,6 @@ fn half_width_of_mean(values: &[f64], confidence: f64) -> f64 {
 
 /// Returns the standard deviation by the median of the magnitudes of third differences.
 fn deviation_by_median(sizes: &[f64]) -> f64 {
-    let mut sorted = sizes.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let median = quantile::median_of(sizes.iter().copied()).unwrap_or(0.0);
     median / (MEDIAN_MAGNITUDE * OF_THIRD_DIFFERENCE.sqrt())
 }

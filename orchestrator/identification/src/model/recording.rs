@@ -1,5 +1,6 @@
 //! The poses and frames of a log, and the filter over them.
 
+use std::net::IpAddr;
 use std::path::Path;
 
 use estimator::kalman::filter_state::FilterState;
@@ -11,8 +12,10 @@ use scenario::{Kalman, Model, Scenario};
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::service::{header_of, nanoseconds, seconds};
 use shared_types::{ServiceId, Topic};
+use statistics::quantile;
 
 use super::IdentifyError;
+use super::report::Rehearsal;
 
 /// Minimum number of captures and of frames: those of ten seconds at slow rates.
 const ENOUGH: usize = 200;
@@ -147,15 +150,28 @@ impl Recording {
     #[must_use]
     pub fn capture_age(&self) -> f64 {
         let ages = self.arrivals.iter().filter_map(|(at_ns, arrival)| match arrival {
-            Arrival::Pose(pose) if pose.tracked.is_set() => Some(at_ns.saturating_sub(pose.capture_time_ns)),
+            Arrival::Pose(pose) if pose.tracked.is_set() => {
+                Some(seconds(at_ns.saturating_sub(pose.capture_time_ns)))
+            }
             _ => None,
         });
-        let mut ages: Vec<u64> = ages.collect();
-        let middle = ages.len() / 2;
-        if ages.is_empty() {
-            return 0.0;
+        quantile::median_of(ages).unwrap_or(0.0)
+    }
+
+    /// Returns what stood in for a laboratory.
+    #[must_use]
+    pub fn rehearsal(&self) -> Option<Rehearsal> {
+        let scenario = &self.scenario;
+        if let Some((_, capture)) = scenario.capture_system() {
+            let server: Option<IpAddr> = capture.server.parse().ok();
+            return server
+                .is_some_and(|server| server.is_loopback())
+                .then_some(Rehearsal::World);
         }
-        seconds(*ages.select_nth_unstable(middle).1)
+        let link = scenario.rc_output.as_ref();
+        let has_link = link.is_some_and(|link| !link.link.is_simulated());
+        let is_of_laboratory = scenario.motion_capture.is_some() || has_link;
+        (scenario.pose_source().is_simulated() && is_of_laboratory).then_some(Rehearsal::Simulated)
     }
 
     /// Returns the number of frames.

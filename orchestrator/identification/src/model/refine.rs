@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use flight::many;
 use metrics::{CERTAIN, CONFIDENCE};
 use nalgebra::{SMatrix, SVector};
-use statistics::student;
+use statistics::{quantile, student};
 
 use super::IdentifyError;
 use super::answer::Answer;
@@ -107,6 +107,8 @@ pub struct Refined {
     certain: [f64; PARAMETERS],
     /// Estimate with free lags, from the same settings; `None` if the flight is too short for it.
     with_lags: Option<Estimate>,
+    /// Parameters of estimates with free lags and the neighbouring drifts.
+    beside: Vec<SVector<f64, PARAMETERS>>,
 }
 
 /// Parameters with their standard errors, the degrees of freedom, and the masses of the blocks.
@@ -152,21 +154,33 @@ pub fn refine(recording: &Recording, settings: &FilterSettings) -> Result<Refine
         Tried::new(recording, &tried, factor, estimate)
     };
     let (tried, likeliest) = scan(DRIFT_FACTORS, &estimate, drifts)?;
-    let settings = with_drift(&settings, between(&tried, likeliest));
+    let chosen = with_drift(&settings, between(&tried, likeliest));
     let mut estimate = tried[likeliest].estimate.clone();
-    estimate.descend(recording, &settings)?;
-    estimate.descend(recording, &settings)?;
-    let beside = &tried[likeliest.saturating_sub(1)..tried.len().min(likeliest + 2)];
-    let mut with_lags = Estimate {
+    estimate.descend(recording, &chosen)?;
+    estimate.descend(recording, &chosen)?;
+    let tried = &tried[likeliest.saturating_sub(1)..tried.len().min(likeliest + 2)];
+    let neighbours: Vec<_> = tried.iter().map(|tried| tried.estimate.parameters).collect();
+    let with_lags = Estimate {
         has_lags: true,
         ..estimate.clone()
     };
-    let has_converged = with_lags.converge(recording, &settings);
+    let with_lags = with_lags.converged(recording, &chosen);
+    let mut beside = Vec::new();
+    if let Some(with_lags) = &with_lags {
+        for neighbour in tried {
+            let mut stepped = with_lags.clone();
+            let settings = with_drift(&settings, neighbour.factor);
+            if stepped.descend(recording, &settings).is_ok() {
+                beside.push(stepped.parameters);
+            }
+        }
+    }
     Ok(Refined {
-        with_lags: has_converged.then_some(with_lags),
+        with_lags,
+        beside,
         found: estimate.parameters.into(),
-        errors: estimate.half_widths(beside, CONFIDENCE, 1.0),
-        certain: estimate.half_widths(beside, CERTAIN, SYSTEMATIC_CERTAIN),
+        errors: estimate.half_widths(&neighbours, CONFIDENCE, 1.0),
+        certain: estimate.half_widths(&neighbours, CERTAIN, SYSTEMATIC_CERTAIN),
     })
 }
 
@@ -277,11 +291,15 @@ impl Estimate {
 
     /// Returns the half-widths of the intervals from the random error and the systematic one, which is at least a share of the
     /// range of the estimates with the neighbouring drifts. `wider` is the ratio of the systematic half-width to that of 95 %.
-    fn half_widths(&self, beside: &[Tried], confidence: f64, wider: f64) -> [f64; PARAMETERS] {
+    fn half_widths(
+        &self,
+        beside: &[SVector<f64, PARAMETERS>],
+        confidence: f64,
+        wider: f64,
+    ) -> [f64; PARAMETERS] {
         std::array::from_fn(|index| {
-            let values = || beside.iter().map(|tried| tried.estimate.parameters[index]);
-            let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
-            let systematic = wider * SYSTEMATIC[index].max(OF_NEIGHBOURS * 0.5 * range);
+            let values = beside.iter().map(|parameters| parameters[index]);
+            let systematic = wider * systematic(SYSTEMATIC[index], values);
             self.half_width(self.covariance[(index, index)], systematic, confidence)
         })
     }
@@ -292,17 +310,22 @@ impl Estimate {
         (by_chance * by_chance + systematic * systematic).sqrt()
     }
 
-    /// Makes Gauss–Newton steps until delay and lags stay. Returns whether they do.
-    fn converge(&mut self, recording: &Recording, settings: &FilterSettings) -> bool {
-        (0..LAG_STEPS).any(|_| {
+    /// Makes Gauss–Newton steps until delay and lags stay. Returns `None` if they do not, or stay at [`LONGEST`], which is where
+    /// the search ends and no minimum.
+    fn converged(mut self, recording: &Recording, settings: &FilterSettings) -> Option<Self> {
+        for _ in 0..LAG_STEPS {
             let before = self.parameters;
-            let is_made = self.descend(recording, settings).is_ok();
-            is_made
-                && (DELAY..PARAMETERS).all(|index| {
-                    let change = self.parameters[index] - before[index];
-                    change * change <= CONVERGED * CONVERGED * self.covariance[(index, index)]
-                })
-        })
+            self.descend(recording, settings).ok()?;
+            let stays = (DELAY..PARAMETERS).all(|index| {
+                let change = self.parameters[index] - before[index];
+                change * change <= CONVERGED * CONVERGED * self.covariance[(index, index)]
+            });
+            if stays {
+                let is_minimum = (DELAY..PARAMETERS).all(|index| self.parameters[index] < LONGEST);
+                return is_minimum.then_some(self);
+            }
+        }
+        None
     }
 
     /// Makes a Gauss–Newton step.
@@ -333,13 +356,11 @@ impl Estimate {
         let Some(inverse) = information.try_inverse().filter(|_| self.freedom >= FREEDOM) else {
             return Err(IdentifyError::TooFewSeconds { counted: clusters });
         };
-        let change = -(inverse * gradients().sum::<SVector<f64, PARAMETERS>>());
+        let gradient: SVector<f64, PARAMETERS> = gradients().sum();
+        let change = bounded_step(&information, &gradient, &self.parameters);
         let spread: SMatrix<f64, PARAMETERS, PARAMETERS> = gradients().map(|one| one * one.transpose()).sum();
         self.covariance = inverse * spread * inverse * (clusters as f64 / self.freedom as f64);
         self.parameters += change;
-        for index in DELAY..PARAMETERS {
-            self.parameters[index] = self.parameters[index].clamp(0.0, LONGEST);
-        }
         for (block, equations) in self.blocks.iter_mut().zip(&equations) {
             let (by_parameters, own) = &equations.mass;
             let change = (by_parameters * change)[0] + own;
@@ -371,6 +392,44 @@ impl Estimate {
     }
 }
 
+/// Returns the Gauss–Newton step within the bounds of delay and lags. A parameter that would leave them goes to its bound, and
+/// the step of the others is the best one with it there: to cut it off alone would leave the others at their values for a delay
+/// or a lag that is not possible.
+fn bounded_step(
+    information: &SMatrix<f64, PARAMETERS, PARAMETERS>,
+    gradient: &SVector<f64, PARAMETERS>,
+    parameters: &SVector<f64, PARAMETERS>,
+) -> SVector<f64, PARAMETERS> {
+    let mut held: [Option<f64>; PARAMETERS] = [None; PARAMETERS];
+    loop {
+        let (mut matrix, mut right) = (*information, -gradient);
+        for (index, change) in held.iter().enumerate() {
+            let Some(change) = change else { continue };
+            right -= matrix.column(index) * *change;
+            matrix.row_mut(index).fill(0.0);
+            matrix.column_mut(index).fill(0.0);
+            matrix[(index, index)] = 1.0;
+            right[index] = *change;
+        }
+        let change = matrix
+            .try_inverse()
+            .map_or_else(SVector::zeros, |inverse| inverse * right);
+        let beyond = (DELAY..PARAMETERS)
+            .filter(|&index| held[index].is_none())
+            .find(|&index| !(0.0..=LONGEST).contains(&(parameters[index] + change[index])));
+        let Some(index) = beyond else { return change };
+        held[index] = Some((parameters[index] + change[index]).clamp(0.0, LONGEST) - parameters[index]);
+    }
+}
+
+/// Returns the systematic error of a value: a least one, or a share of the range of its estimates with the neighbouring drifts.
+fn systematic(least: f64, beside: impl Iterator<Item = f64>) -> f64 {
+    let [low, high] = beside.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(value), high.max(value)]
+    });
+    least.max(OF_NEIGHBOURS * 0.5 * (high - low))
+}
+
 /// Misfit of the captures of a block.
 struct Deviance {
     /// −2 times the log-likelihood, up to a constant.
@@ -400,9 +459,7 @@ impl Deviance {
 
 /// Returns for each block whether it has captures and is no outlier.
 fn usable(mean_squares: impl Iterator<Item = Option<f64>> + Clone) -> Vec<bool> {
-    let mut sizes: Vec<f64> = mean_squares.clone().flatten().collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN);
+    let median = quantile::median_of(mean_squares.clone().flatten()).unwrap_or(f64::NAN);
     let is_usable = |size: f64| size <= OUTLIER * median;
     mean_squares.map(|size| size.is_some_and(is_usable)).collect()
 }
@@ -542,8 +599,10 @@ impl Refined {
                 weights[index] = 1.0;
             }
             let variance = (weights.transpose() * estimate.covariance * weights)[0];
+            let beside = self.beside.iter().map(|parameters| weights.dot(parameters));
+            let systematic = systematic(SYSTEMATIC[DELAY], beside);
             let half_width =
-                |confidence, wider: f64| estimate.half_width(variance, wider * SYSTEMATIC[DELAY], confidence);
+                |confidence, wider: f64| estimate.half_width(variance, wider * systematic, confidence);
             Quantity {
                 stated: selected.iter().map(|&index| stated[index - DELAY]).sum(),
                 found: weights.dot(&estimate.parameters),
@@ -565,6 +624,36 @@ impl Refined {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_step_to_a_bound_is_the_best_one_with_the_parameter_there() {
+        let mut information = SMatrix::identity();
+        // Delay and rate lag have nearly the same effect.
+        information[(DELAY, RATE_LAG)] = 0.9;
+        information[(RATE_LAG, DELAY)] = 0.9;
+        let mut parameters = SVector::zeros();
+        parameters[RATE_LAG] = 0.01;
+        parameters[THRUST_LAG] = 0.09;
+        // The minimum is at a delay of 8 ms with a lag of −3 ms, and at a thrust lag of 120 ms.
+        let wanted = SVector::from([0.0, 0.0, 0.0, 0.008, -0.013, 0.03]);
+        let gradient = -(information * wanted);
+        let change = bounded_step(&information, &gradient, &parameters);
+        // With no lag the sum of squares is smallest at 8 − 0.9 · 3 ms.
+        let best = SVector::from([0.0, 0.0, 0.0, 0.0053, -0.01, 0.01]);
+        assert!((change - best).amax() < 1e-12, "{change}");
+        parameters[RATE_LAG] = 0.05;
+        parameters[THRUST_LAG] = 0.01;
+        let change = bounded_step(&information, &gradient, &parameters);
+        assert!((change - wanted).amax() < 1e-12, "within the bounds: {change}");
+    }
+
+    #[test]
+    fn estimates_that_depend_on_the_drift_widen_an_interval() {
+        assert_eq!(systematic(3e-4, [0.02].into_iter()), 3e-4);
+        assert_eq!(systematic(3e-4, std::iter::empty()), 3e-4);
+        let wide = systematic(3e-4, [0.02, 0.03, 0.025].into_iter());
+        assert!((wide - 0.00185).abs() < 1e-12, "{wide}");
+    }
 
     #[test]
     fn a_block_without_captures_is_not_usable_and_does_not_lower_the_median() {

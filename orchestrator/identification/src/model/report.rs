@@ -21,12 +21,30 @@ const THRUST_LAG_UNKNOWN: f64 = 0.03;
 const THRUST_LAG_MATTERS: f64 = 0.01;
 
 /// Note on a flight whose lags were not found.
-const EFFECTIVE: &str = "This flight does not tell delay and lags apart: fly for longer. The radio_latency is an effective delay: the \
+const EFFECTIVE: &str = "This flight does not tell delay and lags apart: fly again, 60 s in the air, in a hover or along a figure. The radio_latency is an effective delay: the \
                          radio's own, and all lag of thrust and body rates beyond what [model] states.";
 
 /// Note on a delay that is not as stated, where the lags were found.
 const NOT_SEPARABLE: &str = "The radio_latency includes what no flight distinguishes from the radio: waiting in the transmitter and \
                              on board, and captures that are later than their stamps.";
+
+/// Note on a flight that was simulated, which takes the place of the lines for the scenario.
+const SIMULATED: &str = "This flight was a rehearsal: delay, lags, marker offset and noise are those of the simulation, not of your \
+                         vehicle, radio and cameras. Put none of them into the scenario.";
+
+/// Note on a flight whose cameras were on this machine.
+const WORLD: &str = "The cameras of this flight were on this machine. If that was `gerono world`, these values are those of the \
+                     simulated laboratory, not of your vehicle, radio and cameras: put none of them into the scenario.";
+
+/// Simulation that a laboratory's scenario was flown in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rehearsal {
+    /// Vehicle and cameras were simulated by the flight itself.
+    Simulated,
+    /// The cameras were on the same machine, as those of the simulated laboratory are.
+    World,
+}
 
 /// An identified parameter of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -44,10 +62,14 @@ pub struct Quantity {
 /// Result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
+    /// What stood in for the laboratory; `None` for a laboratory, and for a scenario without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rehearsal: Option<Rehearsal>,
     /// Tracked point relative to the centre of mass, in {B}, m.
     pub marker_offset: [Quantity; 3],
-    /// Effective delay from sending a frame to its effect in the captures, s, with all lag beyond the model's.
-    pub radio_latency: Quantity,
+    /// Effective delay from sending a frame to its effect in the captures, s, with all lag beyond the model's: that of the radio
+    /// link alone is in the answer.
+    pub effective_delay: Quantity,
     /// Standard deviation of a captured position, each component, m.
     pub position_deviation: Quantity,
     /// Standard deviation of a captured attitude about each axis, rad.
@@ -157,7 +179,7 @@ impl Identification {
                 unknown,
             ));
         } else {
-            lines.push(delay("radio_latency", self.radio_latency));
+            lines.push(delay("radio_latency", self.effective_delay));
         }
         for (key, quantity, unit) in [
             ("position_deviation", self.position_deviation, "mm"),
@@ -244,7 +266,12 @@ impl fmt::Display for Identification {
         if let Some(answer) = &self.answer {
             writeln!(formatter, "\n{answer}")?;
         }
-        if lines.iter().any(|line| line.verdict == Verdict::Differs) {
+        if self.rehearsal == Some(Rehearsal::World) {
+            writeln!(formatter, "\n{WORLD}")?;
+        }
+        if self.rehearsal == Some(Rehearsal::Simulated) {
+            writeln!(formatter, "\n{SIMULATED}")?;
+        } else if lines.iter().any(|line| line.verdict == Verdict::Differs) {
             write!(formatter, "\nPut into the scenario:\n\n{}", self.snippet())?;
         }
         Ok(())

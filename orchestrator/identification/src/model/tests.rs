@@ -6,6 +6,7 @@ use std::path::Path;
 use host::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 
+use super::report::Rehearsal;
 use super::*;
 
 impl TickSink for Recording {
@@ -51,7 +52,7 @@ fn a_laboratory_as_stated_is_found_to_be_so() {
     for offset in found.marker_offset {
         assert_near(offset, 0.0, 0.003);
     }
-    assert_near(found.radio_latency, 0.005, 0.0005);
+    assert_near(found.effective_delay, 0.005, 0.0005);
     assert_near(found.position_deviation, 3e-4, 3e-5);
     assert_near(found.attitude_deviation, 2e-3, 3e-4);
     let told = found.to_string();
@@ -70,7 +71,7 @@ fn markers_delay_and_noise_of_another_laboratory_are_found() {
     for (offset, is) in found.marker_offset.into_iter().zip([0.008, -0.006, -0.012]) {
         assert_near(offset, is, 0.003);
     }
-    assert_near(found.radio_latency, 0.012, 0.0005);
+    assert_near(found.effective_delay, 0.012, 0.0005);
     assert_near(found.position_deviation, 6e-4, 6e-5);
     assert_near(found.attitude_deviation, 5e-3, 5e-4);
     let told = found.to_string();
@@ -97,8 +98,9 @@ fn an_offset_that_no_turn_has_shown_stays_as_stated() {
         certain: 0.00017,
     };
     let told = Identification {
+        rehearsal: None,
         marker_offset: [known, unknown, known],
-        radio_latency: close,
+        effective_delay: close,
         position_deviation: close,
         attitude_deviation: close,
         answer: None,
@@ -139,8 +141,9 @@ fn a_word_agrees_with_its_interval() {
             certain: 0.00085,
         };
         Identification {
+            rehearsal: None,
             marker_offset: [offset; 3],
-            radio_latency,
+            effective_delay: radio_latency,
             position_deviation: noise,
             attitude_deviation: noise,
             answer: None,
@@ -162,6 +165,45 @@ fn a_word_agrees_with_its_interval() {
         assert!(told.contains(below), "{told}");
         assert_eq!(told.contains("Put into"), of_delay == "differs", "{told}");
     }
+}
+
+#[test]
+fn a_rehearsal_corrects_no_scenario() {
+    let rehearsal = |sets: &[&str]| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/laboratory_simulated.toml");
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let scenario = scenario_file::load(&path, &sets, None).unwrap();
+        Recording::new(&scenario).unwrap().rehearsal()
+    };
+    let simulated = rehearsal(&["motion_capture.source=simulated"]);
+    assert_eq!(simulated, Some(Rehearsal::Simulated));
+    assert_eq!(rehearsal(&[]), Some(Rehearsal::World));
+    let elsewhere = [
+        "motion_capture.server=\"192.168.10.1\"",
+        "motion_capture.interface=\"192.168.10.7\"",
+    ];
+    assert_eq!(rehearsal(&elsewhere), None);
+    let far = Quantity {
+        stated: 0.005,
+        found: 0.000_13,
+        error: 1e-4,
+        certain: 2e-4,
+    };
+    let told = |rehearsal| {
+        let found = Identification {
+            rehearsal,
+            marker_offset: [far; 3],
+            effective_delay: far,
+            position_deviation: far,
+            attitude_deviation: far,
+            answer: None,
+        };
+        found.to_string()
+    };
+    assert!(told(None).contains("Put into the scenario:") && !told(None).contains("rehearsal"));
+    let simulated = told(simulated);
+    assert!(simulated.contains("was a rehearsal") && !simulated.contains("radio_latency ="));
+    assert!(told(Some(Rehearsal::World)).contains("`gerono world`"));
 }
 
 #[test]
@@ -205,13 +247,13 @@ fn draws(flight: u64) -> impl FnMut() -> f64 {
 fn missed(found: &Identification, truth: [f64; 6]) -> Vec<String> {
     let Identification {
         marker_offset: [x, y, z],
-        radio_latency,
+        effective_delay,
         position_deviation,
         attitude_deviation,
         ..
     } = *found;
     let names = ["x", "y", "z", "delay", "position", "attitude"];
-    let all = [x, y, z, radio_latency, position_deviation, attitude_deviation];
+    let all = [x, y, z, effective_delay, position_deviation, attitude_deviation];
     let missed = names.iter().zip(all).zip(truth);
     let missed = missed.filter(|((_, quantity), is)| (quantity.found - is).abs() > quantity.error);
     missed
