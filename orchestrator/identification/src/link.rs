@@ -8,7 +8,7 @@
 //! not be used. A short log is not sufficient either: gusts last for seconds, and the intervals are based on the differences
 //! between stretches of the flight (`fit`). A controller moves the thrust stick against disturbances, which correlates the stick
 //! with them: the desired thrust of the path is the instrument of its fit (`fit`). A flight up and down and around both axes
-//! suits well.
+//! suits well. Of a flight with phases only the time along the path counts: on the ground the thrust carries nothing.
 
 mod fit;
 mod history;
@@ -19,6 +19,7 @@ use std::path::Path;
 
 use scenario::{Model, RcLink, Recorded, Scenario};
 use serde::Serialize;
+use shared_types::flight_phase::FlightPhase;
 use shared_types::samples::{MocapPose, PathReference, RcFrame, VehicleTruth};
 use shared_types::{Topic, service::seconds};
 
@@ -146,6 +147,9 @@ pub struct Gatherer {
     truths: Vec<Truth>,
     desired: Vec<DesiredAcceleration>,
     response: ResponseWatch,
+    has_phases: bool,
+    /// `true` if the vehicle flies along its path, by the newest reference.
+    is_on_path: bool,
 }
 
 impl Gatherer {
@@ -165,17 +169,24 @@ impl Gatherer {
             truths: Vec::new(),
             desired: Vec::new(),
             response: ResponseWatch::new(scenario),
+            has_phases: scenario.flight.is_some(),
+            is_on_path: scenario.flight.is_none(),
         })
     }
 
     /// Records a sample.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         self.response.observe(topic, bytes);
+        if topic == Topic::PathReference && self.has_phases {
+            let reference = read::<PathReference>(bytes);
+            self.is_on_path = FlightPhase::from_code(reference.phase) == FlightPhase::Fly;
+        }
         match (topic, self.source) {
             (Topic::RcFrame, _) => {
                 let frame = read::<RcFrame>(bytes);
                 let acts_at = seconds(frame.header.stamp_ns) + self.model.radio_latency;
-                self.frames.push(Frame::new(&frame, &self.link, acts_at));
+                self.frames
+                    .push(Frame::new(&frame, &self.link, acts_at, self.is_on_path));
             }
             (Topic::PathReference, FrameSource::Poses) => {
                 self.desired

@@ -14,14 +14,14 @@ const SETTLING: f64 = 0.2;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     acts_at: f64,
-    /// Travels of thrust, roll, pitch and yaw; `None` while the motors are stopped.
+    /// Travels of thrust, roll, pitch and yaw; `None` while the motors are stopped or the vehicle is not on its path.
     travels: Option<[f64; 4]>,
 }
 
 impl Frame {
-    pub(super) fn new(frame: &RcFrame, link: &RcLink, acts_at: f64) -> Self {
+    pub(super) fn new(frame: &RcFrame, link: &RcLink, acts_at: f64, is_on_path: bool) -> Self {
         let largest = f64::from((1_u32 << link.resolution.clamp(1, 16)) - 1);
-        let is_flown = !frame.failsafe.is_set() && frame.mode == RcFrame::MODE_RATES;
+        let is_flown = is_on_path && !frame.failsafe.is_set() && frame.mode == RcFrame::MODE_RATES;
         Self {
             acts_at,
             travels: is_flown

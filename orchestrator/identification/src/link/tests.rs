@@ -104,6 +104,32 @@ fn the_poses_of_a_flight_up_and_down_give_the_thrust_back() {
     );
 }
 
+/// On the ground the thrust carries nothing: those times would make a stick useless that moves enough in the air.
+#[test]
+fn the_path_that_is_advised_gives_thrust_roll_and_pitch_of_a_flight_with_take_off_and_landing() {
+    let flown = |path: &str| {
+        let changes = [
+            "motion_capture.source=simulated",
+            "flight.arm_at=2.0",
+            "flight.land_at=45.0",
+            "duration=60.0",
+            "vehicle.fan.force=0.0",
+            path,
+        ];
+        let found = gathered("laboratory_simulated", &changes, FrameSource::Poses).finish();
+        found.unwrap()
+    };
+    let [thrust, roll, pitch, yaw] = flown(words::MOVING_PATH).sticks;
+    for stick in [thrust, roll, pitch] {
+        let fit = stick.usable().unwrap_or_else(|| panic!("{stick:?}"));
+        assert!((fit.slope / stick.stated[1] - 1.0).abs() < 0.1, "{stick:?}");
+        assert!(!stick.differs(), "{stick:?}");
+    }
+    assert_eq!(yaw.usable(), None);
+    let told = flown("path.speed=1.0").to_string();
+    assert!(told.contains(words::MOVING_PATH), "{told}");
+}
+
 #[test]
 fn a_reversed_stick_is_named() {
     let mut found = flown("fig7", &["duration=45.0"], FrameSource::Truth);

@@ -4,7 +4,11 @@ use std::fmt::{self, Display, Formatter, Write};
 
 use comfy_table::{Table, presets};
 
-use super::{Calibration, EXPLAINS, Identification};
+use super::{Calibration, EXPLAINS, Identification, STICKS};
+
+/// Path that moves thrust, roll and pitch, within half a metre of a place.
+pub(super) const MOVING_PATH: &str =
+    "path.curve={lissajous={center=[0.0,0.0,-1.2],amplitude=[0.5,0.5,0.3],frequency=[1.5,1.8,3.6]}}";
 
 impl Display for Identification {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
@@ -134,9 +138,18 @@ fn unmoved(found: &Identification) -> String {
     if unmoved.is_empty() {
         return String::new();
     }
+    let mut remedies = String::new();
+    if unmoved.iter().any(|stick| *stick != STICKS[3]) {
+        let _ = write!(
+            remedies,
+            " A hover moves none enough: fly for 40 s, where there is room,\nwith  --set '{MOVING_PATH}'\n"
+        );
+    }
+    if unmoved.contains(&STICKS[3]) {
+        remedies += " The yaw is moved by steps of `[[path.yaw_step]]`.\n";
+    }
     format!(
-        "\nKept as stated, because the stick explains less than {:.0} % of the measured variance: {}. Fly a path that moves it, \
-         up and down or around.\n",
+        "\nKept as stated, because the stick explains less than {:.0} % of the measured variance: {}.{remedies}",
         100.0 * EXPLAINS,
         unmoved.join(", ")
     )
