@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use radio_link::link::RadioLink;
 use radio_link::sender::{Condition, LinkReport, Sender};
-use radio_link::sticks::{Sticks, ThrustRest};
+use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
 use shared_types::sample::Field;
@@ -26,7 +26,6 @@ pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
     /// `None` after it was stopped.
     sender: Option<Sender>,
-    rest: ThrustRest,
     page: Arc<SharedPage>,
 }
 
@@ -55,7 +54,6 @@ impl RadioLinkDriver {
         let transmitter = Self {
             service,
             sender: Some(sender),
-            rest: ThrustRest::new(link),
             page,
         };
         transmitter.write_status(&figures);
@@ -79,7 +77,7 @@ impl ErasedService for RadioLinkDriver {
         if let Some(frame) = outputs.frame.due() {
             // A frame that is not finite is not published either.
             if frame.is_finite() {
-                sender.set(&self.rest.sticks(frame));
+                sender.set(&Sticks::from_frame(frame));
             }
         }
         self.write_status(&in_flight(&sender.condition()));

@@ -4,6 +4,7 @@ use scenario::Scenario;
 use shared_types::input_validator::{
     GateState, InputValidator, StateGateState, StateValidator, Validity, is_of_the_past,
 };
+use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
@@ -25,8 +26,10 @@ shared_types::sample! {
         pub guard: GuardMemory,
         /// Saturated frames since the start of the flight.
         pub saturated_frames: u32,
+        /// `true` if there was a thrust since the motors were last stopped; only on a link to hardware.
+        pub has_pulled: Flag,
         /// Explicit padding.
-        pub pad0: u32,
+        pub pad0: [u8; 3],
     }
 }
 
@@ -41,6 +44,8 @@ pub struct RcOutputService {
     /// Maximum ages of recent commands and states, ns.
     fresh_ns: [u64; 2],
     saturated_frames: u32,
+    /// As [`RcOutputState::has_pulled`].
+    has_pulled: bool,
 }
 
 /// Age limits of a command.
@@ -71,6 +76,7 @@ impl RcOutputService {
             fresh_ns: [Topic::ControlCommand, Topic::VehicleState]
                 .map(|topic| scenario.fresh_age_ns(topic, ServiceId::RcOutput)),
             saturated_frames: 0,
+            has_pulled: false,
         }
     }
 
@@ -154,6 +160,7 @@ impl Service for RcOutputService {
             .filter(|_| decision.passes)
             .map(|command| self.guard.limited(&command));
         self.link.transmit(sent.as_ref(), frame);
+        self.link.rest(&mut self.has_pulled, frame);
         if !frame.failsafe.is_set() && sent.zip(command).is_some_and(|(sent, asked)| sent != asked) {
             frame.saturated = true.into();
         }
@@ -178,7 +185,8 @@ impl Service for RcOutputService {
             states: self.states.save(),
             guard: self.guard.persistent,
             saturated_frames: self.saturated_frames,
-            pad0: 0,
+            has_pulled: self.has_pulled.into(),
+            pad0: [0; 3],
         }
     }
 
@@ -187,5 +195,6 @@ impl Service for RcOutputService {
         self.states.restore(&state.states);
         self.guard.persistent = state.guard;
         self.saturated_frames = state.saturated_frames;
+        self.has_pulled = state.has_pulled.is_set();
     }
 }
