@@ -3,7 +3,8 @@
 //! A frame acts a stated latency, that of the air link and the flight controller, after its last byte has arrived. Without a
 //! frame for [`LOST_AFTER_NS`](super::link_loss_timer::LOST_AFTER_NS) the receiver stops the motors; a Crazyflie does what
 //! its [`Supervisor`] does. A flight controller with an arming switch does not arm unless the thrust stick is down when the
-//! switch is turned on, as Betaflight (`min_check`) and PX4 do.
+//! switch is turned on, as Betaflight (`min_check`) and PX4 do, and one that has lost the link disarms until the switch was off
+//! and is on again, as the failsafe of Betaflight does.
 
 use std::collections::VecDeque;
 
@@ -39,7 +40,7 @@ enum Switch {
     Off,
     /// Turned on while the thrust stick was down.
     Armed,
-    /// Turned on while it was not.
+    /// Turned on while it was not, or still on after the link was lost.
     Refused,
 }
 
@@ -54,6 +55,13 @@ impl Switch {
             seen => seen,
         };
         *self == Self::Armed
+    }
+
+    /// Disarms the vehicle until the switch was off.
+    fn disarm(&mut self) {
+        if *self == Self::Armed {
+            *self = Self::Refused;
+        }
     }
 }
 
@@ -124,6 +132,7 @@ impl Radio {
                     return newest;
                 }
                 self.pending.clear();
+                self.switch.iter_mut().for_each(Switch::disarm);
                 Some(self.numbered(stopped_frame(0)))
             }
             Loss::Crazyflie(supervisor) => {
@@ -283,9 +292,24 @@ mod tests {
         let lost = radio.acting(101 + LOST_AFTER_NS).unwrap();
         assert!(lost.failsafe.is_set() && lost.header.seq == 2);
         assert!(radio.acting(102 + LOST_AFTER_NS).is_none());
-        radio.receive(&send(&armed()), 200 + LOST_AFTER_NS);
-        let frame = radio.acting(200 + LOST_AFTER_NS).unwrap();
-        assert!(!frame.failsafe.is_set() && radio.losses() == 1);
+        assert_eq!(radio.losses(), 1);
+    }
+
+    #[test]
+    fn a_vehicle_that_has_lost_the_link_arms_only_when_it_is_switched_off_and_on_again() {
+        let (mut radio, mut send) = radio(0);
+        let mut thrust = |sticks: &Sticks, at_ns| {
+            radio.acting(at_ns);
+            radio.receive(&send(sticks), at_ns);
+            radio.acting(at_ns).unwrap().thrust
+        };
+        assert!(thrust(&armed(), 100) > 2.3);
+        let again = 200 + LOST_AFTER_NS;
+        assert_eq!([thrust(&armed(), again), thrust(&IDLE, again + 1)], [0.0; 2]);
+        assert_eq!(thrust(&armed(), again + 2), 0.0);
+        thrust(&Sticks::MOTORS_OFF, again + 3);
+        thrust(&IDLE, again + 4);
+        assert!(thrust(&armed(), again + 5) > 2.3);
     }
 
     #[test]
