@@ -291,7 +291,9 @@ impl FlightSummary {
                 .flight
                 .as_ref()
                 .map(|_| Box::new(ResponseWatch::new(scenario))),
-            cameras: scenario.capture_system().map(|_| Box::new(CameraWatch::new())),
+            cameras: scenario
+                .capture_system()
+                .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -401,6 +403,11 @@ impl FlightSummary {
         self.loss.observe_reference(reference);
         self.kill.observe_reference(reference);
         self.flight.observe(reference);
+        if self.has_phases
+            && let Some(cameras) = &mut self.cameras
+        {
+            cameras.observe_reference(reference);
+        }
     }
 
     #[inline]

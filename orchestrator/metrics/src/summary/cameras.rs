@@ -3,6 +3,7 @@
 //! A sample of `mocap/pose` has the tick of the step that read the pose. A capture counts as late if the step before that one did
 //! not find it, although it was due for more than [`LATE_NS`]: a capture is due at its stamp plus the median age of all captures.
 //! A step that begins late reads captures late, but the one before it has looked: the lateness of the flight does not count.
+//! Only captures in the air count: a hand hides the markers of a vehicle on the ground.
 //! Captures whose stamps are too late to be mapped (docs/motion_capture.md) are refused, so that the pauses matter as well.
 
 use std::fmt::{Display, Formatter, Result};
@@ -10,7 +11,8 @@ use std::fmt::{Display, Formatter, Result};
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use shared_types::capture_figures::LATE_NS;
-use shared_types::samples::MocapPose;
+use shared_types::flight_phase::FlightPhase;
+use shared_types::samples::{MocapPose, PathReference};
 use shared_types::service::seconds;
 
 use super::timing::{self, TimingReport};
@@ -21,13 +23,13 @@ const PAUSE_NS: u64 = 100_000_000;
 /// Captures that came late, and pauses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LateCameras {
-    /// Captures that were used.
+    /// Captures that were used in the air.
     pub captures: u64,
     /// Captures that came late.
     pub late: u64,
     /// Maximum lateness, s; 0 if none was late.
     pub worst: f64,
-    /// Longest time in which the flight read no pose that it could use, s.
+    /// Longest time in the air in which the flight read no pose that it could use, s.
     pub pause: f64,
     /// Maximum delay of the begin of one of the flight's own steps, s.
     pub flight: f64,
@@ -36,6 +38,10 @@ pub struct LateCameras {
 /// Collects the poses of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct CameraWatch {
+    /// `true` from take-off until touch-down; always in a flight without phases.
+    is_airborne: bool,
+    /// `true` from the first pose on: before it nothing is missing.
+    has_begun: bool,
     /// Tick of the previous sample, ns.
     previous_ns: Option<u64>,
     /// Minimum time between two samples, ns: without steps that were left out.
@@ -48,8 +54,11 @@ pub(super) struct CameraWatch {
 }
 
 impl CameraWatch {
-    pub(super) fn new() -> Self {
+    /// Makes the watch over a flight with phases, or without.
+    pub(super) fn new(has_phases: bool) -> Self {
         Self {
+            is_airborne: !has_phases,
+            has_begun: false,
             previous_ns: None,
             period_ns: u64::MAX,
             pause_ns: 0,
@@ -59,6 +68,14 @@ impl CameraWatch {
         }
     }
 
+    /// Adds a reference of a flight with phases.
+    pub(super) fn observe_reference(&mut self, reference: &PathReference) {
+        self.is_airborne = matches!(
+            FlightPhase::from_code(reference.phase),
+            FlightPhase::TakeOff | FlightPhase::Fly | FlightPhase::Land
+        );
+    }
+
     pub(super) fn observe(&mut self, pose: &MocapPose) {
         let now_ns = pose.header.stamp_ns;
         let Some(previous_ns) = self.previous_ns.replace(now_ns) else {
@@ -66,9 +83,13 @@ impl CameraWatch {
         };
         let since_ns = now_ns.saturating_sub(previous_ns);
         self.period_ns = self.period_ns.min(since_ns.max(1));
+        self.has_begun |= pose.tracked.is_set();
+        if !self.is_airborne {
+            self.pause_ns = 0;
+            return;
+        }
         if !pose.tracked.is_set() {
-            // Before the first pose nothing is missing.
-            if !self.ages_ns.is_empty() {
+            if self.has_begun {
                 self.pause_ns += since_ns.min(self.period_ns);
                 self.longest_pause_ns = self.longest_pause_ns.max(self.pause_ns);
             }
@@ -149,11 +170,26 @@ mod tests {
 
     /// Flies with a step per tick, except those that are left out, and a capture each 10 ms that comes after `age_of` it, ms.
     fn flown(left_out: impl Fn(u64) -> bool, age_of: impl Fn(u64) -> u64) -> Option<LateCameras> {
-        let mut watch = CameraWatch::new();
+        flown_from(&[], left_out, age_of)
+    }
+
+    /// The same, with phases that begin at these ticks; without any for the whole time if there are none.
+    fn flown_from(
+        phases: &[(u64, u8)],
+        left_out: impl Fn(u64) -> bool,
+        age_of: impl Fn(u64) -> u64,
+    ) -> Option<LateCameras> {
+        let mut watch = CameraWatch::new(!phases.is_empty());
         let mut coming: Vec<[u64; 2]> = (0..100)
             .map(|index| [10 * index, 10 * index + age_of(10 * index)])
             .collect();
         for tick in (0..1000).filter(|tick| !left_out(*tick)) {
+            for (_, phase) in phases.iter().filter(|(begins, _)| *begins == tick) {
+                watch.observe_reference(&PathReference {
+                    phase: *phase,
+                    ..PathReference::new_zeroed()
+                });
+            }
             let newest = coming.iter().rev().find(|[_, arrives]| *arrives <= tick).copied();
             coming.retain(|[_, arrives]| *arrives > tick);
             let mut pose = MocapPose::new_zeroed();
@@ -169,6 +205,21 @@ mod tests {
     fn cameras_on_time_are_not_late_even_in_a_late_flight() {
         assert_eq!(flown(|_| false, |_| 5), None);
         assert_eq!(flown(|tick| (300..500).contains(&tick), |_| 5), None);
+    }
+
+    #[test]
+    fn markers_that_are_hidden_on_the_ground_are_not_late_cameras() {
+        let [disarmed, take_off] = [PathReference::PHASE_DISARMED, PathReference::PHASE_TAKE_OFF];
+        let hidden = |at: u64| match at {
+            100..300 => 305 - at,
+            800..950 => 955 - at,
+            _ => 5,
+        };
+        let phases = [(0, disarmed), (400, take_off), (700, disarmed)];
+        assert_eq!(flown_from(&phases, |_| false, hidden), None);
+        let early = [(0, disarmed), (200, take_off), (700, disarmed)];
+        let late = flown_from(&early, |_| false, hidden).unwrap();
+        assert!((late.pause - 0.106).abs() < 0.011, "{late:?}");
     }
 
     #[test]
