@@ -162,15 +162,22 @@ jump = 0.2                      # m
 /// Returns cameras and estimator, and the times at which services step.
 fn connections(surroundings: Surroundings) -> String {
     let mut text = String::from(
-        "\n# --- Times: cameras at 100 Hz; the radio takes a frame every 22 ms, and what makes it works then ----------------------\n\
-         [schedule.period]\n",
+        "\n# --- Times: cameras at 100 Hz; a command as often as the radio can use one ---------------------------------------------\n",
     );
     let is_simulated = surroundings == Surroundings::Simulated;
+    let (period, why) = match surroundings {
+        Surroundings::Simulated => (0.022, "the paper's radio takes a frame every 22 ms".to_owned()),
+        Surroundings::Laboratory { radio, .. } => command_period(radio),
+    };
+    // Writing to a string does not fail.
+    let _ = write!(text, "# {why}.\n[schedule.period]\n");
     if is_simulated {
         text += "\"mocap/pose\" = 0.01             # s\n";
     }
-    text += "\"vehicle/state\" = 0.022         # s\npath_generator = 0.022\ncontroller = 0.022\nrc_output = 0.022\n\n\
-             [schedule.phase]\n\"vehicle/state\" = 0.022\npath_generator = 0.022\ncontroller = 0.022\nrc_output = 0.022\n";
+    let services = format!(
+        "\"vehicle/state\" = {period:?}         # s\npath_generator = {period:?}\ncontroller = {period:?}\nrc_output = {period:?}\n"
+    );
+    let _ = write!(text, "{services}\n[schedule.phase]\n{services}");
     match surroundings {
         Surroundings::Simulated => {
             text += "\n[schedule.latency]\n\
@@ -204,6 +211,33 @@ fn connections(surroundings: Surroundings) -> String {
     text
 }
 
+/// Returns the period of the commands to a radio, s, and its reason. A command more often than a capture or a frame is not better,
+/// and a slower one waits for nothing.
+fn command_period(radio: RadioProtocol) -> (f64, String) {
+    let properties = radio.properties();
+    let (name, rate) = (properties.name, properties.frame_rate);
+    if radio == RadioProtocol::Multi {
+        return (0.022, "DSMX takes a command every 22 ms over the air".to_owned());
+    }
+    let of_frames = (1e3 / rate - 1e-6).ceil() / 1e3;
+    if of_frames <= CAPTURE_PERIOD {
+        let air = if radio == RadioProtocol::Crsf {
+            "; ExpressLRS: a packet rate of 150 Hz or more"
+        } else {
+            ""
+        };
+        let why = format!(
+            "`{name}` carries {rate:.0} frames per second, so each capture leads to a command at once{air}"
+        );
+        return (CAPTURE_PERIOD, why);
+    }
+    let why = format!("`{name}` carries {rate:.0} frames per second: a command for each of them");
+    (of_frames, why)
+}
+
+/// Period of the captures, s.
+const CAPTURE_PERIOD: f64 = 0.01;
+
 fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) -> String {
     let Airframe {
         mass,
@@ -216,10 +250,14 @@ fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) 
     let ratio = estimates.thrust_max / (mass * GRAVITY);
     let [roll, pitch, yaw] = estimates.rate_max;
     let origin = match estimates.limited {
-        None => format!("{ratio:.1} times the weight by {propeller} inch and {cells}"),
-        Some(unlimited) => format!(
-            "{ratio:.1} times the weight, although {propeller} inch and {cells} would make it {unlimited:.1}"
-        ),
+        Some(by_propellers) if (by_propellers - ratio).abs() >= 0.1 => {
+            let end = if by_propellers < ratio { "least" } else { "most" };
+            format!(
+                "{ratio:.1} times the weight, the {end} that is assumed: four propellers of {propeller} inch with {cells}\n\
+                 # have {by_propellers:.1} times the weight by the rule"
+            )
+        }
+        _ => format!("{ratio:.1} times the weight by {propeller} inch and {cells}"),
     };
     let bits = match surroundings {
         Surroundings::Laboratory {
@@ -231,8 +269,8 @@ fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) 
     let mut text = format!(
         "\n# --- The radio link: what the ends of its channels mean ---------------------------------------------------------------\n\
          # The thrust is an estimate, {origin}; a factor of 1.6 either way\n\
-         # is usual, and racers have more. Rather state too much than too little. Better: a thrust stand; or, from a flight of 22 s\n\
-         # at least, `gerono rc identify`.\n\
+         # is usual, and racers have more. Rather state too much than too little. Better: a thrust stand; or `gerono rc identify`\n\
+         # after a flight of 40 s along a path that moves the thrust. A hover does not; the command says which path does.\n\
          [rc_output]\n\
          thrust_offset = {half}            # N at a thrust channel of 0: estimate\n\
          thrust_slope = {half}             # N per unit of the channel, so 0 N to {}: estimate\n\
