@@ -115,6 +115,13 @@ fn the_key_stops_the_motors_in_the_air_and_no_other_key_does() {
     assert!(!place.look().unwrap().killed);
     switch.press(SPACE);
     await_killed(&place);
+    let killed_by = ask("what killed", || {
+        place.look()?.killed_by.filter(|by| by.contains("SPACE"))
+    });
+    assert!(
+        killed_by.starts_with("kill switch: key 57 (SPACE) pressed"),
+        "{killed_by}"
+    );
     await_phase(&place, "disarmed");
     let events = events_after_the_end(&place, run);
     let words = format!("kill switch: key 57 (SPACE) pressed, {}", switch.path.display());

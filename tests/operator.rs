@@ -89,7 +89,10 @@ fn a_run_is_found_from_every_environment() {
     );
     let seen = look(&place, &run).unwrap();
     assert!(seen.killed);
-    assert_eq!(seen.killed_by.as_deref(), Some("the operator killed"));
+    assert_eq!(
+        seen.killed_by.as_deref(),
+        Some("the operator killed, `gerono kill`")
+    );
     assert_eq!(seen.refusal_to_arm, None, "a flight without phases is not armed");
     end(run);
 }
@@ -97,7 +100,8 @@ fn a_run_is_found_from_every_environment() {
 #[test]
 fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
     let place = Place::in_real_time();
-    let run = take_off(&place, "out");
+    let run = begin(&mut place.live_hover("out", &[]));
+    until("a flight that can be looked at", || look(&place, &run));
     for _ in 0..3 {
         for (_, pid) in processes_of(run.id()) {
             signal(pid, Signal::KILL);
@@ -126,7 +130,10 @@ fn a_run_is_one_run_and_is_found_while_all_of_its_services_die() {
         killed.contains(&format!("killed run {}, ", name_of(&run))),
         "{killed}"
     );
-    end(run);
+    signal(run.id(), Signal::INT);
+    let ended = complaint(&finish(run));
+    let deaths = ended.matches("died: killed (SIGKILL); another process takes its place");
+    assert!(deaths.count() >= 5, "{ended}");
 }
 
 #[test]

@@ -64,7 +64,11 @@ pub struct Progress {
 
 /// Sender of messages to the terminal. Sending does not wait for the terminal.
 #[derive(Clone, Debug, Default)]
-pub struct Messages(Option<Sender<Event>>);
+pub struct Messages {
+    sender: Option<Sender<Event>>,
+    /// `true` if only what the user must know is shown.
+    is_quiet: bool,
+}
 
 #[derive(Debug)]
 enum Event {
@@ -78,8 +82,15 @@ impl Messages {
         self.send(Event::Message(text.into()));
     }
 
+    /// As [`Self::show`], unless the user asked for quiet.
+    pub fn show_unless_quiet(&self, text: impl Into<String>) {
+        if !self.is_quiet {
+            self.show(text);
+        }
+    }
+
     fn send(&self, event: Event) {
-        if let Some(sender) = &self.0 {
+        if let Some(sender) = &self.sender {
             // It fails once the bar is gone; there is no terminal thread to show the message then.
             let _ = sender.send(event);
         }
@@ -114,7 +125,10 @@ impl Progress {
         });
         Self {
             tick,
-            messages: Messages(Some(sender)),
+            messages: Messages {
+                sender: Some(sender),
+                is_quiet: hidden,
+            },
             drawing,
         }
     }

@@ -1,5 +1,7 @@
 //! Why a vehicle may not be armed now.
 
+use std::path::Path;
+
 use hand_test::record::HandTestRecord;
 use metrics::summary::{limit_in_words, not_level_in_words};
 use scenario::Scenario;
@@ -49,7 +51,7 @@ pub fn refusal(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
         .or_else(|| Some(format!("`{}` does not fly", now.missing?)))
         .or_else(|| Some(format!("the kill switch is lost: {}", now.kill_switch?)))
         .or_else(|| now.laboratory.clone())
-        .or_else(|| untested(scenario, now))
+        .or_else(|| untested(scenario, now.hand_test))
         .or_else(|| unfit_state(scenario, now))
 }
 
@@ -83,13 +85,21 @@ fn end_of_arming(now: &Situation<'_>) -> Option<String> {
     }
 }
 
+/// Returns why the hand test that a scenario names will not permit to arm, if so: reads its file.
+#[must_use]
+pub fn without_hand_test(scenario: &Scenario) -> Option<String> {
+    let file = scenario.flight.as_ref()?.hand_test.as_deref()?;
+    let read = HandTestRecord::read(Path::new(file));
+    untested(scenario, Some(read.as_ref().map_err(String::as_str)))
+}
+
 /// Returns why the hand test does not permit to arm, if so.
-fn untested(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
+fn untested(scenario: &Scenario, hand_test: Option<Result<&HandTestRecord, &str>>) -> Option<String> {
     let file = scenario.flight.as_ref()?.hand_test.as_deref()?;
     let Some((_, cameras)) = scenario.capture_system() else {
         return Some("`flight.hand_test` is stated, and the cameras are simulated: leave it out".to_owned());
     };
-    let because = match now.hand_test {
+    let because = match hand_test {
         None => format!("there is no hand test at `{file}`"),
         Some(Err(reason)) => format!("there is no hand test: {reason}"),
         Some(Ok(record)) => record.refusal(cameras)?,

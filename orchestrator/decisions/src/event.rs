@@ -101,8 +101,11 @@ pub enum News {
     Ready(ServiceId, Vec<String>),
     /// The service has done its last step.
     Finished(ServiceId),
-    /// The service or the standby process has died, and will be restarted.
-    Died,
+    /// The process of a service or the standby process has died, and will be replaced.
+    Died {
+        /// The dead process.
+        pid: u32,
+    },
     /// The service cannot be restarted, or not now.
     Lost(ServiceFailure),
 }

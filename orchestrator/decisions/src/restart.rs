@@ -105,7 +105,7 @@ impl Supervision {
         }
         // Services that waited for the dead one check again.
         self.act(Action::Wake);
-        self.news.push(News::Died);
+        self.news.push(News::Died { pid });
     }
 
     /// Restarts services that were given up, after their longest back-off: a vehicle in the air needs all of them to

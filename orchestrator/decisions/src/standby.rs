@@ -211,7 +211,7 @@ impl Supervision {
         let killed = exit.killed;
         self.exits.push((None, process.pid, Exit { killed, description }));
         self.act(Action::CleanUp);
-        self.news.push(News::Died);
+        self.news.push(News::Died { pid: process.pid });
     }
 
     /// Gives up waiting for the ends of standby processes that were killed long ago.

@@ -468,10 +468,10 @@ impl Supervision {
         &self.restarts
     }
 
-    /// Describes the last exit, if it was that of a service.
+    /// Describes the death of a process; `None` if it was not that of a service.
     #[must_use]
-    pub fn last_death(&self) -> Option<String> {
-        let (service, pid, exit) = self.exits.last()?;
+    pub fn death_of(&self, pid: u32) -> Option<String> {
+        let (service, _, exit) = self.exits.iter().rfind(|(_, other, _)| *other == pid)?;
         let name = self.name_of((*service)?);
         Some(format!("`{name}` (process {pid}) died: {}", exit.description))
     }

@@ -245,7 +245,7 @@ fn action_in_words(action: &Action) -> &'static str {
 fn news_in_words(news: &News) -> Option<&'static str> {
     match news {
         News::Lost(_) => Some("**the flight has failed**"),
-        News::Ready(..) | News::Finished(_) | News::Died => None,
+        News::Ready(..) | News::Finished(_) | News::Died { .. } => None,
     }
 }
 

@@ -39,13 +39,18 @@ pub trait Newest {
         frame.is_some_and(|frame| frame.action == RcFrame::ACTION_KILL)
     }
 
-    /// Returns what killed the motors, in words, if they were killed; `by_operator` states whether the operator requested it.
-    fn killed_by(&self, by_operator: bool) -> Option<String> {
+    /// Returns what killed the motors, in words, if they were killed: a limit of the envelope by the newest frame, or else the
+    /// request, whose cause is `requested_for` if it is known; `is_requested` states whether there is one.
+    fn killed_by(&self, is_requested: bool, requested_for: Option<&str>) -> Option<String> {
         let frame = self.newest::<RcFrame>();
         let frame = frame.filter(|frame| frame.action == RcFrame::ACTION_KILL);
         match frame {
             Some(frame) if frame.limit != RcFrame::LIMIT_NONE => Some(limit_in_words(frame.limit)),
-            frame => (by_operator || frame.is_some()).then(|| "the operator killed".to_owned()),
+            frame => (is_requested || frame.is_some()).then(|| {
+                requested_for
+                    .unwrap_or("the operator or the kill switch")
+                    .to_owned()
+            }),
         }
     }
 

@@ -123,6 +123,9 @@ fn quantity(scenario: &Scenario, finding: &gain_rules::Finding) -> String {
 fn warnings(scenario: &Scenario) -> String {
     let flight_warnings = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
     let warnings = gain_rules::warnings(scenario).into_iter().chain(flight_warnings);
+    let untested = decisions::arming::without_hand_test(scenario);
+    let untested = untested.map(|reason| format!("`gerono arm` will be refused: {reason}"));
+    let warnings = warnings.map(|warning| warning.to_string()).chain(untested);
     warnings.map(|warning| format!("warning: {warning}\n")).collect()
 }
 

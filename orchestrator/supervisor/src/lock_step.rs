@@ -204,10 +204,10 @@ impl Flight<'_> {
     fn handle(&mut self, news: News) -> Result<(), RunFailure> {
         match news {
             News::Lost(failure) => return Err(failure.into()),
-            News::Died => {
+            News::Died { pid } => {
                 self.observer.changed(&self.supervisor);
                 let time = self.watchers.time(&self.recorder);
-                if let Some(text) = self.supervisor.supervision().last_death() {
+                if let Some(text) = self.supervisor.supervision().death_of(pid) {
                     self.watchers.events.keep(time, &text);
                 }
             }

@@ -10,6 +10,7 @@
 
 mod answers;
 mod arming;
+mod death_notes;
 mod kill_switch;
 mod laboratory;
 mod last_landing;
@@ -36,6 +37,8 @@ use shared_types::schedule::Edge;
 use shared_types::service::seconds;
 use shared_types::{FlightPhase, Schedule, ServiceId, Topic};
 
+use self::arming::HandTestFile;
+use self::death_notes::DeathNotes;
 use self::kill_switch::KillSwitch;
 use self::laboratory::Laboratory;
 use self::monitor::Monitor;
@@ -200,6 +203,8 @@ struct Flight<'a> {
     /// Folder of the run.
     folder: &'a Path,
     laboratory: Laboratory<'a>,
+    /// `None` if the scenario names none.
+    hand_test: Option<HandTestFile>,
     clients: &'a Clients<'a>,
     /// Name of the run, as other terminals find it.
     run: String,
@@ -224,6 +229,9 @@ struct Flight<'a> {
     vehicle_z: f64,
     /// Last events, for clients.
     events: LiveEvents,
+    death_notes: DeathNotes,
+    /// What a request has killed the motors for, in words.
+    killed_for: Option<String>,
 }
 
 impl<'a> Flight<'a> {
@@ -247,6 +255,7 @@ impl<'a> Flight<'a> {
             scenario: &context.scenario,
             folder: context.root.folder(),
             laboratory: Laboratory::of(&context.scenario),
+            hand_test: HandTestFile::new(&context.scenario),
             clients,
             run: context.root.name(),
             signal: None,
@@ -261,6 +270,8 @@ impl<'a> Flight<'a> {
             ground_z: 0.0,
             vehicle_z: 0.0,
             events: LiveEvents::default(),
+            death_notes: DeathNotes::default(),
+            killed_for: None,
         }
     }
 
@@ -324,6 +335,7 @@ impl<'a> Flight<'a> {
                 self.observer.health(&self.supervisor);
                 self.observe_laboratory();
                 self.announce_laboratory();
+                self.show_more_deaths(self.clock.elapsed_ns());
                 self.monitor.end_window();
                 next_health += Duration::from_secs(1);
             }
@@ -415,10 +427,11 @@ impl<'a> Flight<'a> {
     fn handle(&mut self, news: News) {
         match news {
             News::Lost(failure) => self.fail(failure.into()),
-            News::Died => {
+            News::Died { pid } => {
                 self.observer.changed(&self.supervisor);
-                if let Some(text) = self.supervisor.supervision().last_death() {
+                if let Some(text) = self.supervisor.supervision().death_of(pid) {
                     self.add_event(&text);
+                    self.show_death(&text);
                 }
             }
             News::Ready(service, _) => {
@@ -463,6 +476,23 @@ impl<'a> Flight<'a> {
         }
         if needs_care {
             self.observer.changed(&self.supervisor);
+        }
+    }
+
+    /// Says on the terminal that the process of a service has died and is replaced, unless many do.
+    fn show_death(&mut self, text: &str) {
+        let elapsed_ns = self.clock.elapsed_ns();
+        if self.death_notes.admits(elapsed_ns) {
+            let time = seconds(elapsed_ns);
+            let text = format!("{time:.3} s: {text}; another process takes its place");
+            self.clients.messages.show_unless_quiet(text);
+        }
+    }
+
+    /// Says on the terminal how many more have died.
+    fn show_more_deaths(&mut self, elapsed_ns: u64) {
+        if let Some(text) = self.death_notes.left_out(elapsed_ns) {
+            self.clients.messages.show_unless_quiet(text);
         }
     }
 
@@ -600,6 +630,7 @@ impl<'a> Flight<'a> {
     fn finish(mut self, wall_time: Duration, mut warnings: Vec<String>) -> Ending {
         let outcome = self.outcome();
         self.observe_laboratory();
+        self.show_more_deaths(u64::MAX);
         for refusal in self.recorder.refusals() {
             self.observer.note(&refusal);
             warnings.push(refusal);

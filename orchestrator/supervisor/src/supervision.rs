@@ -313,7 +313,7 @@ impl<'a> Supervisor<'a> {
                         self.supervision.note_restart_of(service, now(), &self.processes);
                     }
                     News::Lost(failure) => return Err(failure.into()),
-                    News::Finished(_) | News::Died => {}
+                    News::Finished(_) | News::Died { .. } => {}
                 }
             }
         }

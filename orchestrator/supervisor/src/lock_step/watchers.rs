@@ -107,12 +107,13 @@ impl<'a> Watchers<'a> {
         let Operator {
             armed, land, killed, ..
         } = self.schedule.operator().at(recorder.ticks());
+        let planned = killed.then_some("planned, `flight.kill_at`");
         Snapshot {
             time: self.time(recorder),
             armed,
             landing: land,
             killed: killed || recorder.has_killed(),
-            killed_by: recorder.killed_by(killed),
+            killed_by: recorder.killed_by(killed, planned),
             services: self.services(supervisor),
             recorded: recorder.received_in_all(),
             events: self.events.all(),

@@ -116,7 +116,22 @@ impl Flight<'_> {
         // The tick is determined before the request is sent: its effects have no earlier tick.
         let tick = tick.min(self.schedule.last_tick());
         self.supervisor.page().control_block().ask(request);
-        self.pending_events.push((tick, kind, event.into()));
+        let event = event.into();
+        if request == Request::Kill {
+            self.killed_for.get_or_insert_with(|| match &*event {
+                "gerono kill" => "the operator killed, `gerono kill`".to_owned(),
+                event => event.to_owned(),
+            });
+        }
+        self.pending_events.push((tick, kind, event));
+    }
+
+    /// Returns what a request killed the motors for, if it is known. The kill switch stops the motors before this process handles
+    /// its press, and `gerono kill` may do so without this process.
+    fn kill_cause(&self) -> Option<&str> {
+        let is_planned = self.schedule.operator().at(self.clock.tick()).killed;
+        let planned = is_planned.then_some("planned, `flight.kill_at`");
+        self.killed_for.as_deref().or(planned)
     }
 
     fn break_service(&mut self, name: &str, how: Break) -> Answer {
@@ -154,7 +169,7 @@ impl Flight<'_> {
             armed: self.is_armed(),
             landing: land,
             killed: killed || self.recorder.has_killed(),
-            killed_by: self.recorder.killed_by(killed),
+            killed_by: self.recorder.killed_by(killed, self.kill_cause()),
             refusal_to_arm: (self.phase() == Some(FlightPhase::Disarmed))
                 .then(|| self.refusal_to_arm())
                 .flatten(),

@@ -1,6 +1,9 @@
 //! Arming, and the messages on decisions of transmitter and path generator.
 
-use std::path::Path;
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::SystemTime;
 
 use metrics::summary::{cause_in_words, limit_in_words, not_ready_in_words};
 use shared_types::ServiceId;
@@ -14,6 +17,45 @@ use super::kill_switch::KillSwitch;
 use decisions::arming::{self, Situation};
 use hand_test::record::HandTestRecord;
 use run_client::newest::Newest;
+use scenario::Scenario;
+
+/// The hand test that a scenario names. It may be done during the run, and its result is asked for at every look at the flight:
+/// the file is read when it is another one than before.
+pub(super) struct HandTestFile {
+    path: PathBuf,
+    newest: RefCell<Option<(Option<FileState>, Rc<ReadRecord>)>>,
+}
+
+type ReadRecord = Result<HandTestRecord, String>;
+
+/// Time of the last change, and length; `None` without a file.
+type FileState = (SystemTime, u64);
+
+impl HandTestFile {
+    /// Makes the file of a scenario; `None` if it names none.
+    pub(super) fn new(scenario: &Scenario) -> Option<Self> {
+        let path = scenario.flight.as_ref()?.hand_test.as_ref()?.into();
+        Some(Self {
+            path,
+            newest: RefCell::default(),
+        })
+    }
+
+    fn read(&self) -> Rc<ReadRecord> {
+        let state = std::fs::metadata(&self.path)
+            .ok()
+            .and_then(|file| Some((file.modified().ok()?, file.len())));
+        let mut newest = self.newest.borrow_mut();
+        match &*newest {
+            Some((of, record)) if *of == state => Rc::clone(record),
+            _ => {
+                let record = Rc::new(HandTestRecord::read(&self.path));
+                *newest = Some((state, Rc::clone(&record)));
+                record
+            }
+        }
+    }
+}
 
 impl Flight<'_> {
     /// Returns why the vehicle may not be armed now, if so.
@@ -22,13 +64,7 @@ impl Flight<'_> {
         let block = self.supervisor.page().control_block();
         let mut services = ServiceId::ALL.into_iter();
         let (frame, state) = (self.recorder.newest(), self.recorder.newest());
-        // Read at each request: it may have been done since the start of the run.
-        let file = self
-            .scenario
-            .flight
-            .as_ref()
-            .and_then(|flight| flight.hand_test.as_ref());
-        let hand_test = file.map(|file| HandTestRecord::read(Path::new(file)));
+        let hand_test = self.hand_test.as_ref().map(HandTestFile::read);
         let situation = Situation {
             operator: self.operator(),
             shutdown: self.conduct.shutdown(),
@@ -41,7 +77,7 @@ impl Flight<'_> {
             kill_switch: self.kill_switch.as_ref().and_then(KillSwitch::loss),
             laboratory: self.laboratory.failure(block, elapsed_ns),
             hand_test: hand_test
-                .as_ref()
+                .as_deref()
                 .map(|read| read.as_ref().map_err(String::as_str)),
         };
         arming::refusal(self.scenario, &situation)
@@ -132,5 +168,26 @@ impl Flight<'_> {
             // Requests and the envelope's demands were announced before.
             _ => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_test_that_was_done_after_the_first_look_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = HandTestFile {
+            path: folder.path().join("hand_test.json"),
+            newest: RefCell::default(),
+        };
+        let [first, second] = [file.read(), file.read()];
+        assert!(first.is_err() && Rc::ptr_eq(&first, &second), "read once");
+        std::fs::write(&file.path, "{}").unwrap();
+        let done = file.read();
+        assert!(!Rc::ptr_eq(&first, &done));
+        assert_ne!(first.as_ref().as_ref().err(), done.as_ref().as_ref().err());
+        assert!(Rc::ptr_eq(&done, &file.read()));
     }
 }
