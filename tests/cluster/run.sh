@@ -203,15 +203,8 @@ else
     skip "Slurm: Debian's packages cannot be had (apt-get update)"
 fi
 
-if ! cmp -s "$here/requirements.txt" "$venv/requirements.txt"; then
-    rm -rf "$venv"
-    if python3 -m venv "$venv" &&
-        "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/requirements.txt"; then
-        "$venv/bin/pip" check --disable-pip-version-check
-        cp "$here/requirements.txt" "$venv/requirements.txt"
-    fi
-fi
-if [ -e "$venv/requirements.txt" ]; then
+. "$here/../python_environment.sh"
+if python_environment "$venv" "$here/requirements.txt"; then
     submitit
     slurm_stop
     dask

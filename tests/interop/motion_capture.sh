@@ -24,13 +24,9 @@ skip() {
     exit 0
 }
 
-if ! cmp -s "$requirements" "$venv/requirements.txt"; then
-    rm -rf "$venv" "$vrpn"
-    python3 -m venv "$venv"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --requirement "$requirements" ||
-        skip "its packages could not be installed"
-    cp "$requirements" "$venv/requirements.txt"
-fi
+cmp -s "$requirements" "$venv/requirements.txt" || rm -rf "$vrpn"
+. "$here/../python_environment.sh"
+python_environment "$venv" "$requirements" || skip "its packages could not be installed"
 
 if ! [ -x "$vrpn/vrpn_server" ]; then
     command -v c++ >/dev/null || skip "there is no C++ compiler"

@@ -42,14 +42,8 @@ work=$(mktemp -d)
 controller=
 trap 'test -z "$controller" || kill "$controller" 2>/dev/null; rm -rf "$work"' EXIT
 
-if ! cmp -s "$here/radio_requirements.txt" "$venv/requirements.txt"; then
-    rm -rf "$venv"
-    if python3 -m venv "$venv" &&
-        "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --requirement "$here/radio_requirements.txt"; then
-        cp "$here/radio_requirements.txt" "$venv/requirements.txt"
-    fi
-fi
-if [ -e "$venv/requirements.txt" ]; then
+. "$here/../python_environment.sh"
+if python_environment "$venv" "$here/radio_requirements.txt"; then
     "$target/debug/examples/vehicle_frames" "$work/vehicles"
     "$venv/bin/python" "$here/radio_meaning.py" "$work/vehicles"
 else
