@@ -479,7 +479,7 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Says on the terminal that the process of a service has died and is replaced, unless many do.
+    /// Shows on the terminal that the process of a service has died and is replaced, unless many do.
     fn show_death(&mut self, text: &str) {
         let elapsed_ns = self.clock.elapsed_ns();
         if self.death_notes.admits(elapsed_ns) {
@@ -489,7 +489,7 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Says on the terminal how many more have died.
+    /// Shows on the terminal how many more have died.
     fn show_more_deaths(&mut self, elapsed_ns: u64) {
         if let Some(text) = self.death_notes.left_out(elapsed_ns) {
             self.clients.messages.show_unless_quiet(text);

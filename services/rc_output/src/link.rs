@@ -4,7 +4,7 @@
 //! * The radio link carries thrust and body rates as four channels ([`Channel`]); the frame has the decoded values of the
 //!   channels. With the paper's calibration the travels are TRC = (T − 2.3071)/3.138 and ωRC = −[ωx/19, ωy/19, ωz/8].
 //!
-//! A link to hardware has the thrust stick at its end from arming until the first thrust ([`ThrustRest`]).
+//! A link to hardware has the thrust stick at its end from arming until the first thrust (`ThrustRest`).
 //!
 //! Without a command, for a failsafe command, and for torque on the radio link it sends a failsafe frame, which stops the
 //! motors.

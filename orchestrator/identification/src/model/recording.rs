@@ -158,7 +158,7 @@ impl Recording {
         quantile::median_of(ages).unwrap_or(0.0)
     }
 
-    /// Returns what stood in for a laboratory.
+    /// Returns what replaced a laboratory.
     #[must_use]
     pub fn rehearsal(&self) -> Option<Rehearsal> {
         let scenario = &self.scenario;

@@ -62,7 +62,7 @@ pub struct Quantity {
 /// Result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
-    /// What stood in for the laboratory; `None` for a laboratory, and for a scenario without one.
+    /// What replaced the laboratory; `None` for a laboratory, and for a scenario without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rehearsal: Option<Rehearsal>,
     /// Tracked point relative to the centre of mass, in {B}, m.
