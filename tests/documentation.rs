@@ -657,7 +657,7 @@ fn no_crate_holds_half_of_the_house() {
             "orchestrator/run_log" => 8600,
             "services/runtime" => 8730,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 11_400,
+            "shared_types/scenario" => 11_800,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);

@@ -5,6 +5,7 @@
 //! * [`wiring`]: which service publishes and consumes which topic, written once;
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: the steps of the services and the due samples at each, which every process can compute;
+//! * [`battery`]: the battery's voltage beside a frame or in a status word;
 //! * [`capture_figures`]: statistics of a laboratory's motion capture;
 //! * [`checkpoint`]: the state of a service after a step;
 //! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
@@ -19,6 +20,7 @@
 
 #![warn(missing_docs)]
 
+pub mod battery;
 pub mod capture_figures;
 pub mod checkpoint;
 pub mod digest;

@@ -360,6 +360,10 @@ impl VehicleState {
 }
 
 impl RcFrame {
+    /// A value of [`limit`](Self::limit): the modelled battery is below its lowest voltage. It is not in the message
+    /// definition, which would change the layout of every log.
+    pub const LIMIT_BATTERY: u8 = 9;
+
     /// Returns whether a receiver accepts the frame: its numbers are finite, and its mode is known.
     #[must_use]
     #[inline]

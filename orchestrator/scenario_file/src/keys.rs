@@ -83,7 +83,8 @@ pub fn key_table(section: &str) -> String {
 }
 
 /// Units in the descriptions of keys, before an explanation or at the end.
-const UNITS: [&str; 26] = [
+const UNITS: [&str; 27] = [
+    "V",
     "s",
     "m",
     "kg",

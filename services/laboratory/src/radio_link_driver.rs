@@ -5,10 +5,11 @@
 use std::sync::Arc;
 
 use radio_link::link::RadioLink;
-use radio_link::sender::{Condition, LinkReport, Sender};
+use radio_link::sender::{Condition, LinkReport, Sender, monotonic_ns};
 use radio_link::sticks::Sticks;
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
+use shared_types::battery::BatteryReading;
 use shared_types::sample::Field;
 use shared_types::service::{
     BuildError, ErasedService, InputView, OutputSlot, Outputs, nanoseconds, seconds,
@@ -40,7 +41,14 @@ impl RadioLinkDriver {
         page: Arc<SharedPage>,
     ) -> Result<Self, BuildError> {
         let opened = if is_under_way(&page) {
-            RadioLink::reopen(link)
+            // A correction of the thrust continues where the dead process was.
+            let last: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
+            RadioLink::reopen(link).map(|mut link| {
+                if let Some(reading) = BatteryReading::from_word(last.pad0) {
+                    link.continue_from(&reading, monotonic_ns());
+                }
+                link
+            })
         } else {
             RadioLink::open(link)?
         };
@@ -135,6 +143,7 @@ fn in_flight(condition: &Condition) -> LinkFigures {
         left_out: condition.left_out,
         losses: condition.losses,
         recoveries: condition.recoveries,
+        pad0: condition.battery,
         ..LinkFigures::new_zeroed()
     }
 }
@@ -150,6 +159,7 @@ fn at_the_end(report: &LinkReport) -> LinkFigures {
         left_out: report.left_out,
         losses: counts.losses,
         recoveries: counts.recoveries,
+        pad0: report.battery,
         late_p50: late(0.5),
         late_p99: late(0.99),
         late_max: late(1.0),

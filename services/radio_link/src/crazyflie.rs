@@ -18,6 +18,10 @@
 //! The firmware restarts if a manual setpoint has another length, so the decoder accepts exact lengths only. It has the
 //! manual setpoint since its release 2025.09. The thrust of this packet is not locked, unlike that of the older one of
 //! port 3.
+//!
+//! The battery's voltage comes back in a log block ([`log`]).
+
+pub mod log;
 
 use std::f64::consts::PI;
 
@@ -28,6 +32,8 @@ use crate::channel_map::{ChannelMap, CodeUnit, PULSES, Units};
 use crate::format::{Content, Decoded, Format};
 use crate::frame::Frame;
 use crate::sticks::Sticks;
+use crate::telemetry::Reply;
+use log::LogClient;
 
 /// Length of the longest packet, bytes: a manual setpoint.
 pub const LONGEST: usize = 17;
@@ -193,12 +199,14 @@ fn unexpected(offset: usize, found: u8) -> DecodeError {
 pub(crate) struct Crazyflie {
     /// Body rates per unit of travel, rad/s.
     rate_slope: [f64; 3],
+    log: LogClient,
 }
 
 impl Crazyflie {
     pub(crate) fn new(link: &RcLink) -> Self {
         Self {
             rate_slope: link.rate_slope,
+            log: LogClient::default(),
         }
     }
 
@@ -243,6 +251,14 @@ impl Format for Crazyflie {
             Err(DecodeError::Length { expected, found }) if found < expected => Decoded::Incomplete,
             Err(_) => Decoded::Noise,
         }
+    }
+
+    fn read_reply(&mut self, bytes: &[u8]) -> Reply {
+        self.log.read(bytes)
+    }
+
+    fn request_voltage(&mut self, now_ns: u64, are_motors_off: bool, frame: &mut Frame) {
+        self.log.request(now_ns, are_motors_off, frame);
     }
 
     /// Stop is a packet of its own. If packets ended, the vehicle would keep its thrust for 2 s.

@@ -41,6 +41,11 @@ impl Encoder {
         self.format.encode(&content, frame);
     }
 
+    /// Returns the format of the frames.
+    pub(crate) fn format(&mut self) -> &mut dyn Format {
+        &mut *self.format
+    }
+
     /// Returns the units of the link's channels; pulses if it has none.
     #[must_use]
     pub fn units(&self) -> Units {

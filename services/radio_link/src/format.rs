@@ -10,6 +10,7 @@ use scenario::{RadioProtocol, RcLink, Transmitter};
 use crate::channel_map::{ChannelMap, Units};
 use crate::frame::Frame;
 use crate::sticks::Sticks;
+use crate::telemetry::Reply;
 use crate::{ChannelCodes, DecodeError, crazyflie, crsf, mavlink, msp, multi, sbus};
 
 /// Encoder and decoder of a link's frames.
@@ -22,6 +23,14 @@ pub trait Format: Debug + Send {
 
     /// Decodes the frame at the start of the bytes.
     fn decode(&self, bytes: &[u8]) -> Decoded;
+
+    /// Reads the start of what the vehicle sends back, for the battery's voltage. Does not allocate.
+    fn read_reply(&mut self, bytes: &[u8]) -> Reply {
+        Reply::Other(bytes.len())
+    }
+
+    /// Appends a request for the battery's voltage, if one is due. Does not allocate.
+    fn request_voltage(&mut self, _now_ns: u64, _are_motors_off: bool, _frame: &mut Frame) {}
 
     /// Returns whether frames have a failsafe flag. Without one, stopping the frames signals failsafe.
     fn has_failsafe_flag(&self) -> bool {
@@ -42,7 +51,7 @@ pub fn for_link(link: &RcLink, transmitter: &Transmitter) -> Option<Box<dyn Form
         RadioProtocol::Crsf => Box::new(crsf::Crsf),
         RadioProtocol::Sbus => Box::new(sbus::Sbus),
         RadioProtocol::Multi => Box::new(multi::Settings::new(&transmitter.multi.unwrap_or_default())),
-        RadioProtocol::Msp => Box::new(msp::Msp),
+        RadioProtocol::Msp => Box::new(msp::Msp::default()),
         RadioProtocol::Mavlink => Box::new(mavlink::Mavlink::new(
             &transmitter.mavlink.unwrap_or_default(),
             link,

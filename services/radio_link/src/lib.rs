@@ -8,6 +8,7 @@
 //! * [`encoder`]: sticks to a frame of the scenario's link;
 //! * [`port`]: a serial device or socket that never blocks;
 //! * [`sender`]: a thread that sends frames at exact times;
+//! * [`telemetry`]: the battery's voltage in what the vehicle sends back;
 //! * [`receiver`]: the vehicle's end of a link, for simulators.
 //!
 //! The formats are implemented here, because each only packs some 26 bytes. Existing crates allocate or only decode
@@ -20,10 +21,12 @@
 //! * a device that is missing, not permitted or in use when a link is opened is an error that names the fix;
 //! * a device that disconnects later is reopened with back-off, in the sender thread;
 //! * if a device accepts no bytes, whole frames are dropped and counted; the service is never delayed;
+//! * without telemetry nothing changes: the last voltage stays in effect, and none before the first;
 //! * without a command, failsafe values are sent; after `silence_after` the link's own failsafe is used as well.
 
 #![warn(missing_docs)]
 
+mod battery;
 pub mod channel_map;
 pub mod crazyflie;
 pub mod crsf;
@@ -40,6 +43,7 @@ pub mod receiver;
 pub mod sbus;
 pub mod sender;
 pub mod sticks;
+pub mod telemetry;
 
 /// Codes of the channels, in the link's units, from the first channel to the last.
 pub type ChannelCodes = [u16; 16];

@@ -3,12 +3,18 @@
 use std::convert::Infallible;
 
 use scenario::RcLink;
+use shared_types::battery::BatteryReading;
 use shared_types::service::nanoseconds;
 
+use crate::battery::BatteryMonitor;
 use crate::encoder::Encoder;
 use crate::frame::Frame;
 use crate::port::{OpenError, Port, Sent, Target};
 use crate::sticks::Sticks;
+use crate::telemetry::Telemetry;
+
+/// Maximum number of reads with a frame: an autopilot sends some packets for each of ours.
+const READS: usize = 16;
 
 /// Radio link of a laboratory.
 #[derive(Debug)]
@@ -21,8 +27,10 @@ pub struct RadioLink {
     is_replacement: bool,
     /// Frames withheld to trigger the receiver's failsafe.
     silent: u64,
-    /// Buffer for responses, which are discarded.
+    /// Buffer for responses.
     responses: [u8; 512],
+    telemetry: Telemetry,
+    battery: BatteryMonitor,
 }
 
 /// Timer of a lost command.
@@ -110,6 +118,8 @@ impl RadioLink {
             is_replacement,
             silent: 0,
             responses: [0; 512],
+            telemetry: Telemetry::default(),
+            battery: BatteryMonitor::new(link),
         }))
     }
 
@@ -120,19 +130,60 @@ impl RadioLink {
         if newest.is_none() && self.is_replacement {
             return None;
         }
-        let assessment = self.loss.assess(newest, now_ns);
-        self.port.receive(&mut self.responses, now_ns);
+        let mut assessment = self.loss.assess(newest, now_ns);
+        self.read_telemetry(now_ns);
         if assessment.link_failsafe && !self.encoder.has_failsafe_flag() {
             self.silent += 1;
             return None;
         }
+        self.battery.correct(&mut assessment.sticks);
         self.encoder.encode(
             &assessment.sticks,
             assessment.link_failsafe,
             now_ns,
             &mut self.frame,
         );
-        Some(self.port.send(self.frame.bytes(), now_ns))
+        let sent = self.port.send(self.frame.bytes(), now_ns);
+        if self.battery.asks() {
+            self.request_voltage(assessment.sticks.codes.is_none(), now_ns);
+        }
+        Some(sent)
+    }
+
+    /// Reads what the vehicle has sent back.
+    fn read_telemetry(&mut self, now_ns: u64) {
+        for _ in 0..READS {
+            let count = self.port.receive(&mut self.responses, now_ns);
+            if count == 0 {
+                return;
+            }
+            let bytes = &self.responses[..count];
+            if let Some(voltage) = self.telemetry.push(self.encoder.format(), bytes) {
+                self.battery.add(voltage, now_ns);
+            }
+        }
+    }
+
+    /// Sends the format's request for the battery's voltage, if one is due.
+    fn request_voltage(&mut self, are_motors_off: bool, now_ns: u64) {
+        self.frame.clear();
+        self.encoder
+            .format()
+            .request_voltage(now_ns, are_motors_off, &mut self.frame);
+        if !self.frame.bytes().is_empty() {
+            self.port.request(self.frame.bytes());
+        }
+    }
+
+    /// Continues with the last voltage that a dead process has read.
+    pub fn continue_from(&mut self, reading: &BatteryReading, now_ns: u64) {
+        self.battery.continue_from(reading, now_ns);
+    }
+
+    /// Returns the newest voltage of the vehicle's battery, if there has been one.
+    #[must_use]
+    pub fn battery(&self, now_ns: u64) -> Option<BatteryReading> {
+        self.battery.reading(now_ns)
     }
 
     /// Returns the encoder.

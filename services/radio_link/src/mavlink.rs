@@ -8,8 +8,10 @@
 //! PX4 follows `SET_ATTITUDE_TARGET` in its mode *offboard* and leaves that mode when the messages stop; ArduPilot in
 //! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` replaces a receiver. Neither arms: the operator arms at the ground station.
 
+mod battery;
 mod link;
 
+pub use battery::read_reply;
 pub(crate) use link::Mavlink;
 
 use crate::frame::Frame;

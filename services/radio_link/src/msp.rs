@@ -10,6 +10,7 @@
 use crate::channel_map::{CodeUnit, PULSES, Units};
 use crate::format::{Content, Decoded, Format, decode_fixed};
 use crate::frame::Frame;
+use crate::telemetry::Reply;
 use crate::{ChannelCodes, DecodeError};
 
 /// Pulses at −100 and 100 %, µs.
@@ -25,10 +26,19 @@ const LARGEST_PAYLOAD: usize = 255;
 pub const SET_RAW_RC: u8 = 200;
 /// Command that reads the received channels.
 pub const RC: u8 = 105;
+/// Command that reads the battery: cells, capacity, voltage in 0.1 V, used capacity, current, state, voltage in 0.01 V.
+pub const BATTERY_STATE: u8 = 130;
+
+/// Offset of the voltage in 0.01 V in the payload of `BATTERY_STATE`.
+const VOLTAGE_OFFSET: usize = 9;
+/// Period of requests for the battery's voltage, ns.
+const REQUEST_NS: u64 = 200_000_000;
 
 /// MSP frame format.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Msp;
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Msp {
+    request_at_ns: u64,
+}
 
 impl Format for Msp {
     fn units(&self) -> Units {
@@ -56,6 +66,44 @@ impl Format for Msp {
                 Err(DecodeError::Constant { offset, found })
             }
         })
+    }
+
+    fn read_reply(&mut self, bytes: &[u8]) -> Reply {
+        read_reply(bytes)
+    }
+
+    fn request_voltage(&mut self, now_ns: u64, _are_motors_off: bool, frame: &mut Frame) {
+        if now_ns >= self.request_at_ns {
+            self.request_at_ns = now_ns + REQUEST_NS;
+            frame.push(&request(BATTERY_STATE));
+        }
+    }
+}
+
+/// Reads the frame at the start of what the flight controller sends back.
+#[must_use]
+pub fn read_reply(bytes: &[u8]) -> Reply {
+    let is_start = |(at, byte): (usize, &u8)| match at {
+        0 => *byte == b'$',
+        1 => *byte == b'M',
+        _ => matches!(byte, b'<' | b'>' | b'!'),
+    };
+    if !bytes.iter().take(3).enumerate().all(is_start) {
+        return Reply::Noise;
+    }
+    let length = bytes.get(3).map(|payload| 6 + usize::from(*payload));
+    let Some(frame) = length.and_then(|length| bytes.get(..length)) else {
+        return Reply::Incomplete;
+    };
+    if checksum(&frame[3..]) != 0 {
+        return Reply::Noise;
+    }
+    match (&frame[2..5], &frame[5..frame.len() - 1]) {
+        ([b'>', _, BATTERY_STATE], payload) if payload.len() >= VOLTAGE_OFFSET + 2 => {
+            let steps = u16::from_le_bytes([payload[VOLTAGE_OFFSET], payload[VOLTAGE_OFFSET + 1]]);
+            Reply::Voltage(frame.len(), 0.01 * f64::from(steps))
+        }
+        _ => Reply::Other(frame.len()),
     }
 }
 

@@ -319,11 +319,19 @@ impl Port {
         sent
     }
 
+    /// Sends a request beside the frames without blocking, or drops it: only the frames are counted, and a loss is found with
+    /// the next of them.
+    pub fn request(&mut self, bytes: &[u8]) {
+        let _sent = self.try_send(bytes);
+    }
+
     /// Reads received bytes without blocking and returns their number. Must be called regularly: otherwise the peer's
     /// responses fill the buffers.
     pub fn receive(&mut self, bytes: &mut [u8], now_ns: u64) -> usize {
-        let State::Open(descriptor) = &self.state else {
-            return 0;
+        let descriptor = match &mut self.state {
+            State::Open(descriptor) => descriptor,
+            State::Dongle(dongle) => return dongle.take_answer(bytes),
+            State::Connecting(_) | State::Closed => return 0,
         };
         match rustix::io::read(descriptor, &mut *bytes) {
             Ok(0) if !bytes.is_empty() && !self.target.is_udp() => {

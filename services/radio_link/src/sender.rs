@@ -7,12 +7,13 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use hdrhistogram::Histogram;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
+use shared_types::battery::BatteryReading;
 
 use crate::link::RadioLink;
 use crate::port::Counts;
@@ -38,6 +39,8 @@ pub struct LinkReport {
     pub silent: u64,
     /// Frames skipped because the thread woke up too late.
     pub left_out: u64,
+    /// The battery at the end, as a status word; 0 without a voltage.
+    pub battery: u32,
     /// Lateness of frames at the call to the kernel, ns.
     pub lateness_ns: Histogram<u64>,
 }
@@ -53,6 +56,7 @@ struct Shared {
     losses: AtomicU64,
     recoveries: AtomicU64,
     left_out: AtomicU64,
+    battery: AtomicU32,
     is_open: AtomicBool,
 }
 
@@ -73,6 +77,8 @@ pub struct Condition {
     pub recoveries: u64,
     /// Frames skipped because the thread woke up too late.
     pub left_out: u64,
+    /// The battery as a status word; 0 before the first voltage.
+    pub battery: u32,
 }
 
 /// Thread that sends frames.
@@ -90,6 +96,11 @@ impl Sender {
     pub fn start(link: RadioLink, period_ns: u64) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         shared.is_open.store(link.port().is_open(), Ordering::Relaxed);
+        let battery = link
+            .battery(monotonic_ns())
+            .as_ref()
+            .map_or(0, BatteryReading::to_word);
+        shared.battery.store(battery, Ordering::Relaxed);
         let for_thread = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("radio_link".to_owned())
@@ -117,6 +128,7 @@ impl Sender {
             losses: self.shared.losses.load(Ordering::Relaxed),
             recoveries: self.shared.recoveries.load(Ordering::Relaxed),
             left_out: self.shared.left_out.load(Ordering::Relaxed),
+            battery: self.shared.battery.load(Ordering::Relaxed),
         }
     }
 
@@ -166,6 +178,8 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> L
         newest = shared.cell.read().or(newest);
         let now_ns = monotonic_ns();
         link.transmit(newest, now_ns);
+        let battery = link.battery(now_ns).as_ref().map_or(0, BatteryReading::to_word);
+        shared.battery.store(battery, Ordering::Relaxed);
         lateness_ns.saturating_record(now_ns.saturating_sub(pace.due_ns));
         let counts = link.port().counts();
         shared.sent.store(counts.sent, Ordering::Relaxed);
@@ -183,6 +197,10 @@ fn send_until_stopped(mut link: RadioLink, period_ns: u64, shared: &Shared) -> L
         counts: link.port().counts(),
         silent: link.silent(),
         left_out: pace.left_out,
+        battery: link
+            .battery(monotonic_ns())
+            .as_ref()
+            .map_or(0, BatteryReading::to_word),
         lateness_ns,
     }
 }

@@ -9,6 +9,7 @@
 //! | a limit is exceeded for [`after`](scenario::Envelope::after), action *warn* | frames state it while the limit is exceeded |
 //! | … action *land* | frames demand it until the motors have stopped for [`GROUNDED_AFTER`], even if the limit holds again |
 //! | … action *kill* | failsafe frames until the end of the run |
+//! | the modelled battery is below its lowest voltage, action *warn* or *land* | as a limit, at once |
 //! | a demanded landing takes too long, or moves further out of the box | failsafe frames until the end of the run |
 //!
 //! Limits are checked from the first command that moves the vehicle until the motors have stopped for [`GROUNDED_AFTER`]
@@ -62,6 +63,8 @@ pub struct GuardInput<'a> {
     pub state_is_fresh: bool,
     /// `true` if all needed inputs exist and are recent.
     pub inputs_are_fresh: bool,
+    /// Action of a battery below its lowest voltage; `None` above it.
+    pub low_battery: Option<Action>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,10 +187,14 @@ impl Guard {
 
     /// Checks the limits and records their actions. Returns the limit with a warning only.
     fn check(&mut self, now: &Now, case: &GuardInput<'_>, moving: Option<&ControlCommand>) -> Option<u8> {
-        let envelope = self.envelope.as_ref()?;
         if !self.persistent.moves.is_set() {
             return None;
         }
+        let battery = case.low_battery.map(|action| (RcFrame::LIMIT_BATTERY, action));
+        let Some(envelope) = self.envelope.as_ref() else {
+            self.demand_landing(now, battery);
+            return battery.map(|(limit, _)| limit);
+        };
         let situation = EnvelopeInput {
             state: case.state,
             state_is_fresh: case.state_is_fresh,
@@ -197,13 +204,13 @@ impl Guard {
         let (after_ns, land_within_ns) = (envelope.after_ns(), envelope.land_within_ns());
         let is_leaving = envelope.is_leaving(case.state);
         let gravest = most_severe(now, &mut self.persistent.since_ns, &exceeded, after_ns);
+        let gravest = match (gravest, battery) {
+            (Some(limit), Some(battery)) if battery.1 > limit.1 => Some(battery),
+            (limit, battery) => limit.or(battery),
+        };
         match gravest {
             Some((limit, Action::Kill)) => self.kill(limit),
-            Some((limit, Action::Land)) if self.persistent.action == RcFrame::ACTION_NONE => {
-                (self.persistent.limit, self.persistent.action) = (limit, RcFrame::ACTION_LAND);
-                self.persistent.landing_since_ns = now.time_ns;
-            }
-            _ => {}
+            gravest => self.demand_landing(now, gravest),
         }
         // Stopped motors need no kill, and a landed vehicle may be armed again.
         if self.persistent.action == RcFrame::ACTION_LAND && moving.is_some() {
@@ -214,6 +221,16 @@ impl Guard {
             }
         }
         gravest.map(|(limit, _)| limit)
+    }
+
+    /// Demands a landing if the action of a limit does, and nothing was demanded before.
+    fn demand_landing(&mut self, now: &Now, gravest: Option<(u8, Action)>) {
+        if let Some((limit, Action::Land)) = gravest
+            && self.persistent.action == RcFrame::ACTION_NONE
+        {
+            (self.persistent.limit, self.persistent.action) = (limit, RcFrame::ACTION_LAND);
+            self.persistent.landing_since_ns = now.time_ns;
+        }
     }
 
     fn kill(&mut self, limit: u8) {

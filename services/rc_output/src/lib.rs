@@ -1,6 +1,7 @@
 //! Transmitter of the radio link: from the controller's commands to the sent frames.
 //!
 //! * [`channel`]: calibration and quantisation of a channel;
+//! * [`battery`]: the modelled battery, and the thrust that it changes;
 //! * [`link`]: encoding of a command on the link;
 //! * [`envelope`]: the limits of vehicle and commands;
 //! * [`guard`]: the decision whether a command may be sent;
@@ -15,6 +16,7 @@
 //! * commands that the operator, the phases or the envelope do not permit are not sent ([`guard`]);
 //! * the frame's `stage` states the case; changes by a limit are marked and counted.
 
+pub mod battery;
 pub mod channel;
 pub mod envelope;
 pub mod guard;

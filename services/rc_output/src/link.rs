@@ -12,6 +12,7 @@
 use scenario::RcLink;
 use shared_types::samples::{ControlCommand, RcFrame};
 
+use crate::battery::BatteryEffect;
 use crate::channel::Channel;
 
 /// Link of a flight.
@@ -39,16 +40,22 @@ impl Link {
         }
     }
 
-    /// Writes the frame of `command`, whose numbers are finite, except for header, stage and counters.
+    /// Writes the frame of `command`, whose numbers are finite, except for header, stage and counters. On the radio link a
+    /// modelled battery corrects the thrust channel, and not the frame's `thrust`.
     #[inline]
-    pub fn transmit(&self, command: Option<&ControlCommand>, frame: &mut RcFrame) {
+    pub fn transmit(
+        &self,
+        command: Option<&ControlCommand>,
+        battery: Option<&BatteryEffect>,
+        frame: &mut RcFrame,
+    ) {
         match (
             self,
             command.filter(|command| command.mode != ControlCommand::MODE_FAILSAFE),
         ) {
             (Self::Ideal, Some(command)) => transmit_unchanged(command, frame),
             (Self::Radio(radio), Some(command)) if command.mode == ControlCommand::MODE_RATES => {
-                radio.transmit(command, frame);
+                radio.transmit(command, battery.and_then(|battery| battery.factor), frame);
             }
             (Self::Ideal, None) => transmit_failsafe(RcFrame::MODE_TORQUE, frame),
             (Self::Radio(_), _) => transmit_failsafe(RcFrame::MODE_RATES, frame),
@@ -138,15 +145,18 @@ impl Radio {
     }
 
     /// Writes the frame of a command of thrust and body rates: the channels `thrust`, `roll rate`, `pitch rate`, `yaw
-    /// rate`, and their decoded values.
+    /// rate`, and their decoded values. The thrust channel has the thrust times `factor`, if there is one.
     #[inline]
-    fn transmit(&self, command: &ControlCommand, frame: &mut RcFrame) {
-        let thrust = self.thrust.send(command.thrust);
+    fn transmit(&self, command: &ControlCommand, factor: Option<f64>, frame: &mut RcFrame) {
+        let thrust = self
+            .thrust
+            .send(factor.map_or(command.thrust, |factor| factor * command.thrust));
         let mut saturated = thrust.saturated;
         frame.channels = [0; 16];
         frame.channels[0] = thrust.code;
         // The code of zero thrust may decode to a value below zero by rounding.
-        frame.thrust = self.thrust.meaning(thrust.code).max(0.0);
+        let meant = self.thrust.meaning(thrust.code).max(0.0);
+        frame.thrust = factor.map_or(meant, |factor| meant / factor);
         for (axis, channel) in self.rates.iter().enumerate() {
             let rate = channel.send(command.rates_body[axis]);
             saturated |= rate.saturated;
@@ -199,7 +209,7 @@ mod tests {
                     ..ControlCommand::new_zeroed()
                 });
                 let mut frame = RcFrame::new_zeroed();
-                link.transmit(command.as_ref(), &mut frame);
+                link.transmit(command.as_ref(), None, &mut frame);
                 link.rest(&mut has_pulled, &mut frame);
                 frame.channels[0]
             };

@@ -4,12 +4,12 @@ use scenario::Scenario;
 use shared_types::input_validator::{
     GateState, InputValidator, StateGateState, StateValidator, Validity, is_of_the_past,
 };
-use shared_types::sample::Flag;
 use shared_types::samples::{ControlCommand, RcFrame};
 use shared_types::service::nanoseconds;
 use shared_types::wiring::{RcOutputInputs, RcOutputOutputs};
 use shared_types::{Now, Service, ServiceId, Topic};
 
+use crate::battery::ModelledBattery;
 use crate::guard::{Guard, GuardInput, GuardMemory};
 use crate::link::Link;
 
@@ -26,10 +26,10 @@ shared_types::sample! {
         pub guard: GuardMemory,
         /// Saturated frames since the start of the flight.
         pub saturated_frames: u32,
-        /// `true` if there was a thrust since the motors were last stopped; only on a link to hardware.
-        pub has_pulled: Flag,
-        /// Explicit padding.
-        pub pad0: [u8; 3],
+        /// Charge that the modelled battery has spent, in 2⁻³¹, and in the highest bit whether there was a thrust since the motors
+        /// were last stopped, on a link to hardware. Named as the padding that it was, so that checkpoints of earlier logs
+        /// keep their layout.
+        pub pad0: u32,
     }
 }
 
@@ -41,6 +41,7 @@ pub struct RcOutputService {
     commands: InputValidator<ControlCommand>,
     states: StateValidator,
     guard: Guard,
+    battery: Option<ModelledBattery>,
     /// Maximum ages of recent commands and states, ns.
     fresh_ns: [u64; 2],
     saturated_frames: u32,
@@ -73,6 +74,7 @@ impl RcOutputService {
                     .map(scenario::InputSafety::policy),
             ),
             guard: Guard::new(scenario),
+            battery: ModelledBattery::new(scenario.rc_output.as_ref()),
             fresh_ns: [Topic::ControlCommand, Topic::VehicleState]
                 .map(|topic| scenario.fresh_age_ns(topic, ServiceId::RcOutput)),
             saturated_frames: 0,
@@ -151,16 +153,27 @@ impl Service for RcOutputService {
                 state: self.states.held(),
                 state_is_fresh,
                 inputs_are_fresh,
+                low_battery: self.battery.as_ref().and_then(ModelledBattery::low),
             },
         );
-        let Some(frame) = outputs.frame.due() else {
-            return;
-        };
         let sent = command
             .filter(|_| decision.passes)
             .map(|command| self.guard.limited(&command));
-        self.link.transmit(sent.as_ref(), frame);
+        let thrust = sent
+            .filter(|command| command.mode != ControlCommand::MODE_FAILSAFE)
+            .map_or(0.0, |command| command.thrust);
+        if let Some(battery) = &mut self.battery {
+            battery.spend(thrust, now.elapsed_ns);
+        }
+        let Some(frame) = outputs.frame.due() else {
+            return;
+        };
+        let effect = self.battery.as_ref().map(|battery| battery.effect(thrust));
+        self.link.transmit(sent.as_ref(), effect.as_ref(), frame);
         self.link.rest(&mut self.has_pulled, frame);
+        if let Some(effect) = effect {
+            frame.set_battery(effect.voltage, effect.factor);
+        }
         if !frame.failsafe.is_set() && sent.zip(command).is_some_and(|(sent, asked)| sent != asked) {
             frame.saturated = true.into();
         }
@@ -185,8 +198,7 @@ impl Service for RcOutputService {
             states: self.states.save(),
             guard: self.guard.persistent,
             saturated_frames: self.saturated_frames,
-            has_pulled: self.has_pulled.into(),
-            pad0: [0; 3],
+            pad0: self.battery.as_ref().map_or(0, ModelledBattery::save) | u32::from(self.has_pulled) << 31,
         }
     }
 
@@ -195,6 +207,9 @@ impl Service for RcOutputService {
         self.states.restore(&state.states);
         self.guard.persistent = state.guard;
         self.saturated_frames = state.saturated_frames;
-        self.has_pulled = state.has_pulled.is_set();
+        self.has_pulled = state.pad0 >> 31 == 1;
+        if let Some(battery) = &mut self.battery {
+            battery.restore(state.pad0 & ModelledBattery::WHOLLY_SPENT);
+        }
     }
 }

@@ -13,6 +13,7 @@ mod faults;
 mod flight;
 mod judge;
 mod law;
+mod link_battery;
 mod machine;
 mod motion_capture;
 mod motors_stop;
@@ -79,6 +80,9 @@ impl Scenario {
             let at = root.then("rc_output");
             has_good_link = link.check(&at, found);
             link.check_transmitter(has_good_link, &at, found);
+            if let Some(battery) = &link.battery {
+                battery.check(link, self.flight.is_some(), &at.then("battery"), found);
+            }
         }
         if let Some(model) = &self.model {
             let key = root.then("model").then("marker_offset");

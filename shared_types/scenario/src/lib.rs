@@ -19,6 +19,7 @@ mod gains;
 mod judge;
 mod kind;
 mod law;
+mod link_battery;
 mod machine;
 mod model;
 mod motion_capture;
@@ -59,6 +60,7 @@ pub use flight::{Flight, LEG_ACCELERATION, MOST_CURVED, STEEPEST, leg_duration};
 pub use judge::Judge;
 pub use kind::{Kind, role_of_process};
 pub use law::{Baseline, LawKind};
+pub use link_battery::{BatteryModel, LinkBattery, LowVoltageAction, VoltageSource};
 pub use machine::{Deployment, OrchestratorLoss, RealTime, ServiceDeployment};
 pub use model::Model;
 pub use motion_capture::{

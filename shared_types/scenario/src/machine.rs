@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kind::MOTION_CAPTURE;
-use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario};
+use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario, VoltageSource};
 use crate::range::{between, not_negative, positive};
 use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
@@ -204,6 +204,11 @@ impl Scenario {
             rc_output: self.rc_output.as_ref().map(|link| RcLink {
                 link: RadioProtocol::Simulated,
                 transmitter: None,
+                // Nothing is measured in simulated time.
+                battery: link
+                    .battery
+                    .clone()
+                    .filter(|battery| battery.source == VoltageSource::Modelled),
                 ..link.clone()
             }),
             ..self.clone()

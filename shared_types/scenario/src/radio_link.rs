@@ -346,6 +346,12 @@ impl RadioProtocol {
         }
     }
 
+    /// Returns whether the vehicle sends its battery's voltage back over the link.
+    #[must_use]
+    pub fn has_telemetry(self) -> bool {
+        matches!(self, Self::Crsf | Self::Msp | Self::Mavlink | Self::Crazyflie)
+    }
+
     /// Returns the name in scenarios.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{RadioProtocol, Transmitter, Vector};
+use super::{LinkBattery, RadioProtocol, Transmitter, Vector};
 use crate::range::{between, not_zero};
 
 /// Radio link: calibration of the sticks, resolution, and frames.
@@ -33,6 +33,9 @@ pub struct RcLink {
     /// The transmitter of a laboratory; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transmitter: Option<Transmitter>,
+    /// Battery of the vehicle; its voltage is not corrected for unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub battery: Option<LinkBattery>,
 }
 
 impl Default for RcLink {
@@ -46,6 +49,7 @@ impl Default for RcLink {
             resolution: 11,
             link: RadioProtocol::Simulated,
             transmitter: None,
+            battery: None,
         }
     }
 }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
-use crate::range::{angle, moment, not_negative, positive, positive_up_to, share};
+use crate::range::{angle, between, moment, not_negative, positive, positive_up_to, share};
 
 /// The vehicle, its initial state and its changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -133,6 +133,10 @@ pub struct Battery {
     #[serde(default)]
     #[schemars(transform = share)]
     pub droop: f64,
+    /// Voltage at u = 1, for the telemetry of a simulated vehicle, V; none is sent unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = between(1.0, 100.0))]
+    pub voltage: Option<f64>,
 }
 
 impl Default for Actuators {

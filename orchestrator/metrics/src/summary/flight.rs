@@ -210,6 +210,9 @@ pub fn limit_in_words(limit: u8) -> String {
         RcFrame::LIMIT_TORQUE => "torque",
         RcFrame::LIMIT_RATES => "rates",
         RcFrame::LIMIT_LANDING_TIME => "land_within",
+        RcFrame::LIMIT_BATTERY => {
+            return "the battery is below `rc_output.battery.lowest`".to_owned();
+        }
         _ => return "a limit of the envelope".to_owned(),
     };
     format!("`envelope.{key}` was exceeded")

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! T thrust, N; ω angular velocity in {B}, rad/s; τ time constants, s, with a separate one for falling thrust; k
-//! calibration errors as factors; u battery voltage relative to the open-circuit voltage at full charge; q spent share
+//! calibration errors as factors; T_frame the thrust that the channel means as calibrated; u battery voltage relative to the open-circuit voltage at full charge; q spent share
 //! of the charge; T0 initial thrust; ω0 bias of the rate gyros. In section VI of the paper the vehicle receives thrust
 //! and body rates, and its rate loop is assumed to be fast. Here loop and motors have first-order lags.
 
@@ -122,7 +122,7 @@ impl RateLoop {
         match &self.received {
             None => self.config.initial_thrust,
             Some(frame) if frame.failsafe.is_set() => 0.0,
-            Some(frame) => (self.config.thrust_factor * self.voltage_squared() * frame.thrust)
+            Some(frame) => (self.config.thrust_factor * self.voltage_squared() * frame.calibrated_thrust())
                 .min(self.config.thrust_max)
                 .max(0.0),
         }

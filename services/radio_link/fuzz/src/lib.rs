@@ -1,7 +1,10 @@
 //! Invariants of the decoders of radio links for arbitrary bytes.
 
+use radio_link::crazyflie::log::LogServer;
+use radio_link::frame::Frame;
 use radio_link::receiver::{Command, Receiver};
-use radio_link::{crazyflie, crsf, mavlink, msp, multi, sbus};
+use radio_link::telemetry::Telemetry;
+use radio_link::{crazyflie, crsf, format, mavlink, msp, multi, sbus};
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 
 /// Returns every link, `MAVLink` with each of its two messages.
@@ -38,6 +41,30 @@ fn decoded(link: (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) ->
     (commands, receiver.received().skipped)
 }
 
+/// Returns the voltages that a link reads in what a vehicle sends back, in pieces of `piece` bytes.
+fn voltages((link, message): (RadioProtocol, MavlinkMessage), bytes: &[u8], piece: usize) -> Vec<f64> {
+    let transmitter = Transmitter {
+        mavlink: Some(Mavlink {
+            message,
+            ..Mavlink::default()
+        }),
+        ..Transmitter::default()
+    };
+    let link = RcLink {
+        link,
+        ..RcLink::default()
+    };
+    let mut format = format::for_link(&link, &transmitter).expect("the link is not simulated");
+    let mut telemetry = Telemetry::default();
+    let mut request = Frame::default();
+    let read = bytes.chunks(piece).filter_map(|piece| {
+        request.clear();
+        format.request_voltage(0, true, &mut request);
+        telemetry.push(&mut *format, piece)
+    });
+    read.collect()
+}
+
 /// Asserts that every decoder gives the same result for the bytes at once and in pieces.
 ///
 /// # Panics
@@ -49,7 +76,17 @@ pub fn check(bytes: &[u8]) {
     for byte in bytes {
         let _ = answers.push(*byte);
     }
+    let mut answer = Frame::default();
+    let _ = LogServer::default().answer(&bytes[..bytes.len().min(64)], &mut answer);
     for link in links() {
+        for piece in [7, 64] {
+            let read = voltages(link, bytes, piece);
+            assert!(read.iter().all(|voltage| (1.0..=100.0).contains(voltage)), "{read:?}");
+        }
+        // The newest voltage of all bytes is that of the last piece with one.
+        let is_stream = link.0 != RadioProtocol::Crazyflie;
+        let (at_once, in_pieces) = (voltages(link, bytes, usize::MAX), voltages(link, bytes, 11));
+        assert!(!is_stream || at_once.last() == in_pieces.last(), "{link:?}");
         let (at_once, skipped) = decoded(link, bytes, usize::MAX);
         // A packet is decoded whole, and so are its pieces: each for itself.
         let in_pieces = decoded(link, bytes, 7);

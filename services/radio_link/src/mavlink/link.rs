@@ -2,12 +2,13 @@
 
 use scenario::{MavlinkMessage, RcLink};
 
-use super::{AttitudeTarget, ENDS, MavlinkPacket, Sender, UNCHANGED, decode, encode};
+use super::{AttitudeTarget, ENDS, MavlinkPacket, Sender, UNCHANGED, decode, encode, read_reply};
 use crate::DecodeError;
 use crate::channel_map::{ChannelMap, CodeUnit, PULSES, Units};
 use crate::format::{Content, Decoded, Format};
 use crate::frame::Frame;
 use crate::sticks::Sticks;
+use crate::telemetry::Reply;
 
 /// Period of the heartbeat, ns.
 const HEARTBEAT_NS: u64 = 1_000_000_000;
@@ -61,6 +62,10 @@ impl Format for Mavlink {
             Err(DecodeError::Length { .. }) => Decoded::Incomplete,
             Err(_) => Decoded::Noise,
         }
+    }
+
+    fn read_reply(&mut self, bytes: &[u8]) -> Reply {
+        read_reply(bytes, self.target[0])
     }
 }
 

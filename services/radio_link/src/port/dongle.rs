@@ -17,11 +17,19 @@ use crate::crazyflie::{CrazyfliePacket, decode};
 /// Folder of the USB devices of a machine that has any.
 const USB_DEVICES: &str = "/dev/bus/usb";
 
+/// Length of the longest packet that comes back, bytes.
+const LONGEST_ANSWER: usize = 32;
+
 /// Attempts at a packet that stops the motors. Each takes some milliseconds at most.
 const STOPS: usize = 10;
 
 /// A dongle set to a vehicle's channel and address.
-pub(super) struct Dongle(Crazyradio);
+pub(super) struct Dongle {
+    radio: Crazyradio,
+    /// The last packet that came back with an acknowledgement, and its length: 0 once it was taken.
+    answer: [u8; LONGEST_ANSWER],
+    answer_length: usize,
+}
 
 impl fmt::Debug for Dongle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -52,7 +60,11 @@ impl Dongle {
         radio.set_datarate(data_rate(address.rate)).map_err(failed)?;
         radio.set_address(&address.address).map_err(failed)?;
         radio.set_power(Power::P0dBm).map_err(failed)?;
-        Ok(Self(radio))
+        Ok(Self {
+            radio,
+            answer: [0; LONGEST_ANSWER],
+            answer_length: 0,
+        })
     }
 
     /// Sends a packet and waits until it is acknowledged or given up.
@@ -65,15 +77,25 @@ impl Dongle {
         } else {
             1
         };
-        // What comes back is telemetry, which is not read.
-        let mut answer = [0; 32];
         for _ in 0..attempts {
-            let ack = self.0.send_packet(frame, &mut answer).map_err(|_| Errno::IO)?;
+            let mut answer = [0; LONGEST_ANSWER];
+            let ack = self
+                .radio
+                .send_packet(frame, &mut answer)
+                .map_err(|_| Errno::IO)?;
             if ack.received {
+                (self.answer, self.answer_length) = (answer, ack.length.min(LONGEST_ANSWER));
                 return Ok(Sent::Accepted);
             }
         }
         Ok(Sent::Busy)
+    }
+
+    /// Takes the packet that came back last, if it was not taken yet. Returns its length.
+    pub(super) fn take_answer(&mut self, bytes: &mut [u8]) -> usize {
+        let length = std::mem::take(&mut self.answer_length).min(bytes.len());
+        bytes[..length].copy_from_slice(&self.answer[..length]);
+        length
     }
 }
 

@@ -7,4 +7,5 @@ mod formats;
 mod meaning;
 mod ports;
 mod receiver;
+mod telemetry;
 mod vehicles;

@@ -192,7 +192,7 @@ pub fn asked(case: &Case) -> Vec<Asked> {
     let mut has_pulled = false;
     let mut frame = RcFrame::new_zeroed();
     let mut transmit = |command: Option<&ControlCommand>| {
-        link.transmit(command, &mut frame);
+        link.transmit(command, None, &mut frame);
         link.rest(&mut has_pulled, &mut frame);
         Sticks::from_frame(&frame)
     };

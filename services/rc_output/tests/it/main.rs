@@ -2,6 +2,7 @@
 
 #[path = "../../../../tests/common/allocations.rs"]
 mod allocations;
+mod battery;
 mod guard;
 mod no_allocation;
 #[path = "../../../../tests/common/restart.rs"]

@@ -1,6 +1,7 @@
 mod flight;
 mod judge;
 mod law;
+mod link_battery;
 mod machine;
 mod motors_stop;
 mod programs;
