@@ -90,6 +90,24 @@ fn a_death_at_any_place_of_any_service_leaves_no_trace_in_the_log() {
 }
 
 #[test]
+fn the_charge_of_a_modelled_battery_survives_the_deaths_of_its_transmitter() {
+    const BATTERY: &str = "rc_output.battery={source=\"modelled\", calibrated=8.4, \
+                           model={full=8.4, thrust=1.962, endurance=10.0, fade=0.2}}";
+    let place = Place::new();
+    let settings = ["--set", BATTERY];
+    succeed(&mut place.rig_flight("plain", 1.0, &[]));
+    succeed(&mut place.rig_flight("undisturbed", 1.0, &settings));
+    assert!(log(&place, "plain") != log(&place, "undisturbed"));
+    let crashes: Vec<_> = deaths_of(ServiceId::RcOutput).collect();
+    succeed(&mut with_crashes(
+        place.rig_flight("deaths", 1.0, &settings),
+        &crashes,
+    ));
+    assert!(log(&place, "deaths") == log(&place, "undisturbed"));
+    assert_eq!(restarts(&place, "deaths").len(), BIRTHS);
+}
+
+#[test]
 fn deaths_in_the_laboratory_leave_no_trace_in_the_log() {
     let place = Place::new();
     succeed(&mut place.rig_flight("undisturbed", 1.0, &[]));

@@ -53,6 +53,13 @@ impl Autopilot {
         }
     }
 
+    /// Sends the battery's voltage, V, back over the link, if its protocol has telemetry here.
+    pub(super) fn report_battery(&mut self, voltage: f64) {
+        if let Self::RateLoop(line, radio) = self {
+            line.report_battery(radio.protocol(), voltage);
+        }
+    }
+
     /// Returns the counts of received commands.
     #[must_use]
     pub fn received(&self) -> AutopilotCommands {

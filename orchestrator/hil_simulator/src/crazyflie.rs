@@ -4,7 +4,7 @@
 //! [`STOPS_AFTER_NS`] it stops its motors and locks until it is restarted. It counts as flying for
 //! [`FLIES_AFTER_NS`] after its motors turned; on the ground missing setpoints do nothing.
 //!
-//! Not simulated: tumbling, crashes, arming (a Crazyflie 2.x arms by itself), and its battery.
+//! Not simulated: tumbling, crashes, and arming (a Crazyflie 2.x arms by itself).
 
 use shared_types::samples::{RcFrame, VehicleTruth};
 

@@ -10,6 +10,7 @@
 //! begins k·h after the first, and frames that arrive later do not act in it.
 //!
 //! * [`mod@receiver_input`]: the port at which frames arrive;
+//! * `battery`: its voltage, sent back over CRSF and to a Crazyflie's log;
 //! * [`radio`]: the receiver, with its latency, and [`crazyflie`], what that vehicle does without setpoints;
 //! * [`autopilot`]: the scenario's rate loop, or [`betaflight`], the real firmware of a flight controller;
 //! * [`cameras`]: poses, sent with the latency of a real system;
@@ -21,6 +22,7 @@
 //! no error: without frames for [`link_loss_timer::LOST_AFTER_NS`] the vehicle stops its motors; a Crazyflie levels first.
 
 pub mod autopilot;
+mod battery;
 pub mod betaflight;
 pub mod cameras;
 pub mod crazyflie;
@@ -38,6 +40,7 @@ use scenario::Scenario;
 use shared_types::service::{BuildError, seconds};
 
 use self::autopilot::{Autopilot, AutopilotCommands};
+use self::battery::SimulatedBattery;
 use self::cameras::{CameraSender, LateCaptures};
 use self::record::{Record, RecordedTick};
 use self::vehicle::SimulatedVehicle;
@@ -102,6 +105,8 @@ pub struct HilSimulator {
     onboard: Autopilot,
     cameras: CameraSender,
     record: Record,
+    /// `None` for a vehicle that reports no battery.
+    battery: Option<SimulatedBattery>,
     /// `true` if a hand moves the vehicle.
     is_by_hand: bool,
 }
@@ -124,6 +129,7 @@ impl HilSimulator {
             onboard,
             cameras,
             record,
+            battery: SimulatedBattery::new(scenario),
             is_by_hand: false,
         })
     }
@@ -205,6 +211,10 @@ impl HilSimulator {
             }
         }
         self.onboard.update_sensors(&truth);
+        let battery = self.battery.as_mut();
+        if let Some(voltage) = battery.and_then(|battery| battery.advance(&truth, self.clock.tick_ns)) {
+            self.onboard.report_battery(voltage);
+        }
         if let Some(pose) = &pose {
             self.cameras
                 .schedule(pose, self.clock.start_ns + pose.capture_time_ns);

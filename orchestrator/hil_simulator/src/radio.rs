@@ -157,6 +157,12 @@ impl Radio {
         }
     }
 
+    /// Returns the protocol of the link.
+    #[must_use]
+    pub fn protocol(&self) -> RadioProtocol {
+        self.link.link
+    }
+
     /// Returns the counts of commands since the start.
     #[must_use]
     pub fn received(&self) -> ReceivedCommands {

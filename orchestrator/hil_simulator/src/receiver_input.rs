@@ -6,13 +6,17 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
+use radio_link::crazyflie::log::LogServer;
 use radio_link::crazyflie::{self, CrazyfliePacket};
+use radio_link::crsf;
+use radio_link::frame::Frame;
 use radio_link::port::Target;
 use runtime::flight_clock::{deadline, monotonic_ns};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::ioctl_tiocnxcl;
+use scenario::RadioProtocol;
 
 /// Idle time after which the serial line counts as free, ns.
 const FREE_AFTER_NS: u64 = 50_000_000;
@@ -64,8 +68,17 @@ pub enum ReceiverInput {
     Tcp(TcpListener, Option<TcpStream>),
     /// A UDP socket.
     Udp(UdpSocket),
-    /// A UDP socket that answers null packets.
-    Crazyflie(UdpSocket),
+    /// A UDP socket that answers null packets and requests to the log.
+    Crazyflie(CrazyflieSocket),
+}
+
+/// Socket of a simulated Crazyflie.
+#[derive(Debug)]
+pub struct CrazyflieSocket {
+    socket: UdpSocket,
+    /// Sender of the last packet.
+    peer: Option<SocketAddr>,
+    log: LogServer,
 }
 
 /// A pseudo-terminal under the name of a serial device. Dropping it removes the name.
@@ -78,6 +91,8 @@ pub struct Serial {
     /// The device that the name leads to.
     device: PathBuf,
     last_read_ns: u64,
+    /// `true` while a transmitter sends: it has made the line raw, and what is written comes back no more.
+    is_used: bool,
 }
 
 impl ReceiverInput {
@@ -98,7 +113,11 @@ impl ReceiverInput {
                 let socket = UdpSocket::bind(at).map_err(failed(*at))?;
                 socket.set_nonblocking(true).map_err(failed(*at))?;
                 Ok(match target {
-                    Target::Crazyflie(_) => Self::Crazyflie(socket),
+                    Target::Crazyflie(_) => Self::Crazyflie(CrazyflieSocket {
+                        socket,
+                        peer: None,
+                        log: LogServer::default(),
+                    }),
                     _ => Self::Udp(socket),
                 })
             }
@@ -130,7 +149,7 @@ impl ReceiverInput {
         match self {
             Self::Serial(serial) => (serial.receiver.as_fd(), None),
             Self::Tcp(listener, client) => (listener.as_fd(), client.as_ref().map(AsFd::as_fd)),
-            Self::Udp(socket) | Self::Crazyflie(socket) => (socket.as_fd(), None),
+            Self::Udp(socket) | Self::Crazyflie(CrazyflieSocket { socket, .. }) => (socket.as_fd(), None),
         }
     }
 
@@ -140,9 +159,11 @@ impl ReceiverInput {
             Self::Serial(serial) => {
                 if let Ok(count @ 1..) = rustix::io::read(&serial.receiver, &mut piece) {
                     serial.last_read_ns = now_ns;
+                    serial.is_used = true;
                     sink(&piece[..count], now_ns);
                 } else if now_ns.saturating_sub(serial.last_read_ns) > FREE_AFTER_NS {
                     serial.last_read_ns = now_ns;
+                    serial.is_used = false;
                     serial.release();
                 }
             }
@@ -165,17 +186,41 @@ impl ReceiverInput {
                     sink(&piece[..count], now_ns);
                 }
             }
-            Self::Crazyflie(socket) => {
+            Self::Crazyflie(CrazyflieSocket { socket, peer, log }) => {
                 if let Ok((count, from)) = socket.recv_from(&mut piece) {
+                    *peer = Some(from);
                     let packet = &piece[..count];
+                    let mut answer = Frame::default();
                     if crazyflie::decode(packet) == Ok(CrazyfliePacket::Null) {
                         // A lost answer is requested again.
                         let _sent = socket.send_to(&[crazyflie::NULL], from);
+                    } else if log.answer(packet, &mut answer).is_some() {
+                        let _sent = socket.send_to(answer.bytes(), from);
                     } else {
                         sink(packet, now_ns);
                     }
                 }
             }
+        }
+    }
+
+    /// Sends the voltage of the vehicle's battery, V, back to the transmitter, if there is one: as a battery sensor of CRSF or
+    /// in the log of a Crazyflie. A lost report is followed by the next.
+    pub(super) fn report_battery(&mut self, protocol: RadioProtocol, voltage: f64) {
+        match self {
+            Self::Serial(serial) if serial.is_used && protocol == RadioProtocol::Crsf => {
+                let _sent = rustix::io::write(&serial.receiver, &crsf::encode_battery(voltage));
+            }
+            Self::Crazyflie(CrazyflieSocket { socket, peer, log }) => {
+                let mut data = Frame::default();
+                log.report(voltage, monotonic_ns(), &mut data);
+                if let Some(peer) = peer
+                    && !data.bytes().is_empty()
+                {
+                    let _sent = socket.send_to(data.bytes(), *peer);
+                }
+            }
+            _ => {}
         }
     }
 }
@@ -205,6 +250,7 @@ impl Serial {
             name: path.to_owned(),
             device,
             last_read_ns: monotonic_ns(),
+            is_used: false,
         })
     }
 
@@ -303,6 +349,28 @@ mod tests {
         };
         let shown = ReceiverInput::open(&dongle).unwrap_err().to_string();
         assert!(shown.contains("state `rc_output.transmitter.uri`"), "{shown}");
+    }
+
+    #[test]
+    fn a_battery_comes_back_to_the_transmitter_and_to_nobody_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = serial(&folder.path().join("radio"));
+        let mut line = ReceiverInput::open(&target).unwrap();
+        line.report_battery(RadioProtocol::Crsf, 7.4);
+        let mut port = Port::open(target).unwrap();
+        port.send(&[1], monotonic_ns());
+        assert_eq!(received(&mut line, 1), [1], "nothing was echoed");
+        let mut bytes = [0; 64];
+        assert_eq!(port.receive(&mut bytes, 0), 0);
+        line.report_battery(RadioProtocol::Sbus, 7.4);
+        line.report_battery(RadioProtocol::Crsf, 7.4);
+        let frame = crsf::encode_battery(7.4);
+        let give_up_ns = monotonic_ns() + 10_000_000_000;
+        let mut count = 0;
+        while count < frame.len() && monotonic_ns() < give_up_ns {
+            count += port.receive(&mut bytes[count..], 0);
+        }
+        assert_eq!(bytes[..count], frame);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! `summary.json` for programs, a table for users.
 
 mod at_bound;
+pub mod battery;
 mod cameras;
 pub mod faults;
 mod flight;
@@ -29,6 +30,7 @@ use crate::stretch::{Metrics, Stretch};
 use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
 pub use at_bound::AtBound;
+use battery::ModelledBattery;
 use cameras::CameraWatch;
 pub use cameras::LateCameras;
 use faults::{FaultReport, FaultWatch, PlannedFault};
@@ -167,6 +169,9 @@ pub struct Summary {
     /// Late cameras of a laboratory; none if they were on time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub late_cameras: Option<LateCameras>,
+    /// The modelled battery; none unless the scenario states one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub battery: Option<ModelledBattery>,
     /// The recorded samples of each topic.
     pub topics: Vec<TopicCount>,
 }
@@ -247,6 +252,7 @@ pub struct FlightSummary {
     response: Option<Box<ResponseWatch>>,
     /// `None` without the cameras of a laboratory.
     cameras: Option<Box<CameraWatch>>,
+    battery: Option<ModelledBattery>,
     /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
@@ -294,6 +300,7 @@ impl FlightSummary {
             cameras: scenario
                 .capture_system()
                 .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
+            battery: None,
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -424,6 +431,7 @@ impl FlightSummary {
     fn observe_frame(&mut self, frame: &RcFrame) {
         self.loss.observe_frame(frame);
         self.kill.observe_frame(frame);
+        ModelledBattery::observe(&mut self.battery, frame);
         if self.is_on_path {
             self.phases.at(frame.header.tick).parts.observe_frame(frame);
         }
@@ -502,6 +510,7 @@ impl FlightSummary {
                 .cameras
                 .as_ref()
                 .and_then(|cameras| cameras.finish(run.timing.as_ref())),
+            battery: self.battery,
             topics: Topic::ALL
                 .into_iter()
                 .filter(|&topic| self.schedule.has_topic(topic))

@@ -34,6 +34,9 @@ pub struct Snapshot {
     pub cameras: Option<CamerasSnapshot>,
     /// State of the radio link; `None` if it is simulated.
     pub radio_link: Option<LinkSnapshot>,
+    /// Battery of the vehicle, measured or modelled; `None` without a voltage. Runs of earlier versions send none.
+    #[serde(default)]
+    pub battery: Option<BatterySnapshot>,
     /// Distance from the path, m: the true one, or in a laboratory the estimated one; `None` while there is no path to
     /// follow.
     pub position_error: Option<f64>,
@@ -64,7 +67,12 @@ impl Snapshot {
         let cameras = self.cameras.iter_mut();
         let cameras = cameras.flat_map(|cameras| [&mut cameras.trouble, &mut cameras.refused]);
         let radio_link = self.radio_link.as_mut().and_then(|link| link.trouble.as_mut());
-        cameras.flatten().chain(radio_link).for_each(&mut change);
+        let battery = self.battery.as_mut().and_then(|battery| battery.trouble.as_mut());
+        cameras
+            .flatten()
+            .chain(radio_link)
+            .chain(battery)
+            .for_each(&mut change);
         self.events.iter_mut().for_each(|event| change(&mut event.text));
     }
 }
@@ -122,6 +130,19 @@ pub struct LinkSnapshot {
     pub sent: u64,
     /// Frames dropped or skipped.
     pub lost: u64,
+}
+
+/// State of the vehicle's battery.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BatterySnapshot {
+    /// Voltage, V.
+    pub voltage: f64,
+    /// Age of a measured voltage, s; `None` for a modelled one.
+    pub age: Option<f64>,
+    /// Factor of the thrust; `None` without a correction.
+    pub factor: Option<f64>,
+    /// Why people should look: a low battery, or an old voltage.
+    pub trouble: Option<String>,
 }
 
 /// Age of an input.

@@ -1,6 +1,7 @@
 //! Runs of a scenario in separate processes: lock step and real time, and what they share.
 
 pub mod archive;
+mod battery;
 mod control_server;
 pub mod deployment;
 pub mod host_record;

@@ -583,8 +583,21 @@ impl<'a> Flight<'a> {
 
     fn announce_laboratory(&mut self) {
         let block = self.supervisor.page().control_block();
-        for text in self.laboratory.news(block, self.clock.elapsed_ns()) {
+        let news = self.laboratory.news(block, self.clock.elapsed_ns());
+        let battery = self.laboratory.look_at_battery(block);
+        for text in news {
             self.announce(text);
+        }
+        if let Some(text) = battery {
+            self.announce(text);
+        }
+        let flies = !matches!(self.phase(), None | Some(FlightPhase::Disarmed));
+        if flies && self.laboratory.demands_landing() && !self.operator().land {
+            self.ask(
+                Request::Land,
+                RunEvent::KIND_OPERATOR_LANDS,
+                "the battery is low: landing",
+            );
         }
     }
 

@@ -54,8 +54,24 @@ pub struct LinkReport {
     pub losses: u64,
     /// Number of reconnections.
     pub recoveries: u64,
+    /// The battery, if the vehicle has sent a voltage.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub battery: Option<BatteryReport>,
     /// Median, 99 % quantile and maximum of the lateness of sent frames, s; `None` if the sender did not finish.
     pub late: Option<[f64; 3]>,
+}
+
+/// The battery of the vehicle, as the radio link has measured it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BatteryReport {
+    /// Last voltage, V.
+    pub voltage: f64,
+    /// Age of that voltage at the end, s; 25.5 for any larger one.
+    pub age: f64,
+    /// Last factor of the thrust; `None` without a correction.
+    pub factor: Option<f64>,
+    /// `true` if it fell below its lowest voltage.
+    pub was_low: bool,
 }
 
 impl LaboratoryReport {
@@ -105,6 +121,12 @@ impl LinkReport {
             left_out: figures.left_out,
             losses: figures.losses,
             recoveries: figures.recoveries,
+            battery: figures.battery().map(|reading| BatteryReport {
+                voltage: reading.voltage,
+                age: reading.age,
+                factor: reading.factor,
+                was_low: false,
+            }),
             late: (figures.late_max > 0.0).then_some(late),
         }
     }
@@ -160,6 +182,17 @@ impl Display for LinkReport {
                 formatter,
                 " Late by {half:.3} ms (half of them), {most:.3} ms (99 of 100), {all:.3} ms at most."
             )?;
+        }
+        if let Some(battery) = &self.battery {
+            write!(
+                formatter,
+                " Battery: {:.2} V at last, {:.1} s old",
+                battery.voltage, battery.age
+            )?;
+            if let Some(factor) = battery.factor {
+                write!(formatter, "; thrust sent times {factor:.2}")?;
+            }
+            formatter.write_str(".")?;
         }
         Ok(())
     }

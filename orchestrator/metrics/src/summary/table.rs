@@ -48,6 +48,9 @@ impl Display for Summary {
             );
             writeln!(formatter, "{}\n", wrapped(&back))?;
         }
+        if let Some(battery) = &self.battery {
+            writeln!(formatter, "{}", wrapped(&battery.to_string()))?;
+        }
         if let Some(timing) = &self.run.timing {
             writeln!(formatter, "\n{timing}\n")?;
         }
@@ -112,6 +115,10 @@ impl Summary {
         if let Some(response) = &self.response {
             writeln!(formatter, "{}", wrapped(&format!("WRONG: {response}")))?;
         }
+        if self.had_low_battery() {
+            let text = "LOW BATTERY: below `rc_output.battery.lowest`";
+            writeln!(formatter, "{}", wrapped(text))?;
+        }
         if let Some(loss) = &self.lost {
             let text = format!("LOST at {} s: {loss}", loss.time);
             writeln!(formatter, "{}", wrapped(&text))?;
@@ -120,6 +127,14 @@ impl Summary {
             writeln!(formatter, "{}", wrapped(&text))?;
         }
         Ok(())
+    }
+
+    /// Returns whether the battery, measured or modelled, fell below its lowest voltage.
+    #[must_use]
+    pub fn had_low_battery(&self) -> bool {
+        let measured = self.run.laboratory.as_ref();
+        let measured = measured.and_then(|laboratory| laboratory.radio_link.as_ref()?.battery.as_ref());
+        self.battery.is_some_and(|battery| battery.was_low) || measured.is_some_and(|battery| battery.was_low)
     }
 
     /// Returns the headline: the number by which a flight is judged.

@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 
 use runtime::control::Host;
 use scenario::Scenario;
+use shared_types::samples::RcFrame;
 use shared_types::service::{Operator, seconds};
 use shared_types::{Schedule, ServiceId};
 
+use crate::battery;
 use crate::control_server::ControlServer;
 use crate::recorder::Recorder;
 use crate::supervision::Supervisor;
@@ -115,6 +117,7 @@ impl<'a> Watchers<'a> {
             killed: killed || recorder.has_killed(),
             killed_by: recorder.killed_by(killed, planned),
             services: self.services(supervisor),
+            battery: battery::modelled(recorder.newest::<RcFrame>().as_ref()),
             recorded: recorder.received_in_all(),
             events: self.events.all(),
             ..recorder.snapshot(self.scenario, self.schedule)

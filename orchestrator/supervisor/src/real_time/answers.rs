@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use runtime::shared_page::Request;
 use shared_types::flight_phase::FlightPhase;
-use shared_types::samples::{RunEvent, VehicleState};
+use shared_types::samples::{RcFrame, RunEvent, VehicleState};
 use shared_types::service::{Operator, seconds};
 
 use super::Flight;
@@ -178,6 +178,9 @@ impl Flight<'_> {
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,
             radio_link,
+            battery: self
+                .laboratory
+                .battery(block, self.recorder.newest::<RcFrame>().as_ref()),
             recorded: self.recorder.received_in_all(),
             events: self.events.all(),
             ..self.recorder.snapshot(self.scenario, self.schedule)

@@ -122,6 +122,7 @@ impl Flight<'_> {
             match frame.action {
                 RcFrame::ACTION_LAND => self.announce(format!("{limit}: the vehicle lands")),
                 RcFrame::ACTION_KILL => self.announce(format!("{limit}: the motors are stopped for good")),
+                RcFrame::ACTION_WARN if frame.limit == RcFrame::LIMIT_BATTERY => self.announce(limit),
                 _ => {}
             }
         }

@@ -1,12 +1,17 @@
-//! State of the laboratory's devices: obstacles to arming, and changes of cameras and radio link.
+//! State of the laboratory's devices: obstacles to arming, changes of cameras and radio link, and the vehicle's battery.
 
 use runtime::shared_page::ControlBlock;
-use scenario::{CaptureSystem, MotionCapture, RadioProtocol, Scenario};
+use scenario::{
+    CaptureSystem, LinkBattery, LowVoltageAction, MotionCapture, RadioProtocol, Scenario, VoltageSource,
+};
 use shared_types::ServiceId;
+use shared_types::battery::BatteryReading;
+use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
 
+use crate::battery;
 use metrics::summary::laboratory::LaboratoryReport;
-use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
+use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot};
 use run_log::{CaptureFigures, LinkFigures};
 
 /// Maximum age of the last pose for arming, s.
@@ -15,12 +20,33 @@ const STALE: f64 = 0.5;
 /// Messages when the link and the cameras become ready.
 const READY: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
 
+/// Number of looks at the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
+const LOW_LOOKS: u32 = 3;
+
+/// State of a measured battery.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum BatteryState {
+    /// It has a recent voltage above the lowest.
+    Good,
+    /// It has never sent a voltage.
+    Unknown,
+    /// Its last voltage is old.
+    Old,
+    /// It is below the lowest voltage; for good.
+    Low,
+}
+
 /// Devices of the laboratory in the scenario.
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
     link: Option<RadioProtocol>,
     /// `true` if link and cameras were ready at the last report.
     were_ready: [Option<bool>; 2],
+    /// The battery that the link measures, if the scenario states one.
+    battery: Option<&'a LinkBattery>,
+    battery_state: BatteryState,
+    /// Looks below the lowest voltage without one above it.
+    low_looks: u32,
 }
 
 impl<'a> Laboratory<'a> {
@@ -31,7 +57,62 @@ impl<'a> Laboratory<'a> {
             cameras: scenario.capture_system(),
             link: scenario.radio_link(),
             were_ready: [None; 2],
+            battery: scenario
+                .radio_link()
+                .and(scenario.rc_output.as_ref())
+                .and_then(|link| link.battery.as_ref())
+                .filter(|battery| battery.source == VoltageSource::Measured),
+            battery_state: BatteryState::Good,
+            low_looks: 0,
         }
+    }
+
+    /// Looks at the measured battery, once a second. Returns a sentence when its state has changed.
+    pub fn look_at_battery(&mut self, block: &ControlBlock) -> Option<String> {
+        let stated = self.battery?;
+        let reading = self.link(block).and_then(|figures| figures.battery());
+        let is_below = |reading: BatteryReading| stated.lowest.is_some_and(|lowest| reading.voltage < lowest);
+        self.low_looks = match reading {
+            Some(reading) if is_below(reading) => self.low_looks.saturating_add(1),
+            _ => 0,
+        };
+        let state = match reading {
+            _ if self.battery_state == BatteryState::Low || self.low_looks >= LOW_LOOKS => BatteryState::Low,
+            None => BatteryState::Unknown,
+            Some(reading) if reading.age > stated.max_age.min(BatteryReading::OLDEST - 0.1) => {
+                BatteryState::Old
+            }
+            Some(_) => BatteryState::Good,
+        };
+        if std::mem::replace(&mut self.battery_state, state) == state {
+            return None;
+        }
+        let text = battery_trouble(stated, state, reading.as_ref());
+        let good = || reading.map(|reading| format!("the battery has {:.2} V", reading.voltage));
+        text.or_else(good)
+    }
+
+    /// Returns whether the measured battery is low and the vehicle must land for it.
+    #[must_use]
+    pub fn demands_landing(&self) -> bool {
+        let is_stated = |battery: &LinkBattery| battery.below == LowVoltageAction::Land;
+        self.battery_state == BatteryState::Low && self.battery.is_some_and(is_stated)
+    }
+
+    /// Returns the battery for clients: measured, or modelled as in the newest frame.
+    #[must_use]
+    pub fn battery(&self, block: &ControlBlock, frame: Option<&RcFrame>) -> Option<BatterySnapshot> {
+        if let Some(modelled) = battery::modelled(frame) {
+            return Some(modelled);
+        }
+        let reading = self.link(block)?.battery()?;
+        let stated = self.battery;
+        Some(BatterySnapshot {
+            voltage: reading.voltage,
+            age: Some(reading.age),
+            factor: reading.factor,
+            trouble: stated.and_then(|stated| battery_trouble(stated, self.battery_state, Some(&reading))),
+        })
     }
 
     /// Returns the figures of the cameras, if there are any.
@@ -76,7 +157,12 @@ impl<'a> Laboratory<'a> {
     /// Returns the figures for the summary; `None` without a laboratory.
     #[must_use]
     pub fn report(&self, block: &ControlBlock) -> Option<LaboratoryReport> {
-        LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())
+        let mut report = LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())?;
+        let battery = report.radio_link.as_mut().and_then(|link| link.battery.as_mut());
+        if let Some(battery) = battery {
+            battery.was_low = self.battery_state == BatteryState::Low;
+        }
+        Some(report)
     }
 
     /// Returns the failure of the radio link or of the cameras at a time since the start of the flight, if there is one.
@@ -120,6 +206,46 @@ fn link_failure(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
             "the radio link `{name}` is lost: its device or peer is gone; it reconnects in the background"
         )),
         _ => Some(format!("the radio link `{name}` has not been opened yet")),
+    }
+}
+
+/// Returns what people should know of a measured battery, if anything.
+fn battery_trouble(
+    stated: &LinkBattery,
+    state: BatteryState,
+    reading: Option<&BatteryReading>,
+) -> Option<String> {
+    let corrects = stated.calibrated.is_some();
+    match (state, reading) {
+        (BatteryState::Good, _) => None,
+        (BatteryState::Low, reading) => {
+            let now = reading.map_or(String::new(), |reading| format!(", {:.2} V", reading.voltage));
+            let lowest = stated.lowest.unwrap_or_default();
+            Some(format!(
+                "the battery is low{now}: below `rc_output.battery.lowest` = {lowest:?}"
+            ))
+        }
+        (BatteryState::Old, Some(reading)) => {
+            let thrust = if corrects {
+                "; the thrust keeps its correction"
+            } else {
+                ""
+            };
+            Some(format!(
+                "the vehicle has sent no voltage of its battery for {:.0} s{thrust}",
+                reading.age
+            ))
+        }
+        (BatteryState::Unknown | BatteryState::Old, _) => {
+            let thrust = if corrects {
+                "; the thrust is not corrected"
+            } else {
+                ""
+            };
+            Some(format!(
+                "the vehicle has sent no voltage of its battery yet{thrust}"
+            ))
+        }
     }
 }
 
@@ -196,6 +322,9 @@ mod tests {
             cameras: Some((CaptureSystem::Vrpn, stated)),
             link: Some(RadioProtocol::Crsf),
             were_ready: [None; 2],
+            battery: None,
+            battery_state: BatteryState::Good,
+            low_looks: 0,
         }
     }
 
@@ -240,6 +369,9 @@ mod tests {
             cameras: None,
             link: None,
             were_ready: [None; 2],
+            battery: None,
+            battery_state: BatteryState::Good,
+            low_looks: 0,
         };
         assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
     }
@@ -295,5 +427,86 @@ mod tests {
         ] {
             assert!(refusal(&good(), state).unwrap().contains(piece));
         }
+    }
+
+    /// Returns a control block of a link that has measured a voltage, V, this long ago, s.
+    fn measured(voltage: f64, age: f64) -> ControlBlock {
+        let block = ControlBlock::default();
+        let reading = BatteryReading {
+            voltage,
+            age,
+            factor: None,
+        };
+        let link = LinkFigures {
+            state: LinkFigures::STATE_OPEN,
+            pad0: reading.to_word(),
+            ..LinkFigures::new_zeroed()
+        };
+        block.hardware_status[ServiceId::RcOutput.index()].write(&link);
+        block
+    }
+
+    #[test]
+    fn a_battery_is_told_when_it_is_unknown_found_old_and_low_for_longer_than_a_manoeuvre() {
+        let (stated, battery) = (
+            stated(),
+            LinkBattery {
+                calibrated: Some(7.6),
+                lowest: Some(7.0),
+                ..LinkBattery::default()
+            },
+        );
+        let mut laboratory = Laboratory {
+            battery: Some(&battery),
+            ..laboratory(&stated)
+        };
+        let mut look = |block: &ControlBlock| laboratory.look_at_battery(block).unwrap_or_default();
+        let unknown = look(&ControlBlock::default());
+        assert!(unknown.ends_with("yet; the thrust is not corrected"), "{unknown}");
+        assert_eq!(look(&ControlBlock::default()), "");
+        assert_eq!(look(&measured(7.81, 0.2)), "the battery has 7.81 V");
+        let old = look(&measured(7.81, 9.0));
+        assert!(old.ends_with("for 9 s; the thrust keeps its correction"), "{old}");
+        assert_eq!(look(&measured(7.41, 0.1)), "the battery has 7.41 V");
+        // A sag of two seconds.
+        for voltage in [6.9, 6.9, 7.3, 6.9, 6.9] {
+            assert_eq!(look(&measured(voltage, 0.1)), "");
+        }
+        let low = look(&measured(6.9, 0.1));
+        assert_eq!(
+            low,
+            "the battery is low, 6.90 V: below `rc_output.battery.lowest` = 7.0"
+        );
+        assert_eq!(
+            look(&measured(7.3, 0.1)),
+            "",
+            "without load it recovers, and stays low"
+        );
+        let block = measured(7.3, 0.1);
+        let shown = laboratory.battery(&block, None).unwrap();
+        assert!(shown.voltage == 7.3 && shown.trouble.unwrap().contains("is low"));
+    }
+
+    #[test]
+    fn a_modelled_battery_is_that_of_the_newest_frame() {
+        let stated = stated();
+        let mut frame = RcFrame::new_zeroed();
+        let block = ControlBlock::default();
+        let laboratory = laboratory(&stated);
+        assert_eq!(laboratory.battery(&block, Some(&frame)), None);
+        frame.set_battery(7.4, Some(1.25));
+        let shown = laboratory.battery(&block, Some(&frame)).unwrap();
+        assert_eq!(
+            (shown.voltage, shown.age, shown.factor, shown.trouble),
+            (7.4, None, Some(1.25), None)
+        );
+        frame.limit = RcFrame::LIMIT_BATTERY;
+        assert!(
+            laboratory
+                .battery(&block, Some(&frame))
+                .unwrap()
+                .trouble
+                .is_some()
+        );
     }
 }

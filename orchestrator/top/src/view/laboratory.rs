@@ -5,12 +5,12 @@ use ratatui::text::Span;
 
 use crate::words::{cut, short_time};
 use run_client::Snapshot;
-use run_client::snapshot::{CamerasSnapshot, LinkSnapshot};
+use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot};
 
 /// Returns the state of cameras and radio link, failures first, because a narrow terminal cuts off the end. `None` in a
 /// flight without them.
 pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>> {
-    let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some();
+    let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some() || snapshot.battery.is_some();
     let (mut troubles, mut figures) = (Vec::new(), Vec::new());
     if let Some(cameras) = &snapshot.cameras {
         troubles.extend(cameras.trouble.clone());
@@ -22,6 +22,15 @@ pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>
     if let Some(link) = &snapshot.radio_link {
         troubles.extend(link.trouble.clone());
         figures.push(Span::raw(frames(link)));
+    }
+    if let Some(battery) = &snapshot.battery {
+        troubles.extend(battery.trouble.clone());
+        let span = Span::raw(volts(battery));
+        figures.push(if battery.trouble.is_some() {
+            span.red()
+        } else {
+            span
+        });
     }
     let troubles = troubles
         .into_iter()
@@ -38,6 +47,13 @@ fn in_words(cameras: &CamerasSnapshot) -> String {
         cameras.believed,
         cameras.frames
     )
+}
+
+fn volts(battery: &BatterySnapshot) -> String {
+    let age = battery
+        .age
+        .map_or("modelled".to_owned(), |age| format!("{age:.1}s old"));
+    format!("battery {:.2} V, {age}", battery.voltage)
 }
 
 fn frames(link: &LinkSnapshot) -> String {

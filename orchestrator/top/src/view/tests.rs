@@ -5,7 +5,9 @@ use ratatui::backend::TestBackend;
 use super::super::keys::Key;
 use super::*;
 use metrics::summary::timing::Quantiles;
-use run_client::snapshot::{CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot};
+use run_client::snapshot::{
+    BatterySnapshot, CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot,
+};
 
 const DOCUMENT: &str = include_str!("../../../../docs/viewing.md");
 
@@ -85,6 +87,7 @@ fn snapshot(time: f64) -> Snapshot {
         capture_to_frame: times(58e-6, 140e-6, 1.9e-3),
         cameras: None,
         radio_link: None,
+        battery: None,
         position_error: Some(0.0167 + 0.5 / (1.0 + time * time)),
         mass_estimate: Some(0.2 + 0.01 / (1.0 + time)),
         disturbance_estimate: (time > 20.0).then_some(0.3742),
@@ -149,6 +152,41 @@ fn the_view_in_the_documentation_is_the_one_of_80_by_24() {
         shown == drawn,
         "docs/viewing.md is out of date; it should show\n\n{drawn}\n"
     );
+}
+
+#[test]
+fn a_battery_has_its_voltage_in_the_line_of_the_laboratory_and_a_low_one_comes_first() {
+    let line = |battery| {
+        let snapshot = Snapshot {
+            battery: Some(battery),
+            ..snapshot(45.0)
+        };
+        let view = View {
+            run: "4711-0",
+            snapshot: Some(&snapshot),
+            history: &History::default(),
+            controls: &selecting(3),
+            silence: None,
+        };
+        view.without_keys(80).lines().nth(3).unwrap().to_owned()
+    };
+    let measured = BatterySnapshot {
+        voltage: 7.412,
+        age: Some(0.42),
+        factor: Some(1.05),
+        trouble: None,
+    };
+    assert_eq!(line(measured.clone()), "battery 7.41 V, 0.4s old");
+    let modelled = BatterySnapshot {
+        age: None,
+        ..measured.clone()
+    };
+    assert_eq!(line(modelled), "battery 7.41 V, modelled");
+    let low = BatterySnapshot {
+        trouble: Some("the battery is low".to_owned()),
+        ..measured
+    };
+    assert!(line(low).starts_with("the battery is low  battery 7.41 V"));
 }
 
 #[test]

@@ -240,7 +240,7 @@ function drawServices({ services }) {
   byId("services").replaceChildren(tableOf(["service", "Hz", "age", "step p99", "missed", "restarts"], rows));
 }
 
-function drawLaboratory({ cameras, radio_link: link, capture_to_frame: chain }) {
+function drawLaboratory({ cameras, radio_link: link, battery, capture_to_frame: chain }) {
   const lines = [];
   if (chain !== null) lines.push(["", `capture to frame: p50 ${inUnits(chain.p50)}, p99 ${inUnits(chain.p99)}`]);
   if (cameras !== null) {
@@ -251,6 +251,13 @@ function drawLaboratory({ cameras, radio_link: link, capture_to_frame: chain }) 
   if (link !== null) {
     lines.push(["", `radio link: ${link.sent} sent, ${link.lost} lost`]);
     if (link.trouble !== null) lines.push(["trouble", link.trouble]);
+  }
+  // Runs of earlier versions send no battery.
+  if (battery) {
+    const age = battery.age === null ? "modelled" : `${battery.age.toFixed(1)} s old`;
+    const factor = battery.factor === null ? "" : `, thrust times ${battery.factor.toFixed(2)}`;
+    lines.push([battery.trouble === null ? "" : "trouble", `battery: ${battery.voltage.toFixed(2)} V, ${age}${factor}`]);
+    if (battery.trouble !== null) lines.push(["trouble", battery.trouble]);
   }
   byId("laboratory").replaceChildren(...lines.map(([name, text]) => element("p", { class: `hint ${name}` }, text)));
 }
