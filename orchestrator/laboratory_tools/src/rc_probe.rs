@@ -30,7 +30,12 @@ const SHOWN_EVERY: u64 = 25;
 pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<Exit, Failure> {
     let link = link_of(scenario)?;
     let transmitter = link.transmitter.as_ref().ok_or_else(no_link)?;
-    let opened = RadioLink::open(link).map_err(Failure::trouble)?;
+    // The values that the receiver shall show are those of the sticks, whatever the battery.
+    let plain = RcLink {
+        battery: None,
+        ..link.clone()
+    };
+    let opened = RadioLink::open(&plain).map_err(Failure::trouble)?;
     let opened = opened.ok_or_else(no_link)?;
     let (map, units) = (opened.encoder().map().clone(), opened.encoder().units());
     let interrupt = interrupt::install().map_err(Failure::trouble)?;

@@ -110,9 +110,9 @@ fn fly(is_corrected: bool) -> [f64; 3] {
 fn a_corrected_link_keeps_the_thrust_of_a_flight_on_a_battery_that_empties() {
     let [without, with] = [fly(false), fly(true)];
     let (ratio, mass) = (without[0], without[2]);
-    assert!((0.70..0.80).contains(&ratio), "without: {without:?}");
+    assert!((0.65..0.75).contains(&ratio), "without: {without:?}");
     // The law learns the lost thrust as mass.
-    assert!(mass > 0.22, "without: {without:?}");
+    assert!(mass > 0.21, "without: {without:?}");
     let [ratio, height, mass] = with;
     assert!((ratio - 1.0).abs() < 0.003, "with: {with:?}");
     assert!((mass - 0.2).abs() < 0.01, "with: {with:?}");

@@ -24,8 +24,15 @@ impl Frame {
         let is_flown = is_on_path && !frame.failsafe.is_set() && frame.mode == RcFrame::MODE_RATES;
         Self {
             acts_at,
-            travels: is_flown
-                .then(|| [0, 1, 2, 3].map(|stick| 2.0 * f64::from(frame.channels[stick]) / largest - 1.0)),
+            travels: is_flown.then(|| {
+                let mut travels =
+                    [0, 1, 2, 3].map(|stick| 2.0 * f64::from(frame.channels[stick]) / largest - 1.0);
+                // The channel of a corrected thrust has the battery in it, and the calibration is that without.
+                if frame.battery().is_some_and(|battery| battery.factor.is_some()) {
+                    travels[0] = (frame.thrust - link.thrust_offset) / link.thrust_slope;
+                }
+                travels
+            }),
         }
     }
 }
@@ -107,12 +114,28 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use zerocopy::FromZeros;
 
     fn frame(acts_at: f64, travel: Option<f64>) -> Frame {
         Frame {
             acts_at,
             travels: travel.map(|travel| [travel; 4]),
         }
+    }
+
+    #[test]
+    fn a_stick_that_a_modelled_battery_corrects_counts_as_that_of_the_thrust() {
+        let link = RcLink::default();
+        let travel = 0.25;
+        let mut sent = RcFrame::new_zeroed();
+        sent.mode = RcFrame::MODE_RATES;
+        sent.thrust = link.thrust_offset + link.thrust_slope * travel;
+        sent.channels[0] = 1800;
+        let plain = Frame::new(&sent, &link, 0.0, true).travels.unwrap()[0];
+        assert!((plain - (2.0 * 1800.0 / 2047.0 - 1.0)).abs() < 1e-12);
+        sent.set_battery(7.0, Some(1.25));
+        let corrected = Frame::new(&sent, &link, 0.0, true).travels.unwrap()[0];
+        assert!((corrected - travel).abs() < 1e-12);
     }
 
     #[test]
