@@ -141,7 +141,7 @@ pub struct BatterySnapshot {
     pub age: Option<f64>,
     /// Factor of the thrust; `None` without a correction.
     pub factor: Option<f64>,
-    /// Why people should look: a low battery, or an old voltage.
+    /// Reason for a warning: a low battery, or an old voltage.
     pub trouble: Option<String>,
 }
 

@@ -584,7 +584,7 @@ impl<'a> Flight<'a> {
     fn announce_laboratory(&mut self) {
         let block = self.supervisor.page().control_block();
         let news = self.laboratory.news(block, self.clock.elapsed_ns());
-        let battery = self.laboratory.look_at_battery(block);
+        let battery = self.laboratory.check_battery(block);
         for text in news {
             self.announce(text);
         }

@@ -68,7 +68,7 @@ impl BatteryMonitor {
         self.newest = Some((voltage, now_ns));
     }
 
-    /// Returns the reading for people, if there has been a voltage.
+    /// Returns the reading for display, if there has been a voltage.
     pub(crate) fn reading(&self, now_ns: u64) -> Option<BatteryReading> {
         self.newest.map(|(voltage, at_ns)| BatteryReading {
             voltage,
@@ -167,7 +167,7 @@ mod tests {
         for second in 2..30 {
             monitor.add(7.0, second * S);
         }
-        let settled = (8.0 / 7.0_f64).powi(2);
+        let settled = 64.0 / 49.0;
         assert!((factor(&monitor, 30 * S) - settled).abs() < 1e-4);
         let reading = monitor.reading(90 * S).unwrap();
         assert_eq!((reading.age, reading.voltage), (61.0, 7.0));

@@ -21,7 +21,7 @@ pub enum VoltageSource {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LowVoltageAction {
-    /// People are warned.
+    /// A warning.
     #[default]
     Warn,
     /// The vehicle must land; needs `[flight]`.

@@ -20,8 +20,8 @@ const STALE: f64 = 0.5;
 /// Messages when the link and the cameras become ready.
 const READY: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
 
-/// Number of looks at the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
-const LOW_LOOKS: u32 = 3;
+/// Number of checks of the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
+const LOW_CHECKS: u32 = 3;
 
 /// State of a measured battery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +45,8 @@ pub struct Laboratory<'a> {
     /// The battery that the link measures, if the scenario states one.
     battery: Option<&'a LinkBattery>,
     battery_state: BatteryState,
-    /// Looks below the lowest voltage without one above it.
-    low_looks: u32,
+    /// Consecutive checks below the lowest voltage.
+    low_checks: u32,
 }
 
 impl<'a> Laboratory<'a> {
@@ -63,21 +63,23 @@ impl<'a> Laboratory<'a> {
                 .and_then(|link| link.battery.as_ref())
                 .filter(|battery| battery.source == VoltageSource::Measured),
             battery_state: BatteryState::Good,
-            low_looks: 0,
+            low_checks: 0,
         }
     }
 
-    /// Looks at the measured battery, once a second. Returns a sentence when its state has changed.
-    pub fn look_at_battery(&mut self, block: &ControlBlock) -> Option<String> {
+    /// Checks the measured battery; called once a second. Returns a message when its state has changed.
+    pub fn check_battery(&mut self, block: &ControlBlock) -> Option<String> {
         let stated = self.battery?;
         let reading = self.link(block).and_then(|figures| figures.battery());
         let is_below = |reading: BatteryReading| stated.lowest.is_some_and(|lowest| reading.voltage < lowest);
-        self.low_looks = match reading {
-            Some(reading) if is_below(reading) => self.low_looks.saturating_add(1),
+        self.low_checks = match reading {
+            Some(reading) if is_below(reading) => self.low_checks.saturating_add(1),
             _ => 0,
         };
         let state = match reading {
-            _ if self.battery_state == BatteryState::Low || self.low_looks >= LOW_LOOKS => BatteryState::Low,
+            _ if self.battery_state == BatteryState::Low || self.low_checks >= LOW_CHECKS => {
+                BatteryState::Low
+            }
             None => BatteryState::Unknown,
             Some(reading) if reading.age > stated.max_age.min(BatteryReading::OLDEST - 0.1) => {
                 BatteryState::Old
@@ -209,7 +211,7 @@ fn link_failure(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     }
 }
 
-/// Returns what people should know of a measured battery, if anything.
+/// Returns the warning of a measured battery, if there is one.
 fn battery_trouble(
     stated: &LinkBattery,
     state: BatteryState,
@@ -324,7 +326,7 @@ mod tests {
             were_ready: [None; 2],
             battery: None,
             battery_state: BatteryState::Good,
-            low_looks: 0,
+            low_checks: 0,
         }
     }
 
@@ -371,7 +373,7 @@ mod tests {
             were_ready: [None; 2],
             battery: None,
             battery_state: BatteryState::Good,
-            low_looks: 0,
+            low_checks: 0,
         };
         assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
     }
@@ -460,7 +462,7 @@ mod tests {
             battery: Some(&battery),
             ..laboratory(&stated)
         };
-        let mut look = |block: &ControlBlock| laboratory.look_at_battery(block).unwrap_or_default();
+        let mut look = |block: &ControlBlock| laboratory.check_battery(block).unwrap_or_default();
         let unknown = look(&ControlBlock::default());
         assert!(unknown.ends_with("yet; the thrust is not corrected"), "{unknown}");
         assert_eq!(look(&ControlBlock::default()), "");
