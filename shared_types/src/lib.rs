@@ -27,6 +27,7 @@ pub mod digest;
 mod earlier_layouts;
 pub mod finiteness;
 pub mod flight_phase;
+pub mod geodesy;
 pub mod gnss;
 pub mod input_validator;
 mod moment;
