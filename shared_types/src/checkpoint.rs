@@ -1,7 +1,7 @@
 //! Checkpoint of a service: its state after a step, with the step from which on it counts.
 
 /// Largest state of a service, bytes.
-pub const CAPACITY: usize = 16 * 1024;
+pub const CAPACITY: usize = 40 * 1024;
 
 /// State of a service after its last steps.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -269,6 +269,81 @@ crate::sample! {
         /// The numbers in the order of their names; zero after them.
         pub values: [f64; ControlTelemetry::NUMBERS],
     }
+
+    /// Sample of an inertial measurement unit: means over the time since the sample before.
+    pub struct ImuSample {
+        /// Common header.
+        pub header: Header,
+        /// End of this time, ns since the start of the flight.
+        pub measured_ns: u64,
+        /// Angular velocity in {B}, rad/s.
+        pub angular_velocity_body: [f64; 3],
+        /// Specific force in {B}, m/s².
+        pub specific_force_body: [f64; 3],
+        /// `true` if something was measured; if not, all else is zero.
+        pub measured: Flag,
+        /// `true` if a component is at the end of its range.
+        pub clipped: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+
+    /// Fix of a satellite receiver, of its antenna.
+    pub struct GnssFix {
+        /// Common header.
+        pub header: Header,
+        /// Time at which the fix is valid, ns since the start of the flight.
+        pub valid_ns: u64,
+        /// Geodetic latitude (WGS-84), degrees.
+        pub latitude: f64,
+        /// Longitude (WGS-84), degrees.
+        pub longitude: f64,
+        /// Height above the ellipsoid, m.
+        pub height: f64,
+        /// Velocity to the north, to the east and downwards, m/s.
+        pub velocity_ned: [f64; 3],
+        /// Standard deviation of the horizontal position over both directions, as reported, m.
+        pub horizontal_accuracy: f64,
+        /// Standard deviation of the height, as reported, m.
+        pub vertical_accuracy: f64,
+        /// Standard deviation of a component of the velocity, as reported, m/s.
+        pub speed_accuracy: f64,
+        #[values(KIND_SINGLE_POINT = 0, KIND_RTK_FLOAT = 1, KIND_RTK_FIXED = 2)]
+        /// What the receiver has solved.
+        pub kind: u8,
+        /// `true` if there is a fix; if not, all else is zero.
+        pub measured: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+
+    /// Altitude that a barometer measures.
+    pub struct BaroAltitude {
+        /// Common header.
+        pub header: Header,
+        /// Time of the measurement, ns since the start of the flight.
+        pub measured_ns: u64,
+        /// Altitude above the origin of {I}, m.
+        pub altitude: f64,
+        /// `true` if something was measured; if not, all else is zero.
+        pub measured: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+
+    /// Magnetic field that a magnetometer measures.
+    pub struct MagField {
+        /// Common header.
+        pub header: Header,
+        /// Time of the measurement, ns since the start of the flight.
+        pub measured_ns: u64,
+        /// Field in {B}, G.
+        pub field_body: [f64; 3],
+        /// `true` if something was measured; if not, all else is zero.
+        pub measured: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
 }
 
 impl MocapPose {

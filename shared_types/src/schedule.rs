@@ -125,7 +125,7 @@ const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();
 
 /// Largest number of inputs or outputs of a service.
-pub const MAX_PORTS: usize = 4;
+pub const MAX_PORTS: usize = 6;
 
 const _: () = {
     let mut service = 0;
@@ -151,6 +151,8 @@ pub struct Schedule {
     world_is_real: bool,
     unread: [[bool; MAX_PORTS]; SERVICES],
     has_telemetry: bool,
+    has_sensors: bool,
+    has_captures: bool,
 }
 
 impl Schedule {
@@ -179,6 +181,8 @@ impl Schedule {
             world_is_real: false,
             unread: [[false; MAX_PORTS]; SERVICES],
             has_telemetry: false,
+            has_sensors: false,
+            has_captures: true,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -236,10 +240,29 @@ impl Schedule {
         self
     }
 
-    /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values.
+    /// Returns the same schedule with the sensors of flight outdoors.
+    #[must_use]
+    pub fn with_sensors(mut self) -> Self {
+        self.has_sensors = true;
+        self
+    }
+
+    /// Returns the same schedule outdoors, where no cameras capture the vehicle.
+    #[must_use]
+    pub fn without_captures(mut self) -> Self {
+        self.has_captures = false;
+        self
+    }
+
+    /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values, and samples of sensors
+    /// only if it states sensors.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
-        self.has_telemetry || topic != Topic::ControlTelemetry
+        match topic {
+            Topic::ControlTelemetry => self.has_telemetry,
+            topic if topic.is_of_a_sensor() => self.has_sensors,
+            _ => true,
+        }
     }
 
     /// Returns the topics of the flight that services publish.
@@ -341,7 +364,11 @@ impl Schedule {
     /// Returns the ticks at which a topic is published.
     #[must_use]
     pub fn publications(&self, topic: Topic) -> OutageSchedule {
-        let is_unknown = self.world_is_real && topic == Topic::VehicleTruth;
+        let is_unknown = match topic {
+            Topic::VehicleTruth => self.world_is_real,
+            Topic::MocapPose => !self.has_captures,
+            _ => false,
+        };
         if is_unknown || !self.has_topic(topic) {
             return OutageSchedule::never();
         }
@@ -447,10 +474,13 @@ impl Schedule {
         let late = self.edge_faults.iter().flatten().flat_map(|faults| faults.iter());
         let latencies: u64 =
             self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
+        let topics = Topic::ALL
+            .into_iter()
+            .filter(|topic| self.has_sensors || !topic.is_of_a_sensor());
         let periods: u64 = self
             .services
             .iter()
-            .chain(&self.topics)
+            .chain(topics.map(|topic| &self.topics[topic.index()]))
             .map(|rate| rate.period + rate.phase)
             .sum();
         latencies + periods

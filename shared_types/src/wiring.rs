@@ -8,8 +8,8 @@ use std::ops::Range;
 use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
-    ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, MocapPose, PathReference, RcFrame,
-    RunEvent, VehicleState, VehicleTruth,
+    BaroAltitude, ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, GnssFix, ImuSample,
+    MagField, MocapPose, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
 };
 
 /// Set of external services: for each service in the order of the wiring table, whether a program replaces it.
@@ -134,6 +134,16 @@ impl Topic {
         ServiceId::ALL
             .into_iter()
             .find(|service| service.outputs().iter().any(|output| output.topic == self))
+    }
+
+    /// Returns whether the topic is that of a sensor of flight outdoors, which only some flights have.
+    #[must_use]
+    #[inline]
+    pub const fn is_of_a_sensor(self) -> bool {
+        matches!(
+            self,
+            Self::ImuSample | Self::GnssFix | Self::BaroAltitude | Self::MagField
+        )
     }
 
     /// Returns the services that consume the topic, with the position of the input in each.
@@ -361,16 +371,30 @@ wiring! {
         RunEvent = "run/events";
         /// Named numbers of a controller that is not Gerono's own; only where the scenario names them.
         ControlTelemetry = "control/telemetry";
+        /// The samples of the inertial measurement unit; as the next three, only where the scenario states sensors.
+        ImuSample = "imu/sample";
+        /// The fixes of the satellite receiver.
+        GnssFix = "gnss/fix";
+        /// The altitudes of the barometer.
+        BaroAltitude = "baro/altitude";
+        /// The fields of the magnetometer.
+        MagField = "mag/field";
     }
     services {
-        /// Rigid body, actuators, disturbances and the simulated cameras.
+        /// Rigid body, actuators, disturbances and the simulated cameras and sensors.
         Plant = plant {
             PlantInputs { frame: RcFrame after 1 }
-            PlantOutputs { truth: VehicleTruth, pose: MocapPose }
+            PlantOutputs {
+                truth: VehicleTruth, pose: MocapPose, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
+                field: MagField
+            }
         }
         /// Motion-capture feed and state estimator.
         Estimator = estimator {
-            EstimatorInputs { pose: MocapPose, frame: RcFrame after 1 }
+            EstimatorInputs {
+                pose: MocapPose, frame: RcFrame after 1, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
+                field: MagField
+            }
             EstimatorOutputs { state: VehicleState }
         }
         /// The path and its timing law.

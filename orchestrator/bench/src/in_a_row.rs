@@ -73,7 +73,7 @@ impl InARow {
                 let bytes = sample.as_mut().expect("a topic has one publisher").bytes_mut();
                 *slot = step::prepared(output.topic, output.header(tick), bytes);
             }
-            let inputs = &views[..timetable.inputs.len()];
+            let inputs = &views[..timetable.service.inputs().len()];
             service.step(&timetable.now(tick), inputs, &mut slots[..outputs]);
             for (sample, output) in own.iter_mut().zip(&timetable.outputs) {
                 self.newest[output.topic.index()] = sample.take();

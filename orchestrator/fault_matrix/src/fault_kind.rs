@@ -184,7 +184,8 @@ mod tests {
         for tick in [0.001, 0.022, 0.1] {
             let plain = scenario(tick, 22.0);
             let services = services().map(Target::Service);
-            for target in services.chain(EdgeName::all().map(Target::Edge)) {
+            let edges = EdgeName::all().filter(|edge| plain.has_samples(*edge));
+            for target in services.chain(edges.map(Target::Edge)) {
                 for fault in MatrixFault::ALL
                     .into_iter()
                     .filter(|fault| fault.applies_to(target))

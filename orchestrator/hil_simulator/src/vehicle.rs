@@ -59,14 +59,9 @@ impl SimulatedVehicle {
             bytes: self.frame.as_ref().map(IntoBytes::as_bytes),
             fresh: is_fresh,
         }];
-        let mut outputs = [
-            OutputSlot {
-                bytes: Some(truth.as_mut_bytes()),
-            },
-            OutputSlot {
-                bytes: pose.as_mut().map(IntoBytes::as_mut_bytes),
-            },
-        ];
+        let pose_bytes = pose.as_mut().map(IntoBytes::as_mut_bytes);
+        let bytes = [Some(truth.as_mut_bytes()), pose_bytes, None, None, None, None];
+        let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
         self.plant.step(&now, &inputs, &mut outputs);
         (truth, pose)
     }

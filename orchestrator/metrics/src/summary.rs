@@ -343,7 +343,13 @@ impl FlightSummary {
                     view(bytes, |pose| cameras.observe(pose));
                 }
             }
-            Topic::ControlCommand | Topic::ControlErrors | Topic::ControlTelemetry => {}
+            Topic::ControlCommand
+            | Topic::ControlErrors
+            | Topic::ControlTelemetry
+            | Topic::ImuSample
+            | Topic::GnssFix
+            | Topic::BaroAltitude
+            | Topic::MagField => {}
         }
         if let Some(response) = &mut self.response {
             response.observe(topic, bytes);

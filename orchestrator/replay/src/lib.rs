@@ -252,7 +252,7 @@ pub fn replay(
     replayed.retain(|service| !seen(service) && !is_external_service(service));
     let without_inputs: Vec<_> = replayed
         .iter()
-        .filter_map(|&service| unknown_input(service, &topics))
+        .filter_map(|&service| unknown_input(service, &schedule, &topics))
         .collect();
     replayed.retain(|service| !without_inputs.iter().any(|(without, _)| without == service));
     let replays: Vec<_> = replayed.into_iter().map(replay).collect::<Result<_, _>>()?;
@@ -294,8 +294,13 @@ pub fn replay(
 }
 
 /// Returns the first input of a service that the log records only in part, if there is one.
-fn unknown_input(service: ServiceId, recorded: &[Recorded; Topic::ALL.len()]) -> Option<(ServiceId, Topic)> {
-    let mut inputs = service.inputs().iter().map(|input| input.topic);
+fn unknown_input(
+    service: ServiceId,
+    schedule: &Schedule,
+    recorded: &[Recorded; Topic::ALL.len()],
+) -> Option<(ServiceId, Topic)> {
+    let inputs = service.inputs().iter().map(|input| input.topic);
+    let mut inputs = inputs.filter(|topic| schedule.has_topic(*topic));
     let unknown = inputs.find(|topic| recorded[topic.index()] != Recorded::All)?;
     Some((service, unknown))
 }

@@ -195,7 +195,7 @@ impl From<&ServiceStep> for RecordedStep {
             tuning: u64::from(step.operator >> TUNING_SHIFT),
             seen: std::array::from_fn(|input| {
                 let is_fresh = step.fresh_inputs & 1 << input != 0;
-                step.consumed[input].checked_sub(1).map(|seq| (seq, is_fresh))
+                step.seen(input).checked_sub(1).map(|seq| (seq, is_fresh))
             }),
         }
     }

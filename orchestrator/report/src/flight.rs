@@ -170,7 +170,14 @@ impl<'a> Gatherer<'a> {
                 let telemetry: ControlTelemetry = read(bytes);
                 self.telemetry.add(tick, &telemetry.values);
             }
-            Topic::MocapPose | Topic::VehicleState | Topic::RcFrame | Topic::RunEvent => {}
+            Topic::MocapPose
+            | Topic::VehicleState
+            | Topic::RcFrame
+            | Topic::RunEvent
+            | Topic::ImuSample
+            | Topic::GnssFix
+            | Topic::BaroAltitude
+            | Topic::MagField => {}
         }
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);

@@ -5,6 +5,7 @@ use shared_types::battery::BatteryReading;
 pub use shared_types::capture_figures::CaptureFigures;
 use shared_types::checkpoint::{CAPACITY, Checkpoint};
 use shared_types::sample::Record;
+use shared_types::schedule::MAX_PORTS;
 use zerocopy::FromZeros;
 
 /// Sample of `host.mcap`; it begins with its time.
@@ -73,7 +74,8 @@ shared_types::sample! {
         pub tick: u64,
         /// 1 + the tick of the step before it that the service remembers; 0 if there is none.
         pub previous: u64,
-        /// Of each input, 1 + the sequence number of the sample that it saw; 0 if it saw none.
+        /// Of each input, 1 + the sequence number of the sample that it saw; 0 if it saw none. The upper halves are those of
+        /// inputs 4 to 7.
         pub consumed: [u64; 4],
         /// Position of the service in the wiring table.
         pub service: u32,
@@ -150,9 +152,27 @@ impl LinkFigures {
 }
 
 const _: () = assert!(
-    shared_types::schedule::MAX_PORTS == 4,
+    shared_types::schedule::MAX_PORTS <= 8,
     "a step tells of each input"
 );
+
+impl ServiceStep {
+    /// Packs what each input saw, as [`consumed`](Self::consumed) has it. A flight has fewer samples than 2³².
+    #[must_use]
+    pub fn packed(seen: [u64; MAX_PORTS]) -> [u64; 4] {
+        let mut consumed = [0; 4];
+        for (input, number) in seen.into_iter().enumerate() {
+            consumed[input % 4] |= (number & u64::from(u32::MAX)) << (32 * (input / 4));
+        }
+        consumed
+    }
+
+    /// Returns what an input saw: 1 + the sequence number of the sample; 0 if it saw none.
+    #[must_use]
+    pub fn seen(&self, input: usize) -> u64 {
+        self.consumed[input % 4] >> (32 * (input / 4)) & u64::from(u32::MAX)
+    }
+}
 
 impl HostEvent {
     /// Makes an event of a service or, without one, of the run; truncates a text that is too long.

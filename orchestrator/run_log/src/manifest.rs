@@ -101,7 +101,7 @@ impl Manifest {
         let (mut differing, mut earlier_layouts) = (Vec::new(), BTreeMap::new());
         for topic in Topic::ALL {
             match metadata.get(&layout_key(topic)) {
-                None if topic == Topic::ControlTelemetry => {}
+                None if topic == Topic::ControlTelemetry || topic.is_of_a_sensor() => {}
                 Some(layout) if *layout == topic.layout_hash() => {}
                 Some(layout) if topic.padding_in(layout).is_some() => {
                     earlier_layouts.insert(topic, layout.clone());
@@ -130,9 +130,10 @@ impl Manifest {
 
 /// Returns the topics of the log of a flight of `scenario`, in their order.
 pub fn topics_of(scenario: &Scenario) -> impl Iterator<Item = Topic> + use<> {
-    let has_telemetry = !scenario.controller.telemetry.is_empty();
-    let is_in_it = move |topic: &Topic| has_telemetry || *topic != Topic::ControlTelemetry;
-    Topic::ALL.into_iter().filter(is_in_it)
+    let has_topic = Topic::ALL.map(|topic| scenario.has_topic(topic));
+    Topic::ALL
+        .into_iter()
+        .filter(move |topic| has_topic[topic.index()])
 }
 
 /// Parses the scenario of a manifest. Earlier versions had some of its keys elsewhere.

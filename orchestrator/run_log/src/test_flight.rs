@@ -24,7 +24,7 @@ pub fn scenario(tick: f64, duration: f64) -> Scenario {
         "description = \"a test\"\nduration = {duration}\nschedule.tick = {tick}\n\
          [vehicle]\nmass = 0.2\ninertia = [1e-3, 1e-3, 2e-3]\nchange = [{{ at = {}, mass = 0.3 }}]\n\
          [path.curve.hover]\nposition = [0.0, 0.0, -1.0]\n\
-         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n",
+         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n[sensors]\n",
         duration / 2.0
     ))
     .unwrap()

@@ -83,7 +83,7 @@ pub fn key_table(section: &str) -> String {
 }
 
 /// Units in the descriptions of keys, before an explanation or at the end.
-const UNITS: [&str; 27] = [
+const UNITS: [&str; 37] = [
     "V",
     "s",
     "m",
@@ -111,6 +111,16 @@ const UNITS: [&str; 27] = [
     "(m/s)²/Hz",
     "(rad/s)²/Hz",
     "(rad/s²)²/Hz",
+    "degrees",
+    "G",
+    "G/√s",
+    "m/√s",
+    "m per (m/s)²",
+    "rad/s/√Hz",
+    "rad/s/√s",
+    "m/s²/√Hz",
+    "m/s²/√s",
+    "rad/s per m/s²",
 ];
 
 /// Returns the unit of a key, or of a number inside its value; `None` without a unit.

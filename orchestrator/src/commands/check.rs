@@ -204,7 +204,7 @@ fn unread(schedule: &Schedule) -> String {
     let edges = Topic::ALL.into_iter().flat_map(|topic| {
         let unread = topic
             .consumers()
-            .filter(|&(service, input)| !schedule.reads(service, input));
+            .filter(move |&(service, input)| schedule.has_topic(topic) && !schedule.reads(service, input));
         unread.map(move |(service, _)| format!("{topic} -> {service}"))
     });
     let edges: Vec<_> = edges.collect();

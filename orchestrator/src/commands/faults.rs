@@ -35,7 +35,7 @@ pub fn faults(arguments: &Faults) -> Result<Exit, Failure> {
         return Err(Failure::bad_input(problem.to_string()));
     }
     let times = times(arguments, &scenario)?;
-    let cells = plan::cells(&scenario, &cases(arguments)?, &times)
+    let cells = plan::cells(&scenario, &cases(arguments, &scenario)?, &times)
         .map_err(|problem| Failure::bad_input(problem.to_string()))?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
@@ -118,8 +118,8 @@ fn check_time(scenario: &Scenario, name: &str, time: f64) -> Result<(), Failure>
     Ok(())
 }
 
-/// Returns the requested faults and targets. Naming only services excludes edges, and vice versa.
-fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
+/// Returns the requested faults and targets that the flight has. Naming only services excludes edges, and vice versa.
+fn cases(arguments: &Faults, scenario: &Scenario) -> Result<Vec<MatrixCase>, Failure> {
     let faults: Vec<MatrixFault> = if arguments.faults.is_empty() {
         MatrixFault::ALL.to_vec()
     } else {
@@ -131,6 +131,7 @@ fn cases(arguments: &Faults) -> Result<Vec<MatrixCase>, Failure> {
         .filter(|service| !is_narrowed || arguments.services.contains(service))
         .collect();
     let edges: Vec<EdgeName> = EdgeName::all()
+        .filter(|edge| scenario.has_samples(*edge))
         .filter(|edge| !is_narrowed || arguments.edges.contains(edge))
         .collect();
     let cases = plan::cases(&services, &edges, &faults);

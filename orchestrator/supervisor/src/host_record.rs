@@ -168,7 +168,7 @@ impl StepObserver for HostRecord {
     }
 
     fn step(&mut self, service: ServiceId, record: &StepRecord, inputs: &[Edge]) {
-        let consumed = std::array::from_fn(|input| {
+        let seen = std::array::from_fn(|input| {
             let tick = record.consumed_tick(input);
             tick.map_or(0, |tick| 1 + inputs[input].sequence_number(tick))
         });
@@ -178,7 +178,7 @@ impl StepObserver for HostRecord {
             published_ns: record.published_ns,
             tick: record.tick,
             previous: record.previous,
-            consumed,
+            consumed: ServiceStep::packed(seen),
             service: u32::try_from(service.index()).expect("few services"),
             missed: u32::try_from(record.missed).unwrap_or(u32::MAX),
             late_inputs: record.late_inputs as u32,

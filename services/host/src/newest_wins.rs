@@ -548,7 +548,8 @@ impl Slot {
                 );
             }
         }
-        let (inputs, outputs) = (self.timetable.inputs.len(), self.timetable.outputs.len());
+        let inputs = self.timetable.service.inputs().len();
+        let outputs = self.timetable.outputs.len();
         self.service.step(&now, &views[..inputs], &mut slots[..outputs]);
         let mut check = FinitenessCheck::default();
         for output in &self.outputs {

@@ -35,7 +35,7 @@ pub struct Timetable {
     pub service: ServiceId,
     /// Ticks of the steps.
     pub steps: OutageSchedule,
-    /// Inputs, in the order of the wiring table.
+    /// Inputs whose topics the flight has, in the order of the wiring table; those of missing topics are the last.
     pub inputs: Vec<Edge>,
     /// Outputs, in the order of the wiring table.
     pub outputs: Vec<Publication>,
@@ -54,12 +54,12 @@ impl Timetable {
     #[must_use]
     pub fn new(schedule: &Schedule, service: ServiceId) -> Self {
         let outputs = service.outputs().iter();
+        let inputs = service.inputs().iter().enumerate();
+        let inputs = inputs.filter(|(_, input)| schedule.has_topic(input.topic));
         Self {
             service,
             steps: schedule.steps(service),
-            inputs: (0..service.inputs().len())
-                .map(|input| schedule.edge(service, input))
-                .collect(),
+            inputs: inputs.map(|(input, _)| schedule.edge(service, input)).collect(),
             outputs: outputs.map(|output| schedule.publication(output.topic)).collect(),
             catches_up: service.is_the_world() && schedule.simulates_the_world(),
             reads_every_sample: service == ServiceId::Estimator,
@@ -183,7 +183,7 @@ impl Timetable {
         views: &Views<'_>,
         slots: &mut Slots<'_>,
     ) -> Result<(), NonFinite> {
-        let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
+        let (inputs, outputs) = (self.service.inputs().len(), self.outputs.len());
         debug_assert!(
             slots.iter().enumerate().all(|(at, slot)| slot.bytes.is_some()
                 == self.outputs.get(at).is_some_and(|output| output.is_due(now.tick))),

@@ -20,6 +20,7 @@ pub mod cameras;
 pub mod changes;
 pub mod dynamics;
 pub mod ground;
+pub mod sensors;
 mod service;
 
 pub use service::{PlantService, PlantState};

@@ -26,6 +26,7 @@ use crate::cameras::CameraModel;
 use crate::changes::Changes;
 use crate::dynamics::Dynamics;
 use crate::ground::Ground;
+use crate::sensors::{SensorState, Sensors, Truth};
 
 shared_types::sample! {
     /// State of the plant between steps.
@@ -52,6 +53,8 @@ shared_types::sample! {
         pub dryden: [f64; 5],
         /// Fluctuation of the fan's jet in {I}, as a share of its force.
         pub jet_fluctuation_world: [f64; 3],
+        /// State of the sensors of flight outdoors; all zero without them.
+        pub sensors: SensorState,
         /// `true` if a frame was received.
         pub has_received: Flag,
         /// Explicit padding.
@@ -69,6 +72,7 @@ pub struct PlantService {
     air: Option<Air>,
     ground: Option<Ground>,
     cameras: CameraModel,
+    sensors: Option<Box<Sensors>>,
     /// Motion of the centre of mass.
     motion: Motion,
     /// The last valid frame of ideal actuators; a [`RateLoop`](crate::actuators::RateLoop) stores its own.
@@ -89,6 +93,7 @@ impl PlantService {
             air: Air::new(scenario),
             ground: Ground::new(scenario),
             cameras: CameraModel::new(scenario),
+            sensors: Sensors::new(scenario),
             received: None,
         }
     }
@@ -188,6 +193,24 @@ impl PlantService {
         }
         body.origin_acceleration(&self.motion, &rate)
     }
+
+    /// Writes the samples of the sensors that are due.
+    fn measure(&mut self, origin: &Motion, acted: &Drive, now: &Now, outputs: &mut PlantOutputs<'_>) {
+        if self.sensors.is_none() {
+            return;
+        }
+        let truth = Truth {
+            motion: *origin,
+            thrust: acted.wrench(Stage::End).thrust,
+            wind_world: self
+                .wind(now.tick)
+                .and_then(|wind| wind.velocity_world)
+                .unwrap_or_else(Vector3::zeros),
+        };
+        if let Some(sensors) = &mut self.sensors {
+            sensors.measure(&truth, now, outputs);
+        }
+    }
 }
 
 impl Service for PlantService {
@@ -205,7 +228,7 @@ impl Service for PlantService {
             self.actuators.at_start()
         };
         let body = self.changes.at(now.tick);
-        let origin = body.origin_of(&self.motion);
+        let origin = body.origin_of(&self.motion).into_owned();
         if let Some(truth) = outputs.truth.due() {
             write_motion(&origin, truth);
             let wrench = acted.wrench(Stage::End);
@@ -224,6 +247,7 @@ impl Service for PlantService {
             };
             self.cameras.capture(&origin, &acceleration_world, now, pose);
         }
+        self.measure(&origin, &acted, now, outputs);
     }
 
     fn save(&self) -> PlantState {
@@ -246,6 +270,10 @@ impl Service for PlantService {
             wind_world: gusts.wind_world.into(),
             dryden: gusts.dryden,
             jet_fluctuation_world: gusts.jet_fluctuation_world.into(),
+            sensors: self
+                .sensors
+                .as_ref()
+                .map_or_else(SensorState::new_zeroed, |sensors| sensors.save()),
             has_received: received.is_some().into(),
             pad0: [0; 7],
         }
@@ -258,6 +286,9 @@ impl Service for PlantService {
             velocity_world: state.velocity_world.into(),
             angular_velocity_body: state.angular_velocity_body.into(),
         };
+        if let Some(sensors) = &mut self.sensors {
+            sensors.restore(&state.sensors);
+        }
         let received = state.has_received.is_set().then_some(state.received);
         match &mut self.actuators {
             Actuators::Ideal => self.received = received,

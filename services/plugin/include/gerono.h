@@ -319,21 +319,85 @@ typedef struct {
 GERONO_ASSERT(sizeof(gerono_control_telemetry) == 280, "another layout of gerono_control_telemetry");
 #define GERONO_CONTROL_TELEMETRY_LAYOUT "a6922d2eefbb6f0f71554cf4f2015233"
 
+/* A sample of `imu/sample`. */
+typedef struct {
+    gerono_header header;
+    uint64_t measured_ns;
+    double angular_velocity_body[3];
+    double specific_force_body[3];
+    uint8_t measured;
+    uint8_t clipped;
+    uint8_t pad0[6];
+} gerono_imu_sample;
+GERONO_ASSERT(sizeof(gerono_imu_sample) == 88, "another layout of gerono_imu_sample");
+#define GERONO_IMU_SAMPLE_LAYOUT "d99a8b333c35bfda91bc6617644322d0"
+
+/* A sample of `gnss/fix`. */
+typedef struct {
+    gerono_header header;
+    uint64_t valid_ns;
+    double latitude;
+    double longitude;
+    double height;
+    double velocity_ned[3];
+    double horizontal_accuracy;
+    double vertical_accuracy;
+    double speed_accuracy;
+    uint8_t kind;
+    uint8_t measured;
+    uint8_t pad0[6];
+} gerono_gnss_fix;
+#define GERONO_GNSS_FIX_KIND_SINGLE_POINT 0
+#define GERONO_GNSS_FIX_KIND_RTK_FLOAT 1
+#define GERONO_GNSS_FIX_KIND_RTK_FIXED 2
+GERONO_ASSERT(sizeof(gerono_gnss_fix) == 112, "another layout of gerono_gnss_fix");
+#define GERONO_GNSS_FIX_LAYOUT "a882575257a1cc6668609c9371e4804a"
+
+/* A sample of `baro/altitude`. */
+typedef struct {
+    gerono_header header;
+    uint64_t measured_ns;
+    double altitude;
+    uint8_t measured;
+    uint8_t pad0[7];
+} gerono_baro_altitude;
+GERONO_ASSERT(sizeof(gerono_baro_altitude) == 48, "another layout of gerono_baro_altitude");
+#define GERONO_BARO_ALTITUDE_LAYOUT "bec1e531409a19056d0179b0da213658"
+
+/* A sample of `mag/field`. */
+typedef struct {
+    gerono_header header;
+    uint64_t measured_ns;
+    double field_body[3];
+    uint8_t measured;
+    uint8_t pad0[7];
+} gerono_mag_field;
+GERONO_ASSERT(sizeof(gerono_mag_field) == 64, "another layout of gerono_mag_field");
+#define GERONO_MAG_FIELD_LAYOUT "177a1001a689c9b9a22778c1d381a35b"
+
 /* Inputs and outputs of `plant`. */
 enum {
     GERONO_PLANT_IN_FRAME = 0,
     GERONO_PLANT_OUT_TRUTH = 0,
     GERONO_PLANT_OUT_POSE = 1,
+    GERONO_PLANT_OUT_IMU = 2,
+    GERONO_PLANT_OUT_FIX = 3,
+    GERONO_PLANT_OUT_ALTITUDE = 4,
+    GERONO_PLANT_OUT_FIELD = 5,
 };
-#define GERONO_PLANT_LAYOUTS {GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_TRUTH_LAYOUT, GERONO_MOCAP_POSE_LAYOUT}
+#define GERONO_PLANT_LAYOUTS {GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_TRUTH_LAYOUT, GERONO_MOCAP_POSE_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT}
 
 /* Inputs and outputs of `estimator`. */
 enum {
     GERONO_ESTIMATOR_IN_POSE = 0,
     GERONO_ESTIMATOR_IN_FRAME = 1,
+    GERONO_ESTIMATOR_IN_IMU = 2,
+    GERONO_ESTIMATOR_IN_FIX = 3,
+    GERONO_ESTIMATOR_IN_ALTITUDE = 4,
+    GERONO_ESTIMATOR_IN_FIELD = 5,
     GERONO_ESTIMATOR_OUT_STATE = 0,
 };
-#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT}
+#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT}
 
 /* Inputs and outputs of `path_generator`. */
 enum {

@@ -14,7 +14,7 @@ use shared_types::service::{BuildError, Built, ErasedService};
 use shared_types::{Service, ServiceId};
 
 use controller::ControllerService;
-use estimator::EstimatorService;
+use estimator::{EstimatorService, InertialEstimatorService};
 use path_generator::PathGeneratorService;
 use plant::PlantService;
 use plugin::library_file;
@@ -58,14 +58,8 @@ pub fn constructor(role: ServiceId, kind: Kind) -> Option<Constructor> {
     }
 }
 
+/// Returns the step logic of a role in flights without inertial navigation.
 fn step_logic(role: ServiceId) -> StepLogic {
-    fn step_logic_of<S: Service>(build: fn(&Scenario) -> Built) -> StepLogic {
-        StepLogic {
-            build,
-            state_layout: layout_hash::<S::State>,
-            state_size: size_of::<S::State>(),
-        }
-    }
     match role {
         ServiceId::Plant => {
             step_logic_of::<PlantService>(|scenario| Ok(Box::new(PlantService::new(scenario))))
@@ -82,6 +76,26 @@ fn step_logic(role: ServiceId) -> StepLogic {
         ServiceId::RcOutput => {
             step_logic_of::<RcOutputService>(|scenario| Ok(Box::new(RcOutputService::new(scenario))))
         }
+    }
+}
+
+fn step_logic_of<S: Service>(build: fn(&Scenario) -> Built) -> StepLogic {
+    StepLogic {
+        build,
+        state_layout: layout_hash::<S::State>,
+        state_size: size_of::<S::State>(),
+    }
+}
+
+/// Returns the step logic of a role in a flight: inertial navigation is an estimator with a state of its own.
+fn step_logic_in(role: ServiceId, scenario: &Scenario) -> StepLogic {
+    match role {
+        ServiceId::Estimator if scenario.navigation.is_some() => {
+            step_logic_of::<InertialEstimatorService>(|scenario| {
+                Ok(Box::new(InertialEstimatorService::new(scenario)))
+            })
+        }
+        _ => step_logic(role),
     }
 }
 
@@ -105,7 +119,7 @@ pub fn build(role: ServiceId, scenario: &Scenario) -> Built {
 fn build_one(role: ServiceId, scenario: &Scenario) -> Built {
     match library_file::find(scenario, role)? {
         Some(library) => plugin::loader::load(role, &library.path, &scenario.experiment()),
-        None => (step_logic(role).build)(&scenario.experiment()),
+        None => (step_logic_in(role, scenario).build)(&scenario.experiment()),
     }
 }
 
@@ -117,7 +131,7 @@ pub fn problem_of_services(scenario: &Scenario) -> Option<Problem> {
         .into_iter()
         .filter(|&role| !scenario.is_foreign(role));
     own.find_map(|role| {
-        let error = (step_logic(role).build)(&experiment).err()?;
+        let error = (step_logic_in(role, &experiment).build)(&experiment).err()?;
         error.downcast::<Problem>().ok().map(|problem| *problem)
     })
 }
@@ -173,7 +187,8 @@ pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
         Some(plugins) => plugins.sha256.get(role.name()).map_or(0, |hash| identifier(hash)),
         None => {
             let record = (role == ServiceId::Controller).then(|| flight_law(scenario).record_layout());
-            identifier(&(step_logic(role).state_layout)()) ^ record.map_or(0, |record| identifier(&record))
+            identifier(&(step_logic_in(role, scenario).state_layout)())
+                ^ record.map_or(0, |record| identifier(&record))
         }
     }
 }
@@ -181,7 +196,7 @@ pub fn state_layout(role: ServiceId, scenario: &Scenario) -> u64 {
 /// Returns the size of a role's state, bytes; `None` for a plug-in, whose size is known only after loading.
 #[must_use]
 pub fn state_size(role: ServiceId, scenario: &Scenario) -> Option<usize> {
-    (!scenario.has_plugin(role)).then(|| step_logic(role).state_size)
+    (!scenario.has_plugin(role)).then(|| step_logic_in(role, scenario).state_size)
 }
 
 #[cfg(test)]

@@ -109,6 +109,7 @@ impl LaunchManifest {
         })?;
         let Rate { period, phase } = schedule.service_rate(service);
         let inputs = service.inputs().iter().enumerate();
+        let inputs = inputs.filter(|(_, input)| schedule.has_topic(input.topic));
         Ok(Self {
             contract: CONTRACT,
             service: service.name(),

@@ -82,7 +82,7 @@ const _: () = assert!(
 );
 
 const _: () = assert!(
-    size_of::<Cell>() == 128 && std::mem::offset_of!(ControlBlock, cells).is_multiple_of(align_of::<Cell>()),
+    size_of::<Cell>() == 192 && std::mem::offset_of!(ControlBlock, cells).is_multiple_of(align_of::<Cell>()),
     "no two services write the same cache line"
 );
 

@@ -9,7 +9,7 @@
 //!
 //! h period of the samples, s; r place of the unit in {B}, m; N density of the white noise, 1/√Hz; K that of the bias walk,
 //! 1/√s; s error of the scale; G sensitivity of the gyroscope to specific force, rad/s per m/s²; A₁, A₂ vibration at the
-//! frequency f of the rotors (Hz) and at twice it, m/s². Sampling aliases the vibration as it does in a unit without a
+//! frequency f of the rotors (Hz) and at twice it, m/s²; none while they stand. Sampling aliases the vibration as it does in a unit without a
 //! filter. The result is limited to the range of the sensor, then rounded to its resolution.
 //!
 //! N and K are those of an Allan deviation: N/√τ and K √(τ/3) (IEEE Std 952-1997, annex C). b(0), s and the phases follow
@@ -151,6 +151,18 @@ impl Imu {
 
     /// Returns the sample of a tick; `rotor_frequency` is f, Hz.
     pub fn sample(&mut self, tick: u64, motion: &TrueMotion, rotor_frequency: f64) -> ImuSample {
+        let force_body = self.specific_force(motion);
+        self.measured(tick, &motion.angular_velocity_body, &force_body, rotor_frequency)
+    }
+
+    /// Returns the sample of a tick from the mean rate (rad/s) and specific force (m/s²) at the unit, in {B}.
+    pub fn measured(
+        &mut self,
+        tick: u64,
+        rate_body: &Vector3<f64>,
+        force_body: &Vector3<f64>,
+        rotor_frequency: f64,
+    ) -> ImuSample {
         let ImuParameters {
             gyroscope,
             accelerometer,
@@ -166,8 +178,11 @@ impl Imu {
         let turned = self.vibration_phase + rotor_frequency * self.period;
         self.vibration_phase = turned - turned.floor();
 
-        let force = self.specific_force(motion) + self.vibration();
-        let omega = &motion.angular_velocity_body;
+        let mut force = *force_body;
+        if rotor_frequency > 0.0 {
+            force += self.vibration();
+        }
+        let omega = rate_body;
         let rate = omega
             + omega.component_mul(&self.gyroscope_scale)
             + force * self.parameters.gyroscope_sensitivity
@@ -192,7 +207,8 @@ impl Imu {
     }
 
     /// Returns the specific force of the motion at the unit, in {B}, m/s².
-    fn specific_force(&self, motion: &TrueMotion) -> Vector3<f64> {
+    #[must_use]
+    pub fn specific_force(&self, motion: &TrueMotion) -> Vector3<f64> {
         let gravity = Vector3::new(0.0, 0.0, GRAVITY);
         let (omega, r) = (&motion.angular_velocity_body, &self.parameters.lever_arm_body);
         motion

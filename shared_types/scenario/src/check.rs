@@ -17,6 +17,7 @@ mod link_battery;
 mod machine;
 mod motion_capture;
 mod motors_stop;
+mod navigation;
 mod operator;
 mod path;
 mod plugins;
@@ -89,6 +90,7 @@ impl Scenario {
             check_center_of_mass(&model.marker_offset, &key, found);
         }
         self.check_motion_capture(found);
+        self.check_outdoors(found);
         self.check_sections(has_good_link, found);
     }
 }

@@ -23,6 +23,7 @@ mod link_battery;
 mod machine;
 mod model;
 mod motion_capture;
+mod navigation;
 mod operator;
 mod path;
 mod plugins;
@@ -35,6 +36,7 @@ mod real_time_policies;
 mod record;
 mod safety;
 pub mod schema;
+mod sensors;
 mod serialized;
 pub mod suggest;
 #[cfg(test)]
@@ -66,6 +68,7 @@ pub use model::Model;
 pub use motion_capture::{
     BodyNumbers, CaptureProperties, CaptureSystem, FrameTransform, MotionCapture, PoseSource,
 };
+pub use navigation::{Datum, Navigation};
 pub use operator::{KillSwitchLoss, OperatorDevices};
 pub use path::{Path, PathMode, YawStep};
 pub use plugins::Plugins;
@@ -79,6 +82,7 @@ pub use range::Range;
 pub use rc_link::RcLink;
 pub use record::{Record, Recorded, Split};
 pub use safety::InputSafety;
+pub use sensors::{Barometer, FixChange, FixDeviations, Fixes, Gnss, Imu, Magnetometer, Sensors, Spoofing};
 pub use shared_types::GRAVITY;
 pub use thrust_channel::ThrustChannel;
 pub use timing::Timing;
@@ -127,6 +131,15 @@ pub struct Scenario {
     /// The state estimator; passes on the captures of ideal cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimator: Option<Estimator>,
+    /// The simulated sensors of flight outdoors; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensors: Option<Sensors>,
+    /// Inertial navigation, the estimator of flight outdoors; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub navigation: Option<Navigation>,
+    /// Place of the origin of {I} on the earth; a meadow near Munich unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub datum: Option<Datum>,
     /// Source of poses; the plant's cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_capture: Option<MotionCapture>,
@@ -189,6 +202,9 @@ impl Scenario {
             controller: Controller::default(),
             cameras: None,
             estimator: None,
+            sensors: None,
+            navigation: None,
+            datum: None,
             motion_capture: None,
             rc_output: None,
             model: None,

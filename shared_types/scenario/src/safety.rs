@@ -145,7 +145,7 @@ impl Scenario {
         let is_predicted = self
             .estimator
             .as_ref()
-            .is_some_and(|estimator| estimator.kalman.prediction);
+            .map_or(self.navigation.is_some(), |estimator| estimator.kalman.prediction);
         let between_captures_ns = self.between_captures_ns(&schedule);
         let between_states_ns = schedule.time_ns(schedule.topic_rate(Topic::VehicleState).period);
         let repeats =

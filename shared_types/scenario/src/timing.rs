@@ -81,6 +81,14 @@ impl Scenario {
                     true => schedule,
                     false => schedule.with_telemetry(),
                 };
+                let schedule = match &self.sensors {
+                    None => schedule,
+                    Some(_) => schedule.with_sensors(),
+                };
+                let schedule = match &self.navigation {
+                    None => schedule,
+                    Some(_) => schedule.without_captures(),
+                };
                 if self.pose_source().is_simulated() {
                     schedule
                 } else {

@@ -12,7 +12,7 @@ proptest! {
     }
 
     #[test]
-    fn in_an_order_no_service_waits_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform4(0..2u64))) {
+    fn in_an_order_no_service_waits_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform6(0..2u64))) {
         if let Ok(order) = topological_order(&latencies) {
             let place = |service| order.iter().position(|&other| other == service).unwrap();
             for service in ServiceId::ALL {
@@ -54,6 +54,14 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
         .collect();
     assert!(with.published_topics().eq(topics));
     assert_eq!(without.sample_count(Topic::ControlTelemetry), 0);
+    let sensors = Schedule::ideal(1, 100).with_telemetry().with_sensors();
+    assert!(sensors.published_topics().eq(with.published_topics().chain([
+        Topic::ImuSample,
+        Topic::GnssFix,
+        Topic::BaroAltitude,
+        Topic::MagField,
+    ])));
+    assert_eq!(without.run_ahead_ticks() + 4, sensors.run_ahead_ticks());
     for service in ServiceId::ALL {
         // Hosts go by the position of an output.
         let outputs = without.outputs(service).map(|output| output.topic);
@@ -68,7 +76,7 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
 
 #[test]
 fn a_real_plant_differs_from_a_simulated_one_only_by_the_truth() {
-    let simulated = Schedule::ideal(1, 100).with_telemetry();
+    let simulated = Schedule::ideal(1, 100).with_telemetry().with_sensors();
     let real = simulated.clone().with_real_world();
     assert!(simulated.simulates_the_world() && !real.simulates_the_world());
     for topic in Topic::ALL {

@@ -215,12 +215,12 @@ impl CommandHistory {
     }
 
     /// Returns the whole array, unused elements included, and the number in use.
-    pub(super) fn save(&self) -> ([Command; CAPACITY], usize) {
+    pub(crate) fn save(&self) -> ([Command; CAPACITY], usize) {
         (self.commands, self.count)
     }
 
     /// Restores a saved history.
-    pub(super) fn restored(commands: [Command; CAPACITY], count: usize) -> Self {
+    pub(crate) fn restored(commands: [Command; CAPACITY], count: usize) -> Self {
         Self {
             commands,
             count: count.clamp(1, CAPACITY),

@@ -4,6 +4,8 @@
 mod allocations;
 #[path = "../../../../tests/common/garbage.rs"]
 mod garbage;
+mod indoors;
+mod inertial;
 mod kalman;
 mod no_allocation;
 #[path = "../../../../tests/common/restart.rs"]

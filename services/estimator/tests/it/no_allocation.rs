@@ -49,7 +49,12 @@ fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
             let mut outputs = [OutputSlot {
                 bytes: Some(state.as_mut_bytes()),
             }];
-            ErasedService::step(&mut service, &now, &[pose, frame], &mut outputs);
+            ErasedService::step(
+                &mut service,
+                &now,
+                &crate::indoors::inputs(pose, frame),
+                &mut outputs,
+            );
             ErasedService::save(&service, &mut saved);
             ErasedService::restore(&mut service, &saved);
             times_tracked += u32::from(state.tracked.is_set());

@@ -53,16 +53,15 @@ fn step(
         elapsed_ns: TICK_NS,
         operator: shared_types::Operator::FLYING,
     };
-    let inputs = [
-        InputView {
-            bytes: Some(pose.as_bytes()),
-            fresh: pose_is_new,
-        },
-        InputView {
-            bytes: frame.map(IntoBytes::as_bytes),
-            fresh: frame.is_some(),
-        },
-    ];
+    let pose = InputView {
+        bytes: Some(pose.as_bytes()),
+        fresh: pose_is_new,
+    };
+    let frame = InputView {
+        bytes: frame.map(IntoBytes::as_bytes),
+        fresh: frame.is_some(),
+    };
+    let inputs = crate::indoors::inputs(pose, frame);
     let mut state = VehicleState::new_zeroed();
     let mut outputs = [OutputSlot {
         bytes: Some(state.as_mut_bytes()),

@@ -51,7 +51,12 @@ fn step_into(service: &mut EstimatorService, pose: Option<&MocapPose>, state: Op
         fresh: pose.is_some(),
     };
     let mut outputs = [OutputSlot { bytes: state }];
-    ErasedService::step(service, &now, &[pose, InputView::default()], &mut outputs);
+    ErasedService::step(
+        service,
+        &now,
+        &crate::indoors::inputs(pose, InputView::default()),
+        &mut outputs,
+    );
 }
 
 fn saved(service: &EstimatorService) -> Vec<u8> {

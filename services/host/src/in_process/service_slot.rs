@@ -108,7 +108,10 @@ impl ServiceSlot {
             self.prepare(histories, tick);
         }
         let mut views = Views::default();
-        let (inputs, outputs) = (self.feeds.len(), self.timetable.outputs.len());
+        let (inputs, outputs) = (
+            self.timetable.service.inputs().len(),
+            self.timetable.outputs.len(),
+        );
         for (view, feed) in views.iter_mut().zip(&mut self.feeds) {
             feed.read::<STEADY>(histories, tick, view);
         }

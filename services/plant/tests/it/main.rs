@@ -8,4 +8,5 @@ mod no_allocation;
 #[path = "../../../../tests/common/restart.rs"]
 mod restart;
 mod safety;
+mod sensors;
 mod service;

@@ -40,14 +40,15 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
         fresh: true,
     }];
     let (mut truth, mut pose) = (VehicleTruth::new_zeroed(), MocapPose::new_zeroed());
-    let mut outputs = [
-        OutputSlot {
-            bytes: Some(truth.as_mut_bytes()),
-        },
-        OutputSlot {
-            bytes: Some(pose.as_mut_bytes()),
-        },
+    let bytes = [
+        Some(truth.as_mut_bytes()),
+        Some(pose.as_mut_bytes()),
+        None,
+        None,
+        None,
+        None,
     ];
+    let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
     ErasedService::step(service, &now, &inputs, &mut outputs);
     (truth, pose)
 }

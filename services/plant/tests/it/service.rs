@@ -73,7 +73,8 @@ fn step_into(
         bytes: frame.map(IntoBytes::as_bytes),
         fresh: frame.is_some(),
     }];
-    let mut outputs = outputs.map(|bytes| OutputSlot { bytes });
+    let [truth, pose] = outputs;
+    let mut outputs = [truth, pose, None, None, None, None].map(|bytes| OutputSlot { bytes });
     ErasedService::step(service, &now, &inputs, &mut outputs);
 }
 

@@ -40,7 +40,7 @@ impl Scenario {
                 "add `[model]`, which may be empty, or leave `controller.rates` out",
             );
         }
-        if self.estimator.is_none() {
+        if self.estimator.is_none() && self.navigation.is_none() {
             found.add(
                 at.clone(),
                 "the controller needs a thrust and an acceleration that only a filter estimates",
@@ -97,6 +97,11 @@ impl Scenario {
                 self.estimator.is_some(),
                 root.then("estimator"),
                 "the filter predicts by the body rates of the frames",
+            ),
+            (
+                self.navigation.is_some(),
+                root.then("navigation"),
+                "the estimator predicts by the body rates of the frames",
             ),
             (
                 self.cameras.is_some(),

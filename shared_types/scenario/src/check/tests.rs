@@ -4,6 +4,7 @@ mod law;
 mod link_battery;
 mod machine;
 mod motors_stop;
+mod navigation;
 mod programs;
 mod radio_link;
 mod ranges;

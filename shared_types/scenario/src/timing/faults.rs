@@ -23,7 +23,7 @@ impl Scenario {
     /// Returns the faults of each service's inputs in chronological order, without invalid ones, which the checks report.
     pub(super) fn edge_faults(&self) -> [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] {
         let mut all: [[Vec<EdgeFault>; MAX_PORTS]; SERVICES] = Default::default();
-        for (edge, index) in EdgeName::all().zip(0..) {
+        for (edge, index) in EdgeName::numbered().zip(0..) {
             let draws = Draws {
                 seed: self.seed,
                 edge: index,

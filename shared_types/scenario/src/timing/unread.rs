@@ -15,7 +15,17 @@ impl Scenario {
         unread
     }
 
+    /// Returns whether the flight has samples of an edge: of a sensor only with sensors, and of cameras not with inertial
+    /// navigation.
+    #[must_use]
+    pub fn has_samples(&self, edge: EdgeName) -> bool {
+        self.has_topic(edge.topic) && (edge.topic != Topic::MocapPose || self.navigation.is_none())
+    }
+
     fn reads(&self, edge: EdgeName) -> bool {
+        if !self.has_samples(edge) {
+            return false;
+        }
         // A plug-in or an external service may read all inputs of its service. A faulty input is delivered so that the fault
         // is observable.
         self.is_foreign(edge.service)
@@ -28,7 +38,14 @@ impl Scenario {
     pub(crate) fn section_for(&self, edge: EdgeName) -> Option<(&'static str, bool)> {
         match (edge.service, edge.topic) {
             // The filter predicts by the frames already sent; ideal cameras need no filter.
-            (ServiceId::Estimator, Topic::RcFrame) => Some(("estimator", self.estimator.is_some())),
+            (ServiceId::Estimator, Topic::RcFrame) => {
+                let has_filter = self.estimator.is_some() || self.navigation.is_some();
+                Some(("estimator", has_filter))
+            }
+            // Sensors may be there for the log alone.
+            (ServiceId::Estimator, topic) if topic.is_of_a_sensor() => {
+                Some(("navigation", self.navigation.is_some()))
+            }
             // The phases depend on them: armed, taken off, landed.
             (ServiceId::PathGenerator, Topic::RcFrame) => Some(("flight", self.flight.is_some())),
             // Some limits are limits on the state.

@@ -36,7 +36,12 @@ fn step(
     let mut outputs = [OutputSlot {
         bytes: Some(state.as_mut_bytes()),
     }];
-    ErasedService::step(service, &now, &[view(pose), view(frame)], &mut outputs);
+    ErasedService::step(
+        service,
+        &now,
+        &crate::indoors::inputs(view(pose), view(frame)),
+        &mut outputs,
+    );
     state
 }
 

@@ -1,0 +1,493 @@
+//! Step function of the estimator of flight outdoors: inertial navigation, with the frames already sent for what it predicts.
+//!
+//! [`InertialFilter`] estimates position, velocity and attitude at the newest sample of the inertial measurement unit. Thrust
+//! follows the frames with the lag of the model, and what it and gravity do not explain of the measured specific force is
+//! a push, low-passed:
+//!
+//! ```text
+//!     y = R (a_m − b_a) + (T̂/m) R e3        ḋ = (y − d)/τ        v̇ = g e3 − (T̂/m) R e3 + d
+//! ```
+//!
+//! With T̂, d and the measured rates the state is predicted to the time at which a frame sent now takes effect.
+//!
+//! Failure policy, besides that of the filter (`inertial_navigation::filter`):
+//! * an impossible sample is refused and counted, and so is one from the future;
+//! * a state counts as tracked once fixes have been fused for [`healthy_for`](scenario::Navigation::healthy_for) without
+//!   a break of a second; then as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the
+//!   inertial measurement unit arrive. It coasts while fixes are missing for more than a second;
+//! * after a jump of the position the published one follows over [`ramp`](scenario::Navigation::ramp): no step of the estimate
+//!   is a step of the controller. The published velocity is that of the filter.
+
+use inertial_navigation::error_state::POSITION;
+use inertial_navigation::parameters::InertialNoise;
+use inertial_navigation::{
+    Altitude, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters, Source,
+    SourceStatus,
+};
+use nalgebra::Vector3;
+use scenario::{Navigation, Scenario};
+use shared_types::geodesy::{Geodetic, LocalFrame};
+use shared_types::gnss::FixKind;
+use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
+use shared_types::rotation::to_row_major;
+use shared_types::sample::{Field as _, Flag};
+use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame};
+use shared_types::service::{nanoseconds, seconds};
+use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
+use shared_types::{Now, Service, ServiceId};
+use vehicle_model::lag::Lag;
+
+use crate::kalman::commands::{Command, CommandHistory, Stretch};
+use crate::kalman::motion::{Actuation, NominalState, VehicleModel};
+use crate::source::Estimate;
+
+/// Largest magnitudes of a sample: rate (rad/s), specific force (m/s²), velocity (m/s), height and altitude (m), and field (G).
+const LARGEST_RATE: f64 = 200.0;
+const LARGEST_FORCE: f64 = 2000.0;
+const LARGEST_VELOCITY: f64 = 600.0;
+const LARGEST_HEIGHT: f64 = 50_000.0;
+const LARGEST_FIELD: f64 = 20.0;
+
+/// Time without a fused fix above which the state coasts, ns.
+const COASTS_AFTER_NS: u64 = 1_000_000_000;
+/// Age of the newest sample of the inertial measurement unit up to which the state is predicted and counts as tracked, ns.
+const OLDEST_IMU_NS: u64 = 100_000_000;
+
+shared_types::sample! {
+    /// Everything that the next step depends on besides its inputs.
+    pub struct InertialEstimatorState {
+        /// The last state.
+        pub last: Estimate,
+        /// State of the filter.
+        pub filter: InertialState,
+        /// The commands that act or are under way, oldest first.
+        pub commands: [Command; 64],
+        /// Number of these commands.
+        pub command_count: u64,
+        /// Time of thrust, rates and push, ns since the start of the flight.
+        pub time_ns: u64,
+        /// T̂, N.
+        pub thrust: f64,
+        /// Body rates by the frames in {B}, rad/s.
+        pub rates_body: [f64; 3],
+        /// d in {I}, m/s².
+        pub push_world: [f64; 3],
+        /// Sum of the jumps of the position that are known, in {I}, m.
+        pub jump_world: [f64; 3],
+        /// Published minus estimated position after the last jump, in {I}, m.
+        pub offset_world: [f64; 3],
+        /// Time of the last jump, ns since the start of the flight.
+        pub jumped_ns: u64,
+        /// Time since which fixes are fused without a break, ns since the start of the flight; all ones while they are not.
+        pub healthy_since_ns: u64,
+        /// State of the input validator of samples of the inertial measurement unit.
+        pub imu: GateState,
+        /// State of that of fixes.
+        pub fix: GateState,
+        /// State of that of altitudes.
+        pub altitude: GateState,
+        /// State of that of fields.
+        pub field: GateState,
+        /// The last good ones.
+        pub imu_held: ImuSample,
+        /// The last good fix.
+        pub fix_held: GnssFix,
+        /// The last good altitude.
+        pub altitude_held: BaroAltitude,
+        /// The last good field.
+        pub field_held: MagField,
+        /// `true` if fixes have been healthy for long enough once.
+        pub was_healthy: Flag,
+        /// `true` if the motors turn.
+        pub motors_turn: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+}
+
+/// Estimator of flight outdoors as a service.
+#[derive(Clone, Debug)]
+pub struct InertialEstimatorService {
+    frame: LocalFrame,
+    vehicle: VehicleModel,
+    mass: f64,
+    radio_latency_ns: u64,
+    push: Lag,
+    ramp: f64,
+    healthy_for_ns: u64,
+    coast_ns: u64,
+    filter: Box<InertialFilter>,
+    history: CommandHistory,
+    time_ns: u64,
+    actuation: Actuation,
+    push_world: Vector3<f64>,
+    jump_world: Vector3<f64>,
+    offset_world: Vector3<f64>,
+    jumped_ns: u64,
+    healthy_since_ns: Option<u64>,
+    was_healthy: bool,
+    motors_turn: bool,
+    last: Estimate,
+    imu: InputValidator<ImuSample>,
+    fix: InputValidator<GnssFix>,
+    altitude: InputValidator<BaroAltitude>,
+    field: InputValidator<MagField>,
+}
+
+impl InertialEstimatorService {
+    /// Makes the estimator of a checked scenario with inertial navigation.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        let navigation = scenario.navigation.clone().unwrap_or_default();
+        let model = scenario.model.clone().unwrap_or_default();
+        let datum = scenario.datum_or_default();
+        Self {
+            frame: datum.frame(),
+            vehicle: VehicleModel::new(&model),
+            mass: model.mass,
+            radio_latency_ns: nanoseconds(model.radio_latency),
+            push: Lag::new(1.0 / navigation.push_bandwidth),
+            ramp: navigation.ramp,
+            healthy_for_ns: nanoseconds(navigation.healthy_for),
+            coast_ns: nanoseconds(navigation.coast),
+            filter: Box::new(InertialFilter::new(&parameters(&navigation, datum.field_world()))),
+            history: CommandHistory::resting(),
+            time_ns: 0,
+            actuation: Actuation {
+                thrust: 0.0,
+                rates_body: Vector3::zeros(),
+            },
+            push_world: Vector3::zeros(),
+            jump_world: Vector3::zeros(),
+            offset_world: Vector3::zeros(),
+            jumped_ns: 0,
+            healthy_since_ns: None,
+            was_healthy: false,
+            motors_turn: false,
+            last: Estimate::UNMEASURED,
+            imu: InputValidator::default(),
+            fix: InputValidator::default(),
+            altitude: InputValidator::default(),
+            field: InputValidator::default(),
+        }
+    }
+
+    fn add_frame(&mut self, now: &Now, frame: &RcFrame) {
+        if !frame.is_whole() {
+            return;
+        }
+        let acts_from_ns = frame.header.stamp_ns.saturating_add(self.radio_latency_ns);
+        if self.history.is_full() {
+            self.history.drop_oldest();
+        }
+        self.history.push(self.history.command_of(acts_from_ns, frame));
+        self.motors_turn = !frame.failsafe.is_set();
+        self.filter.set_motors(now.time_ns, self.motors_turn);
+    }
+
+    /// Validates the samples of all sensors, and passes those that are possible to the filter. That of the inertial measurement
+    /// unit is the last, as it advances the filter.
+    fn add_samples(&mut self, now: &Now, inputs: &EstimatorInputs<'_>) {
+        let is_past = |time_ns: u64| time_ns <= now.time_ns;
+        let verdict = self.fix.look(&inputs.fix, LARGEST, |fix, _| {
+            judged(fix.measured, is_past(fix.valid_ns) && is_possible(fix))
+        });
+        if let (Some(Validity::Good), Some(fix)) = (verdict, self.fix.held()) {
+            self.filter.add_fix(&local_fix(&self.frame, fix));
+        }
+        let verdict = self.altitude.look(&inputs.altitude, LARGEST_HEIGHT, |sample, _| {
+            judged(sample.measured, is_past(sample.measured_ns))
+        });
+        if let (Some(Validity::Good), Some(sample)) = (verdict, self.altitude.held()) {
+            self.filter.add_altitude(&Altitude {
+                time_ns: sample.measured_ns,
+                altitude: sample.altitude,
+            });
+        }
+        let verdict = self.field.look(&inputs.field, LARGEST_FIELD, |sample, _| {
+            judged(sample.measured, is_past(sample.measured_ns))
+        });
+        if let (Some(Validity::Good), Some(sample)) = (verdict, self.field.held()) {
+            self.filter.add_field(&Field {
+                time_ns: sample.measured_ns,
+                field_body: sample.field_body.into(),
+            });
+        }
+        let verdict = self.imu.look(&inputs.imu, LARGEST, |sample, held| {
+            let is_next = held.is_none_or(|held| sample.measured_ns > held.measured_ns);
+            let is_possible = sample.angular_velocity_body.is_within(LARGEST_RATE)
+                && sample.specific_force_body.is_within(LARGEST_FORCE);
+            judged(
+                sample.measured,
+                is_past(sample.measured_ns) && is_next && is_possible,
+            )
+        });
+        if let (Some(Validity::Good), Some(sample)) = (verdict, self.imu.held()) {
+            self.filter.add_imu(&Measured {
+                time_ns: sample.measured_ns,
+                rate_body: sample.angular_velocity_body.into(),
+                force_body: sample.specific_force_body.into(),
+                is_clipped: sample.clipped.is_set(),
+            });
+            let time_ns = sample.measured_ns;
+            self.follow(time_ns);
+        }
+    }
+
+    /// Brings thrust, rates and push to the time of the newest sample of the inertial measurement unit.
+    fn follow(&mut self, time_ns: u64) {
+        for Stretch { command, steps, h } in self.history.stretches(self.time_ns, time_ns) {
+            for _ in 0..steps {
+                self.actuation = self.vehicle.actuated(&self.actuation, &command, h);
+            }
+        }
+        let h = seconds(time_ns.saturating_sub(self.time_ns));
+        self.time_ns = time_ns;
+        self.history.drop_before(time_ns);
+        if let (Some(motion), Some(unbiased)) = (self.filter.motion(), self.filter.unbiased()) {
+            let r = &motion.world_from_body;
+            let unexplained = r * unbiased.force_body + r.column(2) * (self.actuation.thrust / self.mass);
+            self.push_world = self.push.end(self.push_world, unexplained, h);
+        }
+    }
+
+    /// Lets the published position follow a new jump of the estimate. Returns the difference between them, m.
+    fn offset(&mut self, now: &Now) -> Vector3<f64> {
+        let (_, jump_world) = self.filter.resets();
+        let remaining = |offset: &Vector3<f64>, since_ns: u64| {
+            offset * (1.0 - seconds(now.time_ns.saturating_sub(since_ns)) / self.ramp).max(0.0)
+        };
+        let offset = remaining(&self.offset_world, self.jumped_ns);
+        if jump_world == self.jump_world {
+            return offset;
+        }
+        self.offset_world = offset - (jump_world - self.jump_world);
+        (self.jump_world, self.jumped_ns) = (jump_world, now.time_ns);
+        self.offset_world
+    }
+
+    /// Returns the state at the time at which a frame sent now takes effect; `None` before the alignment.
+    fn estimate(&mut self, now: &Now) -> Option<Estimate> {
+        let (motion, unbiased) = (self.filter.motion()?, self.filter.unbiased()?);
+        let position_sigma = self.filter.horizon()?.deviation(POSITION);
+        let offset = self.offset(now);
+        let mut nominal = NominalState {
+            position_world: motion.position_world,
+            velocity_world: motion.velocity_world,
+            world_from_body: motion.world_from_body,
+            rate_bias_body: unbiased.rate_body - self.actuation.rates_body,
+            disturbance_world: self.push_world,
+            marker_offset_body: Vector3::zeros(),
+            actuation: self.actuation,
+        };
+        let mut state_time_ns = self.time_ns;
+        if self.motors_turn && now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS {
+            state_time_ns = now.time_ns.saturating_add(self.radio_latency_ns);
+            nominal = self
+                .vehicle
+                .flown(&nominal, &self.history, self.time_ns, state_time_ns);
+        }
+        let r = &nominal.world_from_body;
+        Some(Estimate {
+            state_time_ns,
+            position_world: (nominal.position_world + offset).into(),
+            world_from_body: to_row_major(r),
+            velocity_body: r.tr_mul(&nominal.velocity_world).into(),
+            angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
+            acceleration_world: if self.motors_turn {
+                self.vehicle.acceleration(&nominal).into()
+            } else {
+                [0.0; 3]
+            },
+            thrust: nominal.actuation.thrust,
+            position_sigma,
+        })
+    }
+
+    /// Returns the time since a position was fused last, ns; `None` before the first.
+    fn without_fix_for_ns(&self, now: &Now) -> Option<u64> {
+        let status = self.filter.source(Source::FixPosition);
+        (status.fused > 0).then(|| now.time_ns.saturating_sub(status.fused_ns))
+    }
+
+    /// Returns whether the state is tracked, and whether it coasts.
+    fn trust(&mut self, now: &Now) -> [bool; 2] {
+        let without_fix_ns = self.without_fix_for_ns(now);
+        let coasts = without_fix_ns.is_none_or(|without| without > COASTS_AFTER_NS);
+        let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| !coasts);
+        self.healthy_since_ns = since_ns;
+        self.was_healthy |=
+            since_ns.is_some_and(|since| now.time_ns.saturating_sub(since) >= self.healthy_for_ns);
+        let is_moving_known = now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS;
+        let is_recent = without_fix_ns.is_some_and(|without| without <= self.coast_ns);
+        [self.was_healthy && is_recent && is_moving_known, coasts]
+    }
+
+    /// Returns the number of samples that were refused, by the validators and by the filter.
+    fn refused(&self) -> u32 {
+        let validators = [
+            self.imu.refused(),
+            self.fix.refused(),
+            self.altitude.refused(),
+            self.field.refused(),
+        ];
+        let of_filter = Source::ALL.map(|source| {
+            let SourceStatus {
+                refused, unusable, ..
+            } = self.filter.source(source);
+            refused.saturating_add(*unusable)
+        });
+        validators
+            .into_iter()
+            .chain(of_filter)
+            .fold(0, u32::saturating_add)
+    }
+}
+
+impl Service for InertialEstimatorService {
+    const ID: ServiceId = ServiceId::Estimator;
+    type Inputs<'a> = EstimatorInputs<'a>;
+    type Outputs<'a> = EstimatorOutputs<'a>;
+    type State = InertialEstimatorState;
+
+    /// Before the alignment the state is level at the origin and at rest, and not tracked.
+    fn step(&mut self, now: &Now, inputs: &EstimatorInputs<'_>, outputs: &mut EstimatorOutputs<'_>) {
+        if let Some(frame) = inputs.frame.fresh() {
+            self.add_frame(now, frame);
+        }
+        self.add_samples(now, inputs);
+        let [tracked, coasting] = self.trust(now);
+        if let Some(state) = outputs.state.due() {
+            self.last = self.estimate(now).unwrap_or(self.last);
+            self.last.write(state);
+            state.tracked = tracked.into();
+            state.coasting = coasting.into();
+            state.captures_refused = self.refused();
+        }
+    }
+
+    fn save(&self) -> InertialEstimatorState {
+        let (commands, command_count) = self.history.save();
+        let (imu, imu_held) = self.imu.save();
+        let (fix, fix_held) = self.fix.save();
+        let (altitude, altitude_held) = self.altitude.save();
+        let (field, field_held) = self.field.save();
+        InertialEstimatorState {
+            last: self.last,
+            filter: self.filter.save(),
+            commands,
+            command_count: command_count as u64,
+            time_ns: self.time_ns,
+            thrust: self.actuation.thrust,
+            rates_body: self.actuation.rates_body.into(),
+            push_world: self.push_world.into(),
+            jump_world: self.jump_world.into(),
+            offset_world: self.offset_world.into(),
+            jumped_ns: self.jumped_ns,
+            healthy_since_ns: self.healthy_since_ns.unwrap_or(u64::MAX),
+            imu,
+            fix,
+            altitude,
+            field,
+            imu_held,
+            fix_held,
+            altitude_held,
+            field_held,
+            was_healthy: self.was_healthy.into(),
+            motors_turn: self.motors_turn.into(),
+            pad0: [0; 6],
+        }
+    }
+
+    fn restore(&mut self, state: &InertialEstimatorState) {
+        self.last = state.last;
+        self.filter.restore(&state.filter);
+        let count = usize::try_from(state.command_count).unwrap_or(usize::MAX);
+        self.history = CommandHistory::restored(state.commands, count);
+        self.time_ns = state.time_ns;
+        self.actuation = Actuation {
+            thrust: state.thrust,
+            rates_body: state.rates_body.into(),
+        };
+        self.push_world = state.push_world.into();
+        self.jump_world = state.jump_world.into();
+        self.offset_world = state.offset_world.into();
+        self.jumped_ns = state.jumped_ns;
+        self.healthy_since_ns = Some(state.healthy_since_ns).filter(|&since| since != u64::MAX);
+        self.was_healthy = state.was_healthy.is_set();
+        self.motors_turn = state.motors_turn.is_set();
+        self.imu.restore(&state.imu, &state.imu_held);
+        self.fix.restore(&state.fix, &state.fix_held);
+        self.altitude.restore(&state.altitude, &state.altitude_held);
+        self.field.restore(&state.field, &state.field_held);
+    }
+}
+
+/// Returns the result for a sample: nothing new if nothing was measured.
+fn judged(measured: Flag, is_possible: bool) -> Validity {
+    match (measured.is_set(), is_possible) {
+        (false, _) => Validity::NothingNew,
+        (true, true) => Validity::Good,
+        (true, false) => Validity::Refused,
+    }
+}
+
+/// Returns the kind of a fix; `None` for an unknown one.
+fn kind_of(fix: &GnssFix) -> Option<FixKind> {
+    FixKind::ALL.into_iter().find(|kind| *kind as u8 == fix.kind)
+}
+
+/// Returns whether a fix is a place near the earth with a plausible velocity and accuracies.
+fn is_possible(fix: &GnssFix) -> bool {
+    let accuracies = [fix.horizontal_accuracy, fix.vertical_accuracy, fix.speed_accuracy];
+    kind_of(fix).is_some()
+        && fix.latitude.is_within(90.0)
+        && fix.longitude.is_within(180.0)
+        && fix.height.is_within(LARGEST_HEIGHT)
+        && fix.velocity_ned.is_within(LARGEST_VELOCITY)
+        && accuracies.iter().all(|accuracy| *accuracy >= 0.0)
+}
+
+/// Returns a fix in {I}.
+fn local_fix(frame: &LocalFrame, fix: &GnssFix) -> Fix {
+    let place = Geodetic {
+        latitude: fix.latitude,
+        longitude: fix.longitude,
+        height: fix.height,
+    };
+    Fix {
+        time_ns: fix.valid_ns,
+        kind: kind_of(fix).unwrap_or(FixKind::SinglePoint),
+        position_world: frame.to_world(place),
+        velocity_world: frame.world_from_ned() * Vector3::from(fix.velocity_ned),
+        accuracies: [fix.horizontal_accuracy, fix.vertical_accuracy, fix.speed_accuracy],
+    }
+}
+
+/// Returns the parameters of the filter, for a field of the earth in {I}, G.
+fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
+    Parameters {
+        gyroscope: InertialNoise {
+            noise_density: navigation.gyroscope_noise,
+            bias_deviation: navigation.gyroscope_bias,
+            bias_walk: navigation.gyroscope_walk,
+        },
+        accelerometer: InertialNoise {
+            noise_density: navigation.accelerometer_noise,
+            bias_deviation: navigation.accelerometer_bias,
+            bias_walk: navigation.accelerometer_walk,
+        },
+        fixes: navigation.errors(),
+        antenna_body: navigation.antenna.into(),
+        field_world: field_world.into(),
+        field_white: navigation.field_white,
+        field_bias_deviation: navigation.field_bias,
+        field_bias_walk: navigation.field_walk,
+        field_arming_deviation: navigation.field_arming,
+        altitude_deviation: navigation.altitude_bias,
+        altitude_white: navigation.altitude_white,
+        altitude_walk: navigation.altitude_walk,
+        horizon: navigation.horizon,
+        reset_after: navigation.reset_after,
+    }
+}

@@ -1,0 +1,348 @@
+//! Inertial navigation as hosts see it: alignment, validation, restarts, jumps.
+
+use estimator::InertialEstimatorService;
+use scenario::Scenario;
+use sensor_models::{
+    Barometer, BarometerParameters, Gnss, GnssParameters, Imu, ImuParameters, Magnetometer,
+    MagnetometerParameters, TrueMotion, barometer::Surroundings,
+};
+use shared_types::Now;
+use shared_types::geodesy::LocalFrame;
+use shared_types::gnss::FixKind;
+use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame, VehicleState};
+use shared_types::service::{ErasedService, InputView, OutputSlot};
+use zerocopy::{FromZeros, IntoBytes};
+
+use crate::allocations;
+
+/// Length of a step, ns.
+const STEP_NS: u64 = 4_000_000;
+/// Latency of a fix, steps.
+const FIX_LATE: u64 = 25;
+
+const OUTDOORS: &str = "duration = 100.0\n\
+    vehicle = { mass = 0.5, inertia = [2e-3, 2e-3, 4e-3] }\n\
+    path.curve.hover.position = [0.0, 0.0, -1.0]\n\
+    flight = { position_sigma_max = 0.05 }\n\
+    sensors = {}\n\
+    navigation = {}\n\
+    datum.azimuth = 0.7\n\
+    [schedule]\n\
+    tick = 0.004";
+
+fn scenario() -> Scenario {
+    toml::from_str(OUTDOORS).unwrap()
+}
+
+fn service() -> InertialEstimatorService {
+    InertialEstimatorService::new(&scenario())
+}
+
+/// Samples of a vehicle at rest at a step, with their errors.
+struct World {
+    imu: Imu,
+    gnss: Gnss,
+    barometer: Barometer,
+    magnetometer: Magnetometer,
+    frame: LocalFrame,
+    /// Added to the positions of fixes in {I}, m.
+    shift: [f64; 3],
+    /// Fixes that are under way.
+    late: Vec<(u64, GnssFix)>,
+}
+
+/// Samples that arrive at a step.
+#[derive(Clone, Copy, Default)]
+struct Arrived {
+    imu: Option<ImuSample>,
+    fix: Option<GnssFix>,
+    altitude: Option<BaroAltitude>,
+    field: Option<MagField>,
+    frame: Option<RcFrame>,
+}
+
+impl World {
+    fn new(seed: u64) -> Self {
+        let datum = scenario().datum_or_default();
+        let magnetometer = MagnetometerParameters {
+            field_world: datum.field_world().into(),
+            ..MagnetometerParameters::default()
+        };
+        let gnss = GnssParameters {
+            latency: [0.0; 2],
+            ..GnssParameters::default()
+        };
+        Self {
+            imu: Imu::new(&ImuParameters::default(), seed, 0.004),
+            gnss: Gnss::new(&gnss, seed, 0.1),
+            barometer: Barometer::new(&BarometerParameters::default(), seed, 0.04),
+            magnetometer: Magnetometer::new(&magnetometer, seed),
+            frame: datum.frame(),
+            shift: [0.0; 3],
+            late: Vec::new(),
+        }
+    }
+
+    fn step(&mut self, step: u64) -> Arrived {
+        let motion = TrueMotion::AT_REST;
+        let time_ns = step * STEP_NS;
+        let mut arrived = Arrived::default();
+        let measured = self.imu.sample(step, &motion, 0.0);
+        arrived.imu = Some(ImuSample {
+            measured_ns: time_ns,
+            angular_velocity_body: measured.angular_velocity_body.into(),
+            specific_force_body: measured.specific_force_body.into(),
+            measured: true.into(),
+            ..ImuSample::new_zeroed()
+        });
+        if step.is_multiple_of(25) {
+            let fix = self.gnss.sample(step, &motion, FixKind::RtkFixed);
+            let place = self
+                .frame
+                .to_geodetic(&(fix.position_world + nalgebra::Vector3::from(self.shift)));
+            let sample = GnssFix {
+                valid_ns: time_ns,
+                latitude: place.latitude,
+                longitude: place.longitude,
+                height: place.height,
+                velocity_ned: self.frame.world_from_ned().tr_mul(&fix.velocity_world).into(),
+                horizontal_accuracy: fix.horizontal_accuracy,
+                vertical_accuracy: fix.vertical_accuracy,
+                speed_accuracy: fix.speed_accuracy,
+                kind: GnssFix::KIND_RTK_FIXED,
+                measured: true.into(),
+                ..GnssFix::new_zeroed()
+            };
+            self.late.push((step + FIX_LATE, sample));
+        }
+        if self.late.first().is_some_and(|(at, _)| *at <= step) {
+            arrived.fix = Some(self.late.remove(0).1);
+        }
+        if step.is_multiple_of(10) {
+            let surroundings = Surroundings {
+                altitude: 0.0,
+                above_ground: 0.0,
+                airspeed: 0.0,
+                rotors_turn: false,
+            };
+            arrived.altitude = Some(BaroAltitude {
+                measured_ns: time_ns,
+                altitude: self.barometer.sample(step, &surroundings),
+                measured: true.into(),
+                ..BaroAltitude::new_zeroed()
+            });
+        }
+        if step.is_multiple_of(5) {
+            let field = self.magnetometer.sample(step, &motion.world_from_body, 0.0);
+            arrived.field = Some(MagField {
+                measured_ns: time_ns,
+                field_body: field.into(),
+                measured: true.into(),
+                ..MagField::new_zeroed()
+            });
+        }
+        if step > 0 {
+            let mut frame = RcFrame::new_zeroed();
+            frame.header.stamp_ns = time_ns - STEP_NS;
+            frame.failsafe = true.into();
+            frame.mode = RcFrame::MODE_RATES;
+            arrived.frame = Some(frame);
+        }
+        arrived
+    }
+}
+
+fn view<T: IntoBytes + zerocopy::Immutable>(sample: &Option<T>) -> InputView<'_> {
+    InputView {
+        bytes: sample.as_ref().map(IntoBytes::as_bytes),
+        fresh: sample.is_some(),
+    }
+}
+
+fn step(service: &mut InertialEstimatorService, step: u64, arrived: &Arrived) -> VehicleState {
+    let now = Now {
+        tick: step,
+        time_ns: step * STEP_NS,
+        elapsed_ns: step.min(1) * STEP_NS,
+        operator: shared_types::Operator::FLYING,
+    };
+    let mut state = VehicleState::new_zeroed();
+    let mut outputs = [OutputSlot {
+        bytes: Some(state.as_mut_bytes()),
+    }];
+    let inputs = [
+        InputView::default(),
+        view(&arrived.frame),
+        view(&arrived.imu),
+        view(&arrived.fix),
+        view(&arrived.altitude),
+        view(&arrived.field),
+    ];
+    ErasedService::step(service, &now, &inputs, &mut outputs);
+    state
+}
+
+fn saved(service: &InertialEstimatorService) -> Vec<u8> {
+    let mut state = vec![0; service.state_size()];
+    ErasedService::save(service, &mut state);
+    state
+}
+
+#[test]
+fn a_vehicle_at_rest_is_tracked_after_ten_seconds_with_fixes_and_not_before() {
+    let (mut service, mut world) = (service(), World::new(3));
+    let mut tracked_from = None;
+    let mut state = VehicleState::new_zeroed();
+    for number in 0..5000 {
+        state = step(&mut service, number, &world.step(number));
+        if state.tracked.is_set() && tracked_from.is_none() {
+            tracked_from = Some(number);
+        }
+    }
+    // Aligned after 1 s; the first fix after that is fused when the horizon of 0.12 s reaches it.
+    let from = tracked_from.unwrap() as f64 * 0.004;
+    assert!((11.0..11.5).contains(&from), "{from}");
+    assert!(
+        !state.coasting.is_set() && state.captures_refused < 20,
+        "{state:?}"
+    );
+    assert!(state.position_sigma < 0.02, "{}", state.position_sigma);
+    assert!(nalgebra::Vector3::from(state.position_world).norm() < 0.03);
+    assert!(nalgebra::Vector3::from(state.velocity_body).norm() < 0.01);
+    assert!(nalgebra::Vector3::from(state.angular_velocity_body).norm() < 0.01);
+}
+
+#[test]
+fn restored_at_any_step_it_continues_with_the_same_bytes() {
+    let (mut service, mut world) = (service(), World::new(4));
+    for number in 0..4000 {
+        // A jump of the fixes, which is accepted after 7 s.
+        world.shift[0] = if number > 2200 { 2.0 } else { 0.0 };
+        let before = saved(&service);
+        let arrived = world.step(number);
+        let expected = step(&mut service, number, &arrived);
+        if number % 61 == 0 || (3950..3990).contains(&number) {
+            let mut restarted = self::service();
+            ErasedService::restore(&mut restarted, &before);
+            let got = step(&mut restarted, number, &arrived);
+            assert_eq!(got.as_bytes(), expected.as_bytes(), "at step {number}");
+            assert_eq!(saved(&restarted), saved(&service), "at step {number}");
+        }
+    }
+}
+
+#[test]
+fn a_jump_of_the_estimate_is_no_step_of_the_published_position() {
+    let (mut service, mut world) = (service(), World::new(5));
+    let mut last: Option<VehicleState> = None;
+    let mut largest: f64 = 0.0;
+    let mut end = 0.0;
+    for number in 0..5600 {
+        world.shift[0] = if number > 3000 { 3.0 } else { 0.0 };
+        let state = step(&mut service, number, &world.step(number));
+        if let Some(last) = last.filter(|last| last.tracked.is_set()) {
+            let moved =
+                nalgebra::Vector3::from(state.position_world) - nalgebra::Vector3::from(last.position_world);
+            largest = largest.max(moved.norm());
+        }
+        end = state.position_world[0];
+        last = Some(state);
+    }
+    assert!((end - 3.0).abs() < 0.05, "{end}");
+    // 3 m over a second of 250 steps.
+    assert!(largest < 0.025, "{largest}");
+}
+
+/// What is wrong with a sample, by its name.
+type Spoilt = (&'static str, fn(&mut Arrived));
+
+#[test]
+fn impossible_samples_change_nothing_and_are_counted() {
+    let spoilt: [Spoilt; 9] = [
+        ("rate", |arrived| {
+            arrived.imu.as_mut().unwrap().angular_velocity_body[1] = 1e3;
+        }),
+        ("force", |arrived| {
+            arrived.imu.as_mut().unwrap().specific_force_body[1] = f64::NAN;
+        }),
+        ("imu from the future", |arrived| {
+            arrived.imu.as_mut().unwrap().measured_ns += 1_000_000_000;
+        }),
+        ("latitude", |arrived| {
+            arrived.fix.as_mut().unwrap().latitude = 90.1;
+        }),
+        ("kind", |arrived| arrived.fix.as_mut().unwrap().kind = 3),
+        ("accuracy", |arrived| {
+            arrived.fix.as_mut().unwrap().horizontal_accuracy = -1.0;
+        }),
+        ("fix from the future", |arrived| {
+            arrived.fix.as_mut().unwrap().valid_ns = u64::MAX;
+        }),
+        ("altitude", |arrived| {
+            arrived.altitude.as_mut().unwrap().altitude = f64::INFINITY;
+        }),
+        ("field", |arrived| {
+            arrived.field.as_mut().unwrap().field_body[2] = 1e3;
+        }),
+    ];
+    let (mut service, mut world) = (service(), World::new(6));
+    // A step at which all sensors are due.
+    let last = 3000;
+    for number in 0..last {
+        step(&mut service, number, &world.step(number));
+    }
+    let before = saved(&service);
+    let arrived = world.step(last);
+    let whole = step(&mut service, last, &arrived);
+    for (name, spoil) in spoilt {
+        let mut spoilt = arrived;
+        spoil(&mut spoilt);
+        let mut other = self::service();
+        ErasedService::restore(&mut other, &before);
+        let state = step(&mut other, last, &spoilt);
+        assert_eq!(state.captures_refused, whole.captures_refused + 1, "{name}");
+        let distance =
+            nalgebra::Vector3::from(state.position_world) - nalgebra::Vector3::from(whole.position_world);
+        assert!(distance.norm() < 1e-3, "{name}");
+    }
+}
+
+#[test]
+fn samples_of_ticks_at_which_nothing_was_measured_are_no_samples() {
+    let (mut service, mut world) = (service(), World::new(7));
+    for number in 0..3000 {
+        step(&mut service, number, &world.step(number));
+    }
+    let mut other = self::service();
+    ErasedService::restore(&mut other, &saved(&service));
+    let imu = world.step(3000).imu;
+    let nothing = Arrived {
+        imu,
+        fix: Some(GnssFix::new_zeroed()),
+        altitude: Some(BaroAltitude::new_zeroed()),
+        field: Some(MagField::new_zeroed()),
+        frame: None,
+    };
+    let none = Arrived {
+        imu,
+        ..Arrived::default()
+    };
+    let with = step(&mut service, 3000, &nothing);
+    let without = step(&mut other, 3000, &none);
+    assert_eq!(with.as_bytes(), without.as_bytes());
+}
+
+#[test]
+fn a_step_does_not_allocate() {
+    let (mut service, mut world) = (service(), World::new(8));
+    let all: Vec<_> = (0..600).map(|number| world.step(number)).collect();
+    let mut state = vec![0; service.state_size()];
+    let count = allocations::allocations_during(|| {
+        for (number, arrived) in all.iter().enumerate() {
+            step(&mut service, number as u64, arrived);
+            ErasedService::save(&service, &mut state);
+            ErasedService::restore(&mut service, &state);
+        }
+    });
+    assert_eq!(count, 0);
+}

@@ -1,0 +1,169 @@
+//! Checks of flight outdoors: sensors, their rates, and the estimator over them.
+
+use super::Findings;
+use super::events::Events;
+use super::six_digits;
+use crate::{Key, Scenario, Sensors};
+use shared_types::gnss::FixKind;
+use shared_types::schedule::Schedule;
+use shared_types::service::seconds;
+use shared_types::wiring::{ServiceId, Topic};
+
+/// Longest period of the inertial measurement unit, s: the filter takes a longer one for a gap.
+const LONGEST_IMU_PERIOD: f64 = 0.01;
+/// Number of samples of the inertial measurement unit that the filter stores.
+const STORED_SAMPLES: f64 = 256.0;
+/// Number of measurements that wait for the filter's horizon.
+const STORED_MEASUREMENTS: f64 = 64.0;
+
+impl Scenario {
+    pub(super) fn check_outdoors(&self, found: &mut Findings) {
+        if let Some(sensors) = &self.sensors {
+            sensors.check(self.duration, &Key::root().then("sensors"), found);
+        }
+        if self.datum.is_some() && self.sensors.is_none() {
+            found.add(
+                Key::root().then("datum"),
+                "only a satellite receiver needs a place on the earth, and there is none",
+                "add `[sensors]`, which may be empty, or leave `[datum]` out",
+            );
+        }
+        self.check_navigation(found);
+    }
+
+    fn check_navigation(&self, found: &mut Findings) {
+        let Some(navigation) = &self.navigation else {
+            return;
+        };
+        let at = Key::root().then("navigation");
+        let Some(sensors) = &self.sensors else {
+            return found.add(
+                at,
+                "inertial navigation needs sensors, and there are none",
+                "add `[sensors]`, which may be empty, or leave `[navigation]` out",
+            );
+        };
+        if self.estimator.is_some() || self.cameras.is_some() || self.motion_capture.is_some() {
+            let sections = [
+                ("estimator", self.estimator.is_some()),
+                ("cameras", self.cameras.is_some()),
+                ("motion_capture", self.motion_capture.is_some()),
+            ];
+            for (section, _) in sections.into_iter().filter(|(_, is_stated)| *is_stated) {
+                found.add(
+                    Key::root().then(section),
+                    "inertial navigation is the estimator of this flight, and it uses no cameras",
+                    format!("leave `[{section}]` or `[navigation]` out"),
+                );
+            }
+        }
+        let Some(flight) = &self.flight else {
+            return found.add(
+                at,
+                "inertial navigation is aligned at rest, and this flight begins in the air",
+                "add `[flight]` with `arm_at`, or leave `[navigation]` out",
+            );
+        };
+        let attainable = navigation.attainable_sigma(sensors.gnss.kind.into());
+        if flight.position_sigma_max <= attainable {
+            found.add(
+                Key::root().then("flight").then("position_sigma_max"),
+                format!(
+                    "the vehicle will never be armed: with these fixes the standard deviation of the position stays at {} m",
+                    six_digits(attainable)
+                ),
+                format!("raise it above {}, or improve the fixes", six_digits(2.0 * attainable)),
+            );
+        }
+        if let Ok(schedule) = self.schedule() {
+            self.check_sensor_rates(navigation.horizon, &schedule, found);
+        }
+    }
+
+    fn check_sensor_rates(&self, horizon: f64, schedule: &Schedule, found: &mut Findings) {
+        let period_of = |topic| seconds(schedule.time_ns(schedule.topic_rate(topic).period));
+        let key_of = |topic: Topic| Key::root().then("schedule").then("period").then(topic.name());
+        let imu = period_of(Topic::ImuSample);
+        if imu > LONGEST_IMU_PERIOD || horizon / imu >= STORED_SAMPLES {
+            let shortest = horizon / STORED_SAMPLES;
+            return found.add(
+                key_of(Topic::ImuSample),
+                format!("the filter cannot use samples every {imu:?} s"),
+                format!(
+                    "give `imu/sample` a period between {} and {LONGEST_IMU_PERIOD:?}",
+                    six_digits(shortest)
+                ),
+            );
+        }
+        let others = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField];
+        let waiting: f64 = others.map(|topic| horizon / period_of(topic) + 1.0).iter().sum();
+        if waiting > STORED_MEASUREMENTS {
+            let shortest = others.map(period_of);
+            let most_often = others
+                .into_iter()
+                .zip(shortest)
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            let topic = most_often.map_or(Topic::GnssFix, |(topic, _)| topic);
+            found.add(
+                key_of(topic),
+                format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS:?}"),
+                "give fixes a period of 0.1, altitudes one of 0.04 and fields one of 0.02",
+            );
+        }
+        for topic in others {
+            let input = ServiceId::Estimator
+                .inputs()
+                .iter()
+                .position(|input| input.topic == topic);
+            let late = seconds(
+                schedule.time_ns(input.map_or(0, |input| schedule.latency(ServiceId::Estimator, input))),
+            );
+            if late + imu > horizon {
+                found.add(
+                    Key::root().then("navigation").then("horizon"),
+                    format!(
+                        "samples of `{topic}` are late by {late:?} s, and the filter would refuse all of them"
+                    ),
+                    format!("raise it to {} or more", six_digits(late + 2.0 * imu)),
+                );
+            }
+        }
+    }
+}
+
+impl Sensors {
+    fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
+        let at = at.then("gnss");
+        let changes = Events {
+            singular: "change of the fixes",
+            plural: "changes of the fixes",
+            at: at.then("change"),
+            times: self.gnss.change.iter().map(|change| change.at).collect(),
+        };
+        changes.check(duration, found);
+        let mut kind = FixKind::from(self.gnss.kind);
+        for (index, change) in self.gnss.change.iter().enumerate() {
+            if FixKind::from(change.kind) == kind {
+                found.add(
+                    at.then("change").then(index).then("kind"),
+                    "the receiver solves this already",
+                    "state another kind, or leave the change out",
+                );
+            }
+            kind = change.kind.into();
+        }
+        let (times, lengths): (_, Vec<_>) = self
+            .gnss
+            .spoofing
+            .iter()
+            .map(|event| (event.at, event.lasts))
+            .unzip();
+        let spoofing = Events {
+            singular: "spoofing",
+            plural: "intervals of spoofing",
+            at: at.then("spoofing"),
+            times,
+        };
+        spoofing.check_lasting(&lengths, duration, found);
+    }
+}

@@ -1,0 +1,205 @@
+//! Inertial navigation, and the place on the earth where the vehicle flies.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use shared_types::Topic;
+use shared_types::geodesy::{Geodetic, LocalFrame};
+use shared_types::gnss::{FixErrors, FixKind};
+
+use super::sensors::FixDeviations;
+use super::{Scenario, Vector};
+use crate::range::{angle, between, not_negative, positive};
+
+/// Place of the origin of {I} on the earth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Datum {
+    /// Geodetic latitude (WGS-84), degrees.
+    #[schemars(transform = between(-90.0, 90.0))]
+    pub latitude: f64,
+    /// Longitude (WGS-84), degrees.
+    #[schemars(transform = between(-180.0, 180.0))]
+    pub longitude: f64,
+    /// Height above the ellipsoid, m.
+    pub height: f64,
+    /// Height of the geoid above the ellipsoid, m: the altitude above mean sea level is `height` without it.
+    pub geoid_separation: f64,
+    /// Azimuth of the x axis of {I}, clockwise from north, rad.
+    #[schemars(transform = angle)]
+    pub azimuth: f64,
+    /// Magnetic field of the earth to the north, to the east and downwards, G.
+    pub field: Vector,
+}
+
+impl Default for Datum {
+    fn default() -> Self {
+        // A meadow near Munich.
+        Self {
+            latitude: 48.137_154,
+            longitude: 11.576_124,
+            height: 565.0,
+            geoid_separation: 45.7,
+            azimuth: 0.0,
+            field: [0.21, 0.015, 0.43],
+        }
+    }
+}
+
+impl Datum {
+    /// Returns {I} as a frame on the earth.
+    #[must_use]
+    pub fn frame(&self) -> LocalFrame {
+        let place = Geodetic {
+            latitude: self.latitude,
+            longitude: self.longitude,
+            height: self.height,
+        };
+        LocalFrame::new(place, self.azimuth)
+    }
+
+    /// Returns the magnetic field of the earth in {I}, G.
+    #[must_use]
+    pub fn field_world(&self) -> Vector {
+        self.frame().turned(self.field)
+    }
+}
+
+/// Inertial navigation: an estimator of flight outdoors, over inertial, satellite, pressure and magnetic sensors. Its numbers
+/// are what it assumes of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Navigation {
+    /// Density of the gyroscope's white noise, rad/s/√Hz.
+    #[schemars(transform = positive)]
+    pub gyroscope_noise: f64,
+    /// Standard deviation of each component of the gyroscope's bias when it is switched on, rad/s.
+    #[schemars(transform = positive)]
+    pub gyroscope_bias: f64,
+    /// Density of the walk of this bias, rad/s/√s.
+    #[schemars(transform = not_negative)]
+    pub gyroscope_walk: f64,
+    /// Density of the accelerometer's white noise, m/s²/√Hz.
+    #[schemars(transform = positive)]
+    pub accelerometer_noise: f64,
+    /// Standard deviation of each component of the accelerometer's bias when it is switched on, m/s².
+    #[schemars(transform = positive)]
+    pub accelerometer_bias: f64,
+    /// Density of the walk of this bias, m/s²/√s.
+    #[schemars(transform = not_negative)]
+    pub accelerometer_walk: f64,
+    /// Place of the antenna in {B}, m.
+    pub antenna: Vector,
+    /// Errors of fixes from codes alone.
+    pub single_point: FixDeviations,
+    /// Errors of fixes with corrections and unknown numbers of carrier waves.
+    pub rtk_float: FixDeviations,
+    /// Errors of fixes with corrections and known numbers of carrier waves.
+    pub rtk_fixed: FixDeviations,
+    /// Standard deviation of each component of a measured field, G: noise, and the vehicle's effect on the field of the earth.
+    #[schemars(transform = positive)]
+    pub field_white: f64,
+    /// Standard deviation of each component of the vehicle's own field, G.
+    #[schemars(transform = positive)]
+    pub field_bias: f64,
+    /// Density of the walk of this field, G/√s.
+    #[schemars(transform = not_negative)]
+    pub field_walk: f64,
+    /// Standard deviation by which this field may change when the motors start, G.
+    #[schemars(transform = not_negative)]
+    pub field_arming: f64,
+    /// Standard deviation of the barometer's slow error at the alignment, m.
+    #[schemars(transform = positive)]
+    pub altitude_bias: f64,
+    /// Standard deviation of the white error of an altitude, m.
+    #[schemars(transform = positive)]
+    pub altitude_white: f64,
+    /// Density of the walk of the barometer's slow error, m/√s.
+    #[schemars(transform = not_negative)]
+    pub altitude_walk: f64,
+    /// Delay at which measurements are fused, s: at least the latency of the latest one.
+    #[schemars(transform = between(0.0, LONGEST_HORIZON))]
+    pub horizon: f64,
+    /// Time after which a source that is refused without a break is accepted again, s.
+    #[schemars(transform = positive)]
+    pub reset_after: f64,
+    /// Time over which the published position follows a jump of the estimate, s.
+    #[schemars(transform = positive)]
+    pub ramp: f64,
+    /// Time with fixes, without a break of a second, after which the vehicle counts as tracked, s.
+    #[schemars(transform = not_negative)]
+    pub healthy_for: f64,
+    /// Time for which the state counts as tracked without a fix, s.
+    #[schemars(transform = not_negative)]
+    pub coast: f64,
+    /// Bandwidth of the estimated acceleration that thrust and gravity do not explain, rad/s.
+    #[schemars(transform = positive)]
+    pub push_bandwidth: f64,
+}
+
+/// Largest delay of the horizon, s: the filter stores 256 samples up to it.
+const LONGEST_HORIZON: f64 = 0.25;
+
+impl Default for Navigation {
+    fn default() -> Self {
+        let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL.map(FixDeviations::from);
+        Self {
+            gyroscope_noise: 2.45e-4,
+            gyroscope_bias: 0.01,
+            gyroscope_walk: 1e-4,
+            accelerometer_noise: 6.9e-3,
+            accelerometer_bias: 0.1,
+            accelerometer_walk: 1e-3,
+            antenna: [0.0; 3],
+            single_point,
+            rtk_float,
+            rtk_fixed,
+            field_white: 0.01,
+            field_bias: 0.015,
+            field_walk: 1e-4,
+            field_arming: 0.05,
+            altitude_bias: 10.0,
+            altitude_white: 0.1,
+            altitude_walk: 0.042,
+            horizon: 0.12,
+            reset_after: 7.0,
+            ramp: 1.0,
+            healthy_for: 10.0,
+            coast: 10.0,
+            push_bandwidth: 30.0,
+        }
+    }
+}
+
+impl Navigation {
+    /// Returns the errors of each kind of fixes.
+    #[must_use]
+    pub fn errors(&self) -> [FixErrors; 3] {
+        [&self.single_point, &self.rtk_float, &self.rtk_fixed].map(FixErrors::from)
+    }
+
+    /// Returns the standard deviation (m) that a position may keep with the best fixes of a kind: that of their slow height.
+    #[must_use]
+    pub fn attainable_sigma(&self, kind: FixKind) -> f64 {
+        let errors = self.errors()[kind as usize];
+        errors.position_slow * errors.vertical_factor
+    }
+}
+
+impl Scenario {
+    /// Returns whether the flight has a topic, by its sections: that of a sensor only with sensors, and telemetry only if it
+    /// names values.
+    #[must_use]
+    pub fn has_topic(&self, topic: Topic) -> bool {
+        match topic {
+            Topic::ControlTelemetry => !self.controller.telemetry.is_empty(),
+            topic if topic.is_of_a_sensor() => self.sensors.is_some(),
+            _ => true,
+        }
+    }
+
+    /// Returns the place where the vehicle flies.
+    #[must_use]
+    pub fn datum_or_default(&self) -> Datum {
+        self.datum.clone().unwrap_or_default()
+    }
+}
