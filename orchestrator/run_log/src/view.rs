@@ -1,7 +1,8 @@
 //! Copy of a log for the 3D views of Foxglove, Lichtblick and Rerun.
 //!
 //! It contains every message of the log, byte for byte, and on channels `view/…` frames and poses at the rate of a display,
-//! and once the vehicle's shape and the complete trajectories. These are Foxglove's messages as Protocol Buffers, the only
+//! and once the vehicle's shape and the complete trajectories; of a flight with a satellite receiver also its fixes and the
+//! vehicle's place on the earth, for their maps. These are Foxglove's messages as Protocol Buffers, the only
 //! format that all three programs support. The copy is for viewers only: other commands do not accept it as a log of a
 //! flight.
 
@@ -16,8 +17,9 @@ use mcap::records::Metadata;
 use nalgebra::Matrix3;
 use prost::{Message, Name};
 use result_file::{ResultFile, is_one_of};
+use shared_types::geodesy::LocalFrame;
 use shared_types::rotation::{from_roll_pitch_yaw, from_row_major};
-use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
+use shared_types::samples::{GnssFix, PathReference, VehicleState, VehicleTruth};
 use shared_types::{Sample, Topic};
 
 use self::scene::Placed;
@@ -228,6 +230,14 @@ struct Copy {
     reference: Channel,
     vehicle_display: Display,
     reference_display: Display,
+    map: Option<Map>,
+}
+
+/// Channels of a flight with a satellite receiver.
+struct Map {
+    frame: LocalFrame,
+    fix: Channel,
+    location: Channel,
 }
 
 impl Copy {
@@ -247,7 +257,17 @@ impl Copy {
         scene.write(&mut file, begin_ns, &scene::scene(begin_ns, flown, desired))?;
         let mut points = Channel::declare::<messages::PointCloud>(&mut file, "view/points", &schema)?;
         points.write(&mut file, begin_ns, &scene::points(begin_ns, flown, desired))?;
+        let scenario = &reader.manifest().scenario;
+        let map = match scenario.sensors {
+            None => None,
+            Some(_) => Some(Map {
+                frame: scenario.datum_or_default().frame(),
+                fix: Channel::declare::<messages::LocationFix>(&mut file, "view/fix", &schema)?,
+                location: Channel::declare::<messages::LocationFix>(&mut file, "view/location", &schema)?,
+            }),
+        };
         Ok(Self {
+            map,
             body_frame: Channel::declare::<messages::FrameTransform>(&mut file, "view/body", &schema)?,
             vehicle: Channel::declare::<messages::PoseInFrame>(&mut file, "view/vehicle", &schema)?,
             reference: Channel::declare::<messages::PoseInFrame>(&mut file, "view/reference", &schema)?,
@@ -269,6 +289,8 @@ impl Copy {
             self.show_vehicle(time_ns, placed(logged.topic, logged.bytes))
         } else if logged.topic == Topic::PathReference {
             self.show_reference(time_ns, placed(logged.topic, logged.bytes))
+        } else if logged.topic == Topic::GnssFix {
+            self.show_fix(time_ns, &read(logged.bytes))
         } else {
             Ok(())
         }
@@ -281,7 +303,21 @@ impl Copy {
         let file = &mut self.file;
         self.body_frame
             .write(file, time_ns, &scene::body_frame(time_ns, &vehicle))?;
-        self.vehicle.write(file, time_ns, &scene::pose(time_ns, &vehicle))
+        self.vehicle
+            .write(file, time_ns, &scene::pose(time_ns, &vehicle))?;
+        match &mut self.map {
+            None => Ok(()),
+            Some(Map { frame, location, .. }) => {
+                location.write(file, time_ns, &scene::location(time_ns, frame, &vehicle))
+            }
+        }
+    }
+
+    fn show_fix(&mut self, time_ns: u64, fix: &GnssFix) -> Result<(), LogError> {
+        match &mut self.map {
+            Some(map) if fix.measured.is_set() => map.fix.write(&mut self.file, time_ns, &scene::fix(fix)),
+            _ => Ok(()),
+        }
     }
 
     fn show_reference(&mut self, time_ns: u64, reference: Option<Placed>) -> Result<(), LogError> {

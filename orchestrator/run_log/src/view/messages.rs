@@ -117,6 +117,20 @@ messages! {
         5 rotation: required message as Quaternion,
     }
 
+    /// Place on the earth.
+    LocationFix {
+        // Degrees.
+        1 latitude: required double as f64,
+        2 longitude: required double as f64,
+        // Above the ellipsoid, m.
+        3 altitude: required double as f64,
+        // East, north and up, row by row, m².
+        4 position_covariance: repeated double as Vec<f64>,
+        5 position_covariance_type: required enumeration = "PositionCovarianceType" as i32,
+        6 timestamp: required message as Timestamp,
+        7 frame_id: required string as String,
+    }
+
     /// A box.
     CubePrimitive {
         1 pose: required message as Pose,
@@ -187,6 +201,19 @@ pub(super) enum NumericType {
     Float32 = 7,
 }
 
+/// What is known of a covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, prost::Enumeration)]
+#[repr(i32)]
+pub(super) enum PositionCovarianceType {
+    Unknown = 0,
+    Approximated = 1,
+    DiagonalKnown = 2,
+    Known = 3,
+}
+
+/// Names of what is known of a covariance, from 0. They are those of the enumeration inside of the message.
+const COVARIANCE_TYPES: [&str; 4] = ["UNKNOWN", "APPROXIMATED", "DIAGONAL_KNOWN", "KNOWN"];
+
 /// Names of the types of packed numbers, from 0.
 const NUMERIC_TYPES: [&str; 9] = [
     "UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64",
@@ -200,6 +227,9 @@ fn member(name: &str, number: i32, label: &str, kind: &str, rust_type: &str) -> 
         _ => Label::Optional,
     };
     let type_name = match (kind, rust_type) {
+        (Type::Enum, _) if name == "position_covariance_type" => {
+            Some(format!(".{FOXGLOVE}.LocationFix.PositionCovarianceType"))
+        }
         (Type::Enum, _) => Some(format!(".{FOXGLOVE}.NumericType")),
         (Type::Message, "Timestamp") => Some(format!(".{TIME}.Timestamp")),
         (Type::Message, name) => Some(format!(
@@ -233,15 +263,22 @@ pub(super) fn description() -> Vec<u8> {
         number: Some(number),
         ..EnumValueDescriptorProto::default()
     };
-    let numeric_type = EnumDescriptorProto {
-        name: Some("NumericType".to_owned()),
-        value: (0..).zip(&NUMERIC_TYPES).map(value).collect(),
+    let enumeration = |name: &str, names: &[&str]| EnumDescriptorProto {
+        name: Some(name.to_owned()),
+        value: (0..).zip(names).map(value).collect(),
         ..EnumDescriptorProto::default()
     };
+    let mut messages = foxglove();
+    let fix = messages
+        .iter_mut()
+        .find(|message| message.name() == "LocationFix");
+    if let Some(fix) = fix {
+        fix.enum_type = vec![enumeration("PositionCovarianceType", &COVARIANCE_TYPES)];
+    }
     let foxglove = FileDescriptorProto {
         dependency: vec![TIME_FILE.to_owned()],
-        enum_type: vec![numeric_type],
-        ..file("foxglove.proto", FOXGLOVE, foxglove())
+        enum_type: vec![enumeration("NumericType", &NUMERIC_TYPES)],
+        ..file("foxglove.proto", FOXGLOVE, messages)
     };
     let file = vec![file(TIME_FILE, TIME, time()), foxglove];
     FileDescriptorSet { file }.encode_to_vec()

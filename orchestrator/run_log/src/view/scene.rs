@@ -4,9 +4,13 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
+use shared_types::geodesy::LocalFrame;
+use shared_types::samples::GnssFix;
+
 use super::messages::{
-    Color, CubePrimitive, CylinderPrimitive, FrameTransform, LinePrimitive, NumericType, PackedElementField,
-    PointCloud, Pose, PoseInFrame, Quaternion, SceneEntity, SceneUpdate, Timestamp,
+    Color, CubePrimitive, CylinderPrimitive, FrameTransform, LinePrimitive, LocationFix, NumericType,
+    PackedElementField, PointCloud, Pose, PoseInFrame, PositionCovarianceType, Quaternion, SceneEntity,
+    SceneUpdate, Timestamp,
 };
 
 /// Frame of the viewers, with z up: x as in {I}, y and z opposite.
@@ -64,6 +68,35 @@ impl Placed {
             z: quaternion.k,
             w: quaternion.w,
         }
+    }
+}
+
+/// Returns a fix as it was measured, with the accuracies that the receiver reports.
+pub(super) fn fix(fix: &GnssFix) -> LocationFix {
+    let horizontal = 0.5 * fix.horizontal_accuracy * fix.horizontal_accuracy;
+    let vertical = fix.vertical_accuracy * fix.vertical_accuracy;
+    LocationFix {
+        latitude: fix.latitude,
+        longitude: fix.longitude,
+        altitude: fix.height,
+        position_covariance: vec![horizontal, 0.0, 0.0, 0.0, horizontal, 0.0, 0.0, 0.0, vertical],
+        position_covariance_type: PositionCovarianceType::DiagonalKnown.into(),
+        timestamp: Timestamp::from_ns(fix.valid_ns),
+        frame_id: BODY.to_owned(),
+    }
+}
+
+/// Returns the place of the vehicle on the earth.
+pub(super) fn location(time_ns: u64, frame: &LocalFrame, vehicle: &Placed) -> LocationFix {
+    let place = frame.to_geodetic(&vehicle.position_world.into());
+    LocationFix {
+        latitude: place.latitude,
+        longitude: place.longitude,
+        altitude: place.height,
+        position_covariance: vec![0.0; 9],
+        position_covariance_type: PositionCovarianceType::Unknown.into(),
+        timestamp: Timestamp::from_ns(time_ns),
+        frame_id: BODY.to_owned(),
     }
 }
 
