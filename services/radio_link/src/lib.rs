@@ -13,8 +13,8 @@
 //!
 //! The formats are implemented here, because each only packs some 26 bytes. Existing crates allocate or only decode
 //! (`sbus-rs`, which checks our frames in the tests), and have large dependencies: `crsf` 2.0 a derive of error types,
-//! `mavlink` 0.21 a generator that compiles hundreds of messages, of which we send three, `serialport` 4.10 a second set
-//! of system calls beside `rustix`. The USB dongle of a Crazyflie is driven by the crate `crazyradio`, with the feature of
+//! `mavlink` 0.21 a generator that compiles hundreds of messages, of which we send three in the frames of [`mavlink_frame`],
+//! `serialport` 4.10 a second set of system calls beside `rustix`. The USB dongle of a Crazyflie is driven by the crate `crazyradio`, with the feature of
 //! that name: it needs libusb, which it builds from source where the system has none.
 //!
 //! Failure policy:

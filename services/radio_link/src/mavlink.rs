@@ -1,9 +1,6 @@
-//! MAVLink 2: the three messages that control an autopilot.
+//! MAVLink 2: the three messages that control an autopilot, in frames of [`mavlink_frame`].
 //!
-//! `0xFD`, length, two bytes of flags, sequence, system, component, message ID in three bytes, payload without trailing
-//! zeros, CRC-16/MCRF4XX over everything but the first byte, and over `CRC_EXTRA`, a byte derived from the message's
-//! definition. Fields are ordered by size. Body rates are about the axes forward, right, down, as everywhere in this
-//! project.
+//! Fields are ordered by size. Body rates are about the axes forward, right, down, as everywhere in this project.
 //!
 //! PX4 follows `SET_ATTITUDE_TARGET` in its mode *offboard* and leaves that mode when the messages stop; ArduPilot in
 //! *GUIDED_NOGPS*. `RC_CHANNELS_OVERRIDE` replaces a receiver. Neither arms: the operator arms at the ground station.
@@ -13,6 +10,8 @@ mod link;
 
 pub use battery::read_reply;
 pub(crate) use link::Mavlink;
+pub use mavlink_frame::Sender;
+use mavlink_frame::{Definition, FrameError, HEADER_2, START_2};
 
 use crate::frame::Frame;
 use crate::{ChannelCodes, DecodeError};
@@ -35,20 +34,8 @@ pub const UNCHANGED: ChannelCodes = {
 /// Number of channels in the original definition of `RC_CHANNELS_OVERRIDE`: 0 releases them to the radio.
 const FIRST: usize = 8;
 
-const START: u8 = 0xfd;
-/// Bytes before the payload.
-const HEADER: usize = 10;
 /// Flag of `SET_ATTITUDE_TARGET`: the attitude is to be ignored.
 const IGNORE_ATTITUDE: u8 = 128;
-
-/// Sender of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sender {
-    /// System ID.
-    pub system: u8,
-    /// Component ID.
-    pub component: u8,
-}
 
 /// Message with a command, or a heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,30 +88,25 @@ impl Overrides {
     }
 }
 
-/// Message ID, length of the payload, and `CRC_EXTRA`.
-#[derive(Clone, Copy)]
-struct Kind {
-    id: u32,
-    length: usize,
-    crc_extra: u8,
-}
-
-const HEARTBEAT: Kind = Kind {
+const HEARTBEAT: Definition = Definition {
     id: 0,
+    base_length: 9,
     length: 9,
     crc_extra: 50,
 };
-const RC_CHANNELS_OVERRIDE: Kind = Kind {
+const RC_CHANNELS_OVERRIDE: Definition = Definition {
     id: 70,
+    base_length: 18,
     length: 38,
     crc_extra: 124,
 };
-const SET_ATTITUDE_TARGET: Kind = Kind {
+const SET_ATTITUDE_TARGET: Definition = Definition {
     id: 82,
+    base_length: 39,
     length: 39,
     crc_extra: 49,
 };
-const KINDS: [Kind; 3] = [HEARTBEAT, RC_CHANNELS_OVERRIDE, SET_ATTITUDE_TARGET];
+const MESSAGES: [Definition; 3] = [HEARTBEAT, RC_CHANNELS_OVERRIDE, SET_ATTITUDE_TARGET];
 const LONGEST: usize = SET_ATTITUDE_TARGET.length;
 
 /// Offset of the body rates in `SET_ATTITUDE_TARGET`.
@@ -135,35 +117,20 @@ const TARGET_OFFSET: usize = 16;
 /// Appends a message to a frame.
 #[inline]
 pub fn encode(message: &MavlinkPacket, sender: Sender, sequence: u8, frame: &mut Frame) {
-    let (kind, payload) = build_payload(message);
-    let payload = &payload[..kind.length];
-    // Trailing zeros are truncated; the first byte always remains.
-    let zeros = payload[1..].iter().rev().take_while(|&&byte| byte == 0).count();
-    let payload = &payload[..kind.length - zeros];
-    let [id0, id1, id2, _] = kind.id.to_le_bytes();
-    let length = payload.len().to_le_bytes()[0];
-    let header = [
-        START,
-        length,
-        0,
-        0,
+    let (definition, payload) = build_payload(message);
+    mavlink_frame::encode(
+        &definition,
+        &payload[..definition.length],
+        sender,
         sequence,
-        sender.system,
-        sender.component,
-        id0,
-        id1,
-        id2,
-    ];
-    let sum = accumulate(accumulate(0xffff, &header[1..]), payload);
-    frame.push(&header);
-    frame.push(payload);
-    frame.push(&accumulate(sum, &[kind.crc_extra]).to_le_bytes());
+        |part| frame.push(part),
+    );
 }
 
 #[inline]
-fn build_payload(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
+fn build_payload(message: &MavlinkPacket) -> (Definition, [u8; LONGEST]) {
     let mut payload = [0; LONGEST];
-    let kind = match message {
+    let definition = match message {
         MavlinkPacket::Heartbeat => {
             // Custom mode; a ground station (6) without an autopilot (8), mode 0, active (4), version 3.
             payload[4..9].copy_from_slice(&[6, 8, 0, 4, 3]);
@@ -191,7 +158,7 @@ fn build_payload(message: &MavlinkPacket) -> (Kind, [u8; LONGEST]) {
             RC_CHANNELS_OVERRIDE
         }
     };
-    (kind, payload)
+    (definition, payload)
 }
 
 /// Decodes the message at the start of the bytes. Returns it with its sender, its sequence number, and its length in
@@ -204,44 +171,34 @@ pub fn decode(bytes: &[u8]) -> Result<(MavlinkPacket, Sender, u8, usize), Decode
         expected,
         found: bytes.len(),
     };
-    let header = bytes.get(..HEADER).ok_or(shorter_than(HEADER))?;
+    let header = bytes.get(..HEADER_2).ok_or(shorter_than(HEADER_2))?;
     let unexpected = |offset: usize| DecodeError::Constant {
         offset,
         found: header[offset],
     };
     // Signatures and other incompatible flags are not supported.
-    for (offset, expected) in [(0, START), (2, 0)] {
+    for (offset, expected) in [(0, START_2), (2, 0)] {
         if header[offset] != expected {
             return Err(unexpected(offset));
         }
     }
-    let id = u32::from_le_bytes([header[7], header[8], header[9], 0]);
-    let kind = KINDS
-        .into_iter()
-        .find(|kind| kind.id == id)
-        .ok_or(unexpected(7))?;
-    let length = usize::from(header[1]);
-    if length == 0 || length > kind.length {
-        return Err(unexpected(1));
-    }
-    let end = HEADER + length;
-    let sum = bytes.get(end..end + 2).ok_or(shorter_than(end + 2))?;
-    let computed = accumulate(accumulate(0xffff, &bytes[1..end]), &[kind.crc_extra]);
-    if sum != computed.to_le_bytes() {
-        return Err(DecodeError::Checksum);
-    }
+    let frame = mavlink_frame::decode(bytes, &MESSAGES).map_err(|error| match error {
+        FrameError::Incomplete(length) => shorter_than(length),
+        FrameError::Start => unexpected(0),
+        FrameError::Length => unexpected(1),
+        FrameError::Flags => unexpected(2),
+        FrameError::Unknown => unexpected(7),
+        FrameError::Checksum => DecodeError::Checksum,
+    })?;
     let mut payload = [0; LONGEST];
-    payload[..length].copy_from_slice(&bytes[HEADER..end]);
-    let sender = Sender {
-        system: header[5],
-        component: header[6],
-    };
-    Ok((parse_payload(kind, &payload), sender, header[4], end + 2))
+    payload[..frame.payload.len()].copy_from_slice(frame.payload);
+    let packet = parse_payload(frame.definition.id, &payload);
+    Ok((packet, frame.sender, frame.sequence, frame.length))
 }
 
-fn parse_payload(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
+fn parse_payload(id: u32, payload: &[u8; LONGEST]) -> MavlinkPacket {
     let number = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[at + byte]));
-    match kind.id {
+    match id {
         id if id == SET_ATTITUDE_TARGET.id => MavlinkPacket::AttitudeTarget(AttitudeTarget {
             time_ms: u32::from_le_bytes([0, 1, 2, 3].map(|byte| payload[byte])),
             rates_body: [0, 4, 8].map(|offset| number(RATES_OFFSET + offset)),
@@ -260,26 +217,5 @@ fn parse_payload(kind: Kind, payload: &[u8; LONGEST]) -> MavlinkPacket {
             }
         }
         _ => MavlinkPacket::Heartbeat,
-    }
-}
-
-/// Continues a CRC-16/MCRF4XX over further bytes.
-#[inline]
-fn accumulate(sum: u16, bytes: &[u8]) -> u16 {
-    bytes.iter().fold(sum, |sum, &byte| {
-        let low = byte ^ sum.to_le_bytes()[0];
-        let low = u16::from(low ^ (low << 4));
-        (sum >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The check value of CRC-16/MCRF4XX in the catalogue of parametrised CRC algorithms.
-    #[test]
-    fn the_checksum_is_that_of_the_catalogue() {
-        assert_eq!(accumulate(0xffff, b"123456789"), 0x6f91);
     }
 }

@@ -3,13 +3,24 @@
 //! Autopilots send both unasked, as often as their streams of messages are set. Messages of other IDs cannot be checked,
 //! because each has its own `CRC_EXTRA`; the bytes of them are skipped one by one.
 
-use super::{HEADER, START, accumulate};
+use mavlink_frame::{Definition, FrameError};
+
 use crate::telemetry::Reply;
 
-/// IDs, largest lengths of the payload with extensions, and `CRC_EXTRA`.
-const SYS_STATUS: (u32, usize, u8) = (1, 43, 124);
-const BATTERY_STATUS: (u32, usize, u8) = (147, 54, 154);
-const LONGEST: usize = BATTERY_STATUS.1;
+const SYS_STATUS: Definition = Definition {
+    id: 1,
+    base_length: 31,
+    length: 43,
+    crc_extra: 124,
+};
+const BATTERY_STATUS: Definition = Definition {
+    id: 147,
+    base_length: 36,
+    length: 54,
+    crc_extra: 154,
+};
+const MESSAGES: [Definition; 2] = [SYS_STATUS, BATTERY_STATUS];
+const LONGEST: usize = BATTERY_STATUS.length;
 
 /// Offsets of the fields.
 const SYSTEM_VOLTAGE: usize = 14;
@@ -21,54 +32,29 @@ const FURTHER_CELL_COUNT: usize = 4;
 
 /// Field of a voltage that is not known, and of a cell that is not there.
 const UNKNOWN: u16 = u16::MAX;
-/// Flag of a signed message, and length of a signature.
-const SIGNED: u8 = 1;
-const SIGNATURE: usize = 13;
 /// Volts of a field.
 const MILLIVOLT: f64 = 1e-3;
 
 /// Reads the message at the start of what the autopilot of a system sends. The voltage is that of its first battery.
 #[must_use]
 pub fn read_reply(bytes: &[u8], system: u8) -> Reply {
-    let Some(&first) = bytes.first() else {
-        return Reply::Incomplete;
+    let frame = match mavlink_frame::decode(bytes, &MESSAGES) {
+        Ok(frame) => frame,
+        Err(FrameError::Incomplete(_)) => return Reply::Incomplete,
+        Err(_) => return Reply::Noise,
     };
-    if first != START {
-        return Reply::Noise;
-    }
-    let Some(header) = bytes.get(..HEADER) else {
-        return Reply::Incomplete;
-    };
-    let id = u32::from_le_bytes([header[7], header[8], header[9], 0]);
-    let length = usize::from(header[1]);
-    let known = [SYS_STATUS, BATTERY_STATUS].into_iter().find(|kind| kind.0 == id);
-    let Some((_, _, crc_extra)) = known.filter(|kind| (1..=kind.1).contains(&length)) else {
-        return Reply::Noise;
-    };
-    if header[2] & !SIGNED != 0 {
-        return Reply::Noise;
-    }
-    let end = HEADER + length;
-    let signature = if header[2] == SIGNED { SIGNATURE } else { 0 };
-    let (Some(sum), true) = (bytes.get(end..end + 2), bytes.len() >= end + 2 + signature) else {
-        return Reply::Incomplete;
-    };
-    let computed = accumulate(accumulate(0xffff, &bytes[1..end]), &[crc_extra]);
-    if sum != computed.to_le_bytes() {
-        return Reply::Noise;
-    }
     let mut payload = [0; LONGEST];
-    payload[..length].copy_from_slice(&bytes[HEADER..end]);
-    let voltage = if header[5] != system {
+    payload[..frame.payload.len()].copy_from_slice(frame.payload);
+    let voltage = if frame.sender.system != system {
         None
-    } else if id == SYS_STATUS.0 {
+    } else if *frame.definition == SYS_STATUS {
         Some(field(&payload, SYSTEM_VOLTAGE))
             .filter(|steps| *steps != UNKNOWN)
             .map(f64::from)
     } else {
         sum_of_cells(&payload)
     };
-    let end = end + 2 + signature;
+    let end = frame.length;
     voltage.map_or(Reply::Other(end), |steps| Reply::Voltage(end, MILLIVOLT * steps))
 }
 
