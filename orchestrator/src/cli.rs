@@ -25,6 +25,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
+use laboratory_tools::gnss_probe::GnssCommand;
 
 pub use self::bench::*;
 pub use self::campaigns::*;
@@ -194,6 +195,9 @@ pub enum Command {
     World(HilSimulator),
     /// Diagnose a motion-capture system, or emulate one.
     Mocap(Mocap),
+    /// Diagnose a satellite receiver, or an autopilot that measures.
+    #[command(subcommand)]
+    Gnss(GnssCommand),
     /// Test axes and signs with the vehicle in the hand.
     #[command(subcommand)]
     Lab(LabCommand),

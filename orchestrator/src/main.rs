@@ -6,6 +6,7 @@ use clap::CommandFactory;
 use command_line::exit::Exit;
 use command_line::interrupt::ignore_file_size_signal;
 use command_line::output::{self, print_error};
+use laboratory_tools::gnss_probe::{self, GnssCommand};
 use orchestrator::cli::{
     Cli, Command, Get, LabCommand, Operate, OperatorCommand, Postmortem, RcCommand, ServiceProcess, Set,
     groups,
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         Command::Identify(arguments) => identify::identify(&arguments).map(|()| Exit::Success),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Mocap(arguments) => mocap::mocap(&arguments),
+        Command::Gnss(GnssCommand::Probe(arguments)) => gnss_probe::probe(&arguments),
         Command::Lab(LabCommand::Check(arguments)) => lab::check(&arguments),
         Command::Arm(arguments) => operate::arm(&arguments).map(|()| Exit::Success),
         Command::Disarm(arguments) => operate(&arguments, "disarm", &Question::Operate(Request::Disarm)),

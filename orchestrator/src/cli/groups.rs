@@ -20,7 +20,7 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
     ),
     (
         "Laboratory",
-        &["world", "mocap", "lab", "rc", "operator", "identify"],
+        &["world", "mocap", "gnss", "lab", "rc", "operator", "identify"],
     ),
     (
         "Live flights",

@@ -310,7 +310,7 @@ fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
         (year - 1, month + 9)
     };
     let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    // Months of 31 and 30 days alternate, begun anew in August and in January.
+    // Months of 31 and 30 days alternate, and again from August and from January on.
     365 * year + leap_days + (153 * month + 2) / 5 + day - 1 - 719_468
 }
 

@@ -1,0 +1,569 @@
+//! What `gerono gnss probe` has received, and what follows from it.
+
+use std::fmt::Write;
+
+use navigation_receivers::Packet;
+use navigation_receivers::counts::{Counts, Message, Reason};
+use shared_types::gnss::FixKind;
+
+use super::ReceiverSource;
+
+/// Least rate of fixes for a flight, Hz.
+const LEAST_RATE: f64 = 5.0;
+/// Number of periods without a packet that are a gap.
+const GAP: f64 = 3.0;
+/// Reported deviations beyond which PX4 does not arm: of the horizontal position, of the height (m), of the speed (m/s).
+const ACCURACIES: [f64; 3] = [3.0, 5.0, 0.5];
+/// Least number of satellites with which PX4 arms.
+const SATELLITES: u8 = 6;
+/// Age of a fix on arrival beyond which the filter's defaults refuse it, s.
+const HORIZON: f64 = 0.12;
+/// Ages that are those of fixes and not of clocks that differ, s.
+const AGES: std::ops::Range<f64> = -0.01..2.0;
+/// Share of a serial line's capacity beyond which packets wait.
+const FULL: f64 = 0.8;
+
+/// Time of the arrival of a packet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Arrival {
+    /// Since the start, s.
+    pub seconds: f64,
+    /// By this machine's clock, ns since 1970.
+    pub utc_ns: i64,
+}
+
+/// Packets of one message.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Packets {
+    count: u64,
+    /// Number since the last printed line.
+    recent: u64,
+    first: f64,
+    last: f64,
+    /// Largest time between two, s.
+    gap: f64,
+}
+
+impl Packets {
+    /// Adds a packet at a time, s.
+    fn add(&mut self, time: f64) {
+        if self.count == 0 {
+            self.first = time;
+        } else {
+            self.gap = self.gap.max(time - self.last);
+        }
+        self.last = time;
+        self.count += 1;
+        self.recent += 1;
+    }
+
+    /// Returns the rate between the first and the last, Hz; 0 for less than two.
+    fn rate(&self) -> f64 {
+        let span = self.last - self.first;
+        if span > 0.0 {
+            (self.count - 1) as f64 / span
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Fix of a receiver, as far as it is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fix {
+    kind: Option<FixKind>,
+    satellites: Option<u8>,
+    accuracies: Option<[f64; 3]>,
+    has_corrections: bool,
+    has_vertical_velocity: bool,
+}
+
+/// Everything that was received.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reception {
+    packets: [Packets; Message::ALL.len()],
+    /// Fixes without a position, and of each kind.
+    kinds: [u64; 4],
+    newest: Option<Fix>,
+    /// Ages on arrival, s.
+    ages: Vec<f64>,
+    recent_age: Option<f64>,
+    has_heading: bool,
+    /// Duration of a live reception, s.
+    pub listened: Option<f64>,
+    /// Speed of a serial line, baud.
+    pub line: Option<u32>,
+}
+
+/// Names of the kinds of fixes.
+fn name(kind: Option<FixKind>) -> &'static str {
+    match kind {
+        None => "no position",
+        Some(FixKind::SinglePoint) => "single point",
+        Some(FixKind::RtkFloat) => "RTK float",
+        Some(FixKind::RtkFixed) => "RTK fixed",
+    }
+}
+
+impl Reception {
+    /// Adds a packet; one of a file has no arrival, so that its own time counts.
+    pub fn add(&mut self, packet: &Packet, arrival: Option<Arrival>) {
+        let time = arrival.map_or_else(|| stamp(packet), |arrival| Some(arrival.seconds));
+        let packets = &mut self.packets[packet.message() as usize];
+        packets.add(time.unwrap_or(packets.last));
+        match packet {
+            Packet::NavPvt(pvt) => {
+                self.add_fix(Fix {
+                    kind: pvt.kind(),
+                    satellites: Some(pvt.satellites),
+                    accuracies: Some([pvt.horizontal_accuracy, pvt.vertical_accuracy, pvt.speed_accuracy]),
+                    has_corrections: pvt.has_corrections,
+                    has_vertical_velocity: true,
+                });
+                if let (Some(arrival), Some(valid_ns)) = (arrival, pvt.utc_ns) {
+                    let age = (arrival.utc_ns - valid_ns) as f64 * 1e-9;
+                    self.ages.push(age);
+                    self.recent_age = Some(age);
+                }
+            }
+            Packet::GpsRawInt(_, fix) => self.add_fix(Fix {
+                kind: fix.kind(),
+                satellites: fix.satellites,
+                accuracies: fix.accuracies,
+                has_corrections: fix.fix_type >= 4,
+                has_vertical_velocity: false,
+            }),
+            Packet::RelativePosition(relative) => {
+                self.has_heading |= relative.is_valid && relative.heading.is_some();
+            }
+            _ => {}
+        }
+    }
+
+    fn add_fix(&mut self, fix: Fix) {
+        self.kinds[fix.kind.map_or(0, |kind| 1 + kind as usize)] += 1;
+        self.newest = Some(fix);
+    }
+
+    /// Returns whether something arrived that a flight could use: a position, or what an autopilot measures or estimates.
+    pub fn is_usable(&self) -> bool {
+        self.kinds[1..].iter().any(|count| *count > 0)
+            || self.of(Message::HighresImu).count > 0
+            || self.of(Message::Odometry).count > 0
+    }
+
+    fn of(&self, message: Message) -> &Packets {
+        &self.packets[message as usize]
+    }
+
+    /// Returns the line of the last second.
+    pub fn line_of_second(&mut self, counts: &Counts) -> String {
+        let mut parts = Vec::new();
+        for message in Message::ALL {
+            let recent = std::mem::take(&mut self.packets[message as usize].recent);
+            if recent > 0 {
+                parts.push(format!("{} {recent} Hz", message.name()));
+            }
+        }
+        if parts.is_empty() {
+            parts.push("no packet".to_owned());
+        }
+        if let Some(fix) = &self.newest {
+            parts.push(describe_fix(fix));
+        }
+        if let Some(age) = self.recent_age.take().filter(|age| AGES.contains(age)) {
+            parts.push(format!("age {:.0} ms", 1e3 * age));
+        }
+        parts.push(format!("refused {}", counts.total_refused()));
+        parts.join("; ") + "\n"
+    }
+
+    /// Returns the whole reception: packets, fixes, ages, refusals.
+    pub fn describe(&self, counts: &Counts) -> String {
+        let mut text = format!("{} bytes, {} outside of packets\n", counts.bytes, counts.skipped);
+        let mut line =
+            |words: std::fmt::Arguments<'_>| writeln!(text, "{words}").expect("a String takes all");
+        for message in Message::ALL {
+            let packets = self.of(message);
+            if packets.count > 0 {
+                line(format_args!(
+                    "{:13} {:6} packets, {:6.2} Hz, largest gap {:.3} s",
+                    message.name(),
+                    packets.count,
+                    packets.rate(),
+                    packets.gap
+                ));
+            }
+        }
+        let all: u64 = self.kinds.iter().sum();
+        if let Some(fix) = &self.newest {
+            let kinds = [None].into_iter().chain(FixKind::ALL.map(Some));
+            let shares: Vec<String> = kinds
+                .zip(self.kinds)
+                .filter(|(_, count)| *count > 0)
+                .map(|(kind, count)| format!("{} {:.1} %", name(kind), 100.0 * count as f64 / all as f64))
+                .collect();
+            line(format_args!(
+                "fixes: {}; the last: {}",
+                shares.join(", "),
+                describe_fix(fix)
+            ));
+        }
+        if let Some([median, largest]) = self.age() {
+            line(format_args!(
+                "age on arrival by this machine's clock: median {:.0} ms, largest {:.0} ms",
+                1e3 * median,
+                1e3 * largest
+            ));
+        }
+        for (others, what) in [
+            (counts.other_ubx, "other UBX messages"),
+            (counts.other_mavlink, "other MAVLink messages"),
+            (counts.nmea, "NMEA sentences"),
+        ] {
+            if others > 0 {
+                line(format_args!("{others} {what}, not used"));
+            }
+        }
+        for (message, reason, count) in counts.refusals() {
+            line(format_args!("refused: {count} {} with {reason}", message.name()));
+        }
+        text
+    }
+
+    /// Returns median and largest age, s; `None` without ages that can be those of fixes.
+    fn age(&self) -> Option<[f64; 2]> {
+        let mut ages = self.ages.clone();
+        ages.sort_by(f64::total_cmp);
+        let median = *ages.get(ages.len() / 2)?;
+        AGES.contains(&median)
+            .then(|| [median, *ages.last().unwrap_or(&median)])
+    }
+
+    /// Returns what is wrong, each with the next step, the most fundamental first.
+    pub fn findings(&self, counts: &Counts, source: &ReceiverSource) -> Vec<String> {
+        let mut found = Vec::new();
+        let mut add = |finding: String| found.push(finding);
+        let is_autopilot = self.of(Message::Heartbeat).count > 0 || counts.other_mavlink > 0;
+        let has_fixes = self.newest.is_some();
+        if counts.bytes == 0 {
+            add(self.silence(source));
+        } else if counts.total() == 0 && !is_autopilot && counts.other_ubx == 0 && counts.nmea == 0 {
+            add(self.gibberish(counts, source));
+        } else if !has_fixes && !is_autopilot && counts.refused(Message::NavPvt, Reason::Length) > 0 {
+            add("NAV-PVT has not 92 bytes: receivers before u-blox 8 are not supported".to_owned());
+        } else if !has_fixes && !is_autopilot {
+            add("NAV-PVT is not enabled: in u-center, set CFG-MSGOUT-UBX_NAV_PVT_USB, or _UART1 with CFG-UART1OUTPROT-UBX, \
+                 to 1, in RAM and flash"
+                .to_owned());
+        }
+        if is_autopilot {
+            self.add_missing(&mut add);
+        }
+        self.add_fix_findings(&mut add);
+        self.add_timing_findings(counts, &mut add);
+        for message in Message::ALL {
+            let refused = counts.refused(message, Reason::Checksum);
+            if refused > 0 {
+                add(format!(
+                    "{refused} times {} had a wrong checksum: bytes were lost or changed; check ground and length of the cable, and \
+                     use a port with flow control or USB",
+                    message.name()
+                ));
+            }
+        }
+        found
+    }
+
+    fn silence(&self, source: &ReceiverSource) -> String {
+        let time = self.listened.unwrap_or(0.0);
+        match source {
+            ReceiverSource::Path(_) if self.listened.is_none() => format!("{source} is empty"),
+            ReceiverSource::Path(_) => format!(
+                "nothing was received from {source} in {time:.1} s: check power and wiring (the receiver's TX to this RX), and \
+                 that output is enabled on this port"
+            ),
+            ReceiverSource::Tcp(_) => {
+                format!(
+                    "nothing was received from {source} in {time:.1} s: does the server have its receiver?"
+                )
+            }
+            ReceiverSource::Udp(_) => format!(
+                "nothing was received at {source} in {time:.1} s: let the sender send to this machine and port, and check the \
+                 firewall"
+            ),
+        }
+    }
+
+    fn gibberish(&self, counts: &Counts, source: &ReceiverSource) -> String {
+        let what = format!(
+            "{} bytes were received from {source}, but no UBX and no MAVLink",
+            counts.bytes
+        );
+        match self.line {
+            Some(baud) => format!(
+                "{what}: is {baud} the speed of the device? Try --baud 9600, 38400, 57600, 115200, 230400, 460800, 921600"
+            ),
+            None => format!("{what}: let the source send one of them, as raw bytes"),
+        }
+    }
+
+    /// Adds the messages of an autopilot that do not come.
+    fn add_missing(&self, add: &mut dyn FnMut(String)) {
+        let missing: Vec<&str> = [Message::HighresImu, Message::Odometry, Message::GpsRawInt]
+            .into_iter()
+            .filter(|message| self.of(*message).count == 0)
+            .map(Message::name)
+            .collect();
+        if let [first, ..] = missing[..] {
+            add(format!(
+                "the autopilot does not send {}: in PX4's shell, `mavlink stream -d DEVICE -s {first} -r 100`; with others, \
+                 MAV_CMD_SET_MESSAGE_INTERVAL",
+                missing.join(" and ")
+            ));
+        }
+    }
+
+    fn add_fix_findings(&self, add: &mut dyn FnMut(String)) {
+        let Some(fix) = &self.newest else { return };
+        match fix.kind {
+            None => add(
+                "the receiver has no position: its antenna must see the sky; a cold start takes half a minute".to_owned(),
+            ),
+            Some(FixKind::SinglePoint) if !fix.has_corrections => add(
+                "single point: the position is wrong by a metre or more; for centimetres the receiver needs corrections \
+                 (RTCM 3 of a base station, or NTRIP)"
+                    .to_owned(),
+            ),
+            Some(FixKind::SinglePoint) => {
+                add("single point with corrections: for centimetres, let the base station send RTCM 3 MSM4 or MSM7".to_owned());
+            }
+            Some(FixKind::RtkFloat) => add(
+                "RTK float: wait for fixed; if it does not come, move the antenna away from walls, trees and USB 3, onto a ground \
+                 plane"
+                    .to_owned(),
+            ),
+            Some(FixKind::RtkFixed) => {}
+        }
+        if fix.kind.is_some() && fix.satellites.is_some_and(|count| count < SATELLITES) {
+            add(format!(
+                "{} satellites: wait for {SATELLITES}, with a free view of the sky",
+                fix.satellites.unwrap_or(0)
+            ));
+        }
+        if let (Some(_), Some(accuracies)) = (fix.kind, fix.accuracies) {
+            let names = ["horizontal accuracy", "vertical accuracy", "speed accuracy"];
+            for ((name, value), (limit, unit)) in names
+                .iter()
+                .zip(accuracies)
+                .zip(ACCURACIES.into_iter().zip(["m", "m", "m/s"]))
+            {
+                if value > limit {
+                    add(format!(
+                        "the {name} is {value:.1} {unit}: wait until it is below {limit} {unit}"
+                    ));
+                }
+            }
+        }
+        if !fix.has_vertical_velocity {
+            add("GPS_RAW_INT has no vertical velocity: connect the receiver itself for a flight".to_owned());
+        }
+        if self.of(Message::NavRelposned).count > 0 && !self.has_heading {
+            add("NAV-RELPOSNED has no valid heading: both antennas must see the sky, and the moving base must send its \
+                 corrections to the rover (RTCM 4072.0 and MSM)"
+                .to_owned());
+        }
+    }
+
+    fn add_timing_findings(&self, counts: &Counts, add: &mut dyn FnMut(String)) {
+        let pvt = self.of(Message::NavPvt);
+        if pvt.count > 1 && pvt.rate() < LEAST_RATE {
+            add(format!(
+                "NAV-PVT comes at {:.1} Hz: set CFG-RATE-MEAS to 100 ms for 10 Hz",
+                pvt.rate()
+            ));
+        }
+        for message in Message::ALL {
+            let packets = self.of(message);
+            let period = 1.0 / packets.rate();
+            if packets.count > 2 && packets.gap > GAP * period {
+                add(format!(
+                    "{} had a gap of {:.2} s at {:.1} Hz: check the load of the line and of this machine",
+                    message.name(),
+                    packets.gap,
+                    packets.rate()
+                ));
+            }
+        }
+        if let (Some(baud), Some(listened)) = (self.line, self.listened) {
+            // Ten bits a byte.
+            let load = 10.0 * counts.bytes as f64 / (f64::from(baud) * listened.max(1e-3));
+            if load > FULL {
+                add(format!(
+                    "the line would be at {:.0} % of {baud} baud: raise its speed (CFG-UART1-BAUDRATE), or switch other messages off; \
+                     on USB the speed does not matter",
+                    100.0 * load
+                ));
+            }
+        }
+        match self.age() {
+            Some([median, _]) if median > HORIZON => add(format!(
+                "fixes are {:.0} ms old on arrival, more than the filter's horizon of {:.0} ms: raise the speed of the line, or the horizon",
+                1e3 * median,
+                1e3 * HORIZON
+            )),
+            None if !self.ages.is_empty() => add(format!(
+                "this machine's clock and the receiver's differ by {:.2} s, so that no age is known: synchronise it (`chronyc makestep`)",
+                self.ages[self.ages.len() / 2].abs()
+            )),
+            _ => {}
+        }
+    }
+}
+
+fn describe_fix(fix: &Fix) -> String {
+    let mut text = name(fix.kind).to_owned();
+    if let Some(satellites) = fix.satellites {
+        write!(text, ", {satellites} satellites").expect("a String takes all");
+    }
+    if let Some([horizontal, vertical, speed]) = fix.accuracies {
+        write!(text, ", ±{horizontal:.3} m, ±{vertical:.3} m up, ±{speed:.3} m/s")
+            .expect("a String takes all");
+    }
+    text
+}
+
+/// Returns the time that a packet states, s.
+fn stamp(packet: &Packet) -> Option<f64> {
+    match packet {
+        Packet::NavPvt(pvt) => Some(f64::from(pvt.time_of_week_ms) * 1e-3),
+        Packet::RelativePosition(relative) => Some(f64::from(relative.time_of_week_ms) * 1e-3),
+        Packet::Heartbeat(..) => None,
+        Packet::GpsRawInt(_, fix) => Some(fix.time_us as f64 * 1e-6),
+        Packet::HighresImu(_, sample) => Some(sample.time_us as f64 * 1e-6),
+        Packet::Odometry(_, motion) => Some(motion.time_us as f64 * 1e-6),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navigation_receivers::stream::Stream;
+    use navigation_receivers::ubx;
+
+    fn source() -> ReceiverSource {
+        ReceiverSource::Path("/dev/ttyACM0".into())
+    }
+
+    /// Returns a `NAV-PVT` at a time of the week, ms, of a kind of the carrier's solution.
+    fn pvt(time_ms: u32, solution: u8, carrier: u8) -> Vec<u8> {
+        let mut payload = [0; 92];
+        payload[..4].copy_from_slice(&time_ms.to_le_bytes());
+        payload[20] = solution;
+        payload[21] = 0b11 | carrier << 6;
+        payload[23] = 21;
+        for (offset, value) in [(40, 14_u32), (44, 21), (68, 50)] {
+            payload[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        let mut packet = vec![0xb5, 0x62, 0x01, 0x07, 92, 0];
+        packet.extend(payload);
+        let sum = ubx::checksum(&packet[2..]);
+        packet.extend(sum);
+        packet
+    }
+
+    /// Returns the reception of a file.
+    fn received(bytes: &[u8]) -> (Reception, Counts) {
+        let (mut reception, mut stream) = (Reception::default(), Stream::default());
+        stream.push(bytes, &mut |packet| reception.add(packet, None));
+        stream.finish(&mut |packet| reception.add(packet, None));
+        (reception, *stream.counts())
+    }
+
+    fn findings(bytes: &[u8]) -> (bool, String) {
+        let (reception, counts) = received(bytes);
+        let findings = reception.findings(&counts, &source());
+        (reception.is_usable(), findings.join("; "))
+    }
+
+    #[test]
+    fn a_good_receiver_has_no_findings() {
+        let bytes: Vec<u8> = (0..50).flat_map(|k| pvt(100 * k, 3, 2)).collect();
+        assert_eq!(findings(&bytes), (true, String::new()));
+        let (reception, counts) = received(&bytes);
+        let text = reception.describe(&counts);
+        assert!(
+            text.contains("50 packets,  10.00 Hz, largest gap 0.100 s"),
+            "{text}"
+        );
+        assert!(
+            text.contains("RTK fixed 100.0 %; the last: RTK fixed, 21 satellites, ±0.014 m"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_the_next_step() {
+        let sentences = b"$GNRMC,001031.00,A,4404.13993,N,12118.86023,W,0.146,,100117,,,A*7B\r\n".repeat(3);
+        let several = |solution, carrier, step: u32| -> Vec<u8> {
+            (0..20).flat_map(|k| pvt(step * k, solution, carrier)).collect()
+        };
+        let mut with_gap = several(3, 2, 100);
+        with_gap.extend(pvt(2_900, 3, 2));
+        let mut spoilt = several(3, 2, 100);
+        spoilt[150] ^= 1;
+        for (bytes, is_usable, words) in [
+            (Vec::new(), false, "/dev/ttyACM0 is empty"),
+            (
+                vec![0x55; 300],
+                false,
+                "300 bytes were received from /dev/ttyACM0, but no UBX",
+            ),
+            (sentences, false, "NAV-PVT is not enabled"),
+            (several(0, 0, 100), false, "its antenna must see the sky"),
+            (several(3, 0, 100), true, "let the base station send RTCM 3"),
+            (several(3, 1, 100), true, "RTK float: wait for fixed"),
+            (
+                several(3, 2, 1000),
+                true,
+                "NAV-PVT comes at 1.0 Hz: set CFG-RATE-MEAS",
+            ),
+            (with_gap, true, "NAV-PVT had a gap of 1.00 s"),
+            (spoilt, true, "1 times NAV-PVT had a wrong checksum"),
+        ] {
+            let (usable, found) = findings(&bytes);
+            assert_eq!(usable, is_usable, "{found}");
+            assert!(found.contains(words), "{words}: {found}");
+        }
+    }
+
+    #[test]
+    fn ages_are_those_of_fixes_only_if_the_clocks_agree() {
+        for (offset_ns, words) in [
+            (60_000_000, ""),
+            (200_000_000, "200 ms old on arrival"),
+            (37_000_000_000, "differ by 37.00 s"),
+        ] {
+            let mut reception = Reception::default();
+            let mut stream = Stream::default();
+            for k in 0..20 {
+                stream.push(&pvt(100 * k, 3, 2), &mut |packet| {
+                    let Packet::NavPvt(mut pvt) = *packet else {
+                        unreachable!()
+                    };
+                    pvt.utc_ns = Some(i64::from(pvt.time_of_week_ms) * 1_000_000);
+                    let arrival = Arrival {
+                        seconds: f64::from(k) * 0.1,
+                        utc_ns: i64::from(pvt.time_of_week_ms) * 1_000_000 + offset_ns,
+                    };
+                    reception.add(&Packet::NavPvt(pvt), Some(arrival));
+                });
+            }
+            let found = reception.findings(stream.counts(), &source()).join("; ");
+            assert!(
+                found.contains(words) && found.is_empty() == words.is_empty(),
+                "{found}"
+            );
+        }
+    }
+}
