@@ -281,7 +281,10 @@ fn utc(fields: &Fields<'_>) -> Result<Option<i64>, Reason> {
         return Ok(None);
     }
     let [month, day, hour, minute, second] = [6, 7, 8, 9, 10].map(|offset| i64::from(fields.u8(offset)));
+    let year = i64::from(fields.u16(4));
     let limits = [
+        // Nanoseconds since 1970 fit into 64 bits until 2262.
+        (year, 1980, 2200),
         (month, 1, 12),
         (day, 1, 31),
         (hour, 0, 23),
@@ -296,7 +299,7 @@ fn utc(fields: &Fields<'_>) -> Result<Option<i64>, Reason> {
     {
         return Err(Reason::Range);
     }
-    let days = days_since_1970(i64::from(fields.u16(4)), month, day);
+    let days = days_since_1970(year, month, day);
     let seconds = ((24 * days + hour) * 60 + minute) * 60 + second;
     Ok(Some(seconds * 1_000_000_000 + i64::from(nanoseconds)))
 }

@@ -101,6 +101,28 @@ proptest! {
         prop_assert_eq!(read, sent);
     }
 
+    /// What a checksum lets pass need not be plausible.
+    #[test]
+    fn any_payload_with_a_right_checksum_is_a_packet_or_refused(
+        payload in prop::collection::vec(any::<u8>(), 92), known in 0u8..8, kind in 0u8..6, form in 0usize..5,
+    ) {
+        let mut payload = payload;
+        let bytes = match form {
+            0 => {
+                // Known date and time, and a kind of solution.
+                (payload[11], payload[20]) = (known, kind);
+                ubx(0x07, &payload)
+            }
+            1 => {
+                payload[0] = 1;
+                ubx(0x3c, &payload[..64])
+            }
+            _ => mavlink(&[(24, 52, 24), (105, 63, 93), (331, 233, 91)][form - 2], &payload),
+        };
+        let (packets, counts) = decoded(&bytes, &[usize::MAX]);
+        prop_assert_eq!(packets.len() as u64 + counts.total_refused(), 1);
+    }
+
     #[test]
     fn a_changed_byte_is_refused_and_counted(
         which in any::<prop::sample::Index>(), place in any::<prop::sample::Index>(), change in 1u8..,
@@ -148,11 +170,35 @@ fn ubx(id: u8, payload: &[u8]) -> Vec<u8> {
     packet
 }
 
+/// Packet of MAVLink 2 of a message (ID, length, `CRC_EXTRA`), whose payload repeats the given one.
+fn mavlink(&(id, length, crc_extra): &(u32, usize, u8), payload: &[u8]) -> Vec<u8> {
+    let definition = mavlink_frame::Definition {
+        id,
+        base_length: length,
+        length,
+        crc_extra,
+    };
+    let sender = mavlink_frame::Sender {
+        system: 1,
+        component: 1,
+    };
+    let payload: Vec<u8> = payload.iter().copied().cycle().take(length).collect();
+    let mut bytes = Vec::new();
+    mavlink_frame::encode(&definition, &payload, sender, 0, |part| {
+        bytes.extend_from_slice(part);
+    });
+    bytes
+}
+
 #[test]
 fn each_refusal_has_its_message_and_its_reason() {
     let mut beyond_the_pole = [0; 92];
     beyond_the_pole[28..32].copy_from_slice(&900_000_001_i32.to_le_bytes());
     let mut bytes = ubx(0x07, &beyond_the_pole);
+    // A date whose nanoseconds do not fit.
+    let mut far_future = [0; 92];
+    far_future[4..12].copy_from_slice(&[0xff, 0xff, 1, 1, 0, 0, 0, 0b111]);
+    bytes.extend(ubx(0x07, &far_future));
     bytes.extend(ubx(0x07, &[0; 84]));
     bytes.extend(ubx(0x3c, &[0; 64]));
     bytes.extend(ubx(0x35, &[0; 20]));
@@ -164,7 +210,7 @@ fn each_refusal_has_its_message_and_its_reason() {
         refusals,
         [
             (Message::NavPvt, Reason::Length, 1),
-            (Message::NavPvt, Reason::Range, 1),
+            (Message::NavPvt, Reason::Range, 2),
             (Message::NavRelposned, Reason::Version, 1),
         ]
     );
@@ -188,20 +234,7 @@ fn a_number_that_is_none_is_refused() {
     let sent = &vector.bytes[header..header + usize::from(vector.bytes[1])];
     payload[..sent.len()].copy_from_slice(sent);
     payload[8..12].copy_from_slice(&f32::NAN.to_le_bytes());
-    let definition = mavlink_frame::Definition {
-        id: 105,
-        base_length: 62,
-        length: 63,
-        crc_extra: 93,
-    };
-    let sender = mavlink_frame::Sender {
-        system: 1,
-        component: 1,
-    };
-    let mut bytes = Vec::new();
-    mavlink_frame::encode(&definition, &payload, sender, 0, |part| {
-        bytes.extend_from_slice(part);
-    });
+    let bytes = mavlink(&(105, 63, 93), &payload);
     let (packets, counts) = decoded(&bytes, &[1]);
     assert!(packets.is_empty());
     assert_eq!(counts.refused(Message::HighresImu, Reason::NotFinite), 1);
