@@ -55,7 +55,7 @@ mod tests {
         };
         let mut digests = vec![digest_of(all.clone())];
         let mut changed = all.clone();
-        changed[12].1[100] ^= 1;
+        *changed[12].1.last_mut().unwrap() ^= 1;
         digests.push(digest_of(changed));
         let mut swapped = all.clone();
         swapped.swap(1, 2);
