@@ -35,6 +35,14 @@ pub(crate) fn refused(message: &str) -> PyErr {
     ScenarioError::new_err(message.to_owned())
 }
 
+/// Error of a flight.
+pub(crate) fn flight(failure: &FlightFailure) -> PyErr {
+    match failure.is_of_setup() {
+        true => refused(&failure.to_string()),
+        false => other(failure),
+    }
+}
+
 /// Error of a sweep.
 pub(crate) fn sweep(error: &SweepError) -> PyErr {
     let message = text(report_of(error).as_ref());

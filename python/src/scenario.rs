@@ -156,7 +156,7 @@ fn fly(
     if let Some(error) = failed.and_then(|failed| failed.take()) {
         return Err(error);
     }
-    let ending = ending.map_err(|failure| errors::other(&failure))?;
+    let ending = ending.map_err(|failure| errors::flight(&failure))?;
     let mut facts = RunFacts {
         host: "inprocess".to_owned(),
         wall_seconds: ending.wall_time.as_secs_f64(),

@@ -94,7 +94,7 @@ impl TickSink for Judge<'_> {
 
 impl Simulation {
     pub(crate) fn new(scenario: &scenario::Scenario) -> PyResult<Self> {
-        let mut host = in_process::host(scenario).map_err(errors::other)?;
+        let mut host = in_process::host(scenario).map_err(|failure| errors::flight(&failure))?;
         let command = Arc::new(Mutex::new(Command {
             mode: if scenario.controller.rates.is_some() {
                 ControlCommand::MODE_RATES

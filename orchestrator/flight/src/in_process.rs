@@ -120,6 +120,12 @@ pub fn host(scenario: &Scenario) -> Result<InProcess, FlightFailure> {
     if let Some(reason) = crate::unsimulated_poses(scenario) {
         return Err(FlightFailure::setup(reason));
     }
+    if let Some(problem) = scenario.missing_arm_request() {
+        return Err(FlightFailure::setup(format!(
+            "{}: {}",
+            problem.reason, problem.fix
+        )));
+    }
     let schedule = crate::schedule_of(scenario)?;
     let services = registry::build_all(scenario).map_err(FlightFailure::Refused)?;
     Ok(InProcess::new(schedule, services))
