@@ -112,6 +112,9 @@ class _Flights:
         if self.reward is not None and actions is not None:
             seen = [Simulation(flown, self.has_rates).observe() for flown in self.simulations]
             rewards = np.array([self.reward(*pair) for pair in zip(seen, actions, strict=True)], dtype=np.float64)
+            if not np.isfinite(rewards).all():
+                wrong = int(np.argmin(np.isfinite(rewards)))
+                raise ValueError(f"`reward` returned no finite number for environment {wrong}: does it end with `return`?")
         if self.time_limit is not None:
             # Half of a microsecond: a time is a multiple of the period, rounded.
             done |= times >= self.time_limit - 0.5e-6

@@ -182,7 +182,9 @@ pub fn cause_in_words(cause: u8) -> Option<String> {
         // Every other request to land has an event.
         PathReference::CAUSE_OPERATOR_LANDS => "no orchestrator was there",
         PathReference::CAUSE_NOT_READY => "was not ready: arm again",
-        PathReference::CAUSE_OVERDUE => "the take-off took too long",
+        PathReference::CAUSE_OVERDUE => {
+            "the take-off took too long: do the motors turn, and is the thrust right?"
+        }
         PathReference::CAUSE_TOUCHED_DOWN => "touched down",
         PathReference::CAUSE_FOUND_FLYING => "found in the air",
         PathReference::CAUSE_STRAYED => "seen again, and not where it was led",
@@ -371,7 +373,7 @@ mod tests {
         assert_reason(&flying().caused(LAND, limit), "`envelope.box` was exceeded");
         assert_reason(
             &flying().caused(LAND, PathReference::CAUSE_OVERDUE),
-            "the take-off took too long",
+            "the take-off took too long: do the motors turn, and is the thrust right?",
         );
         assert_reason(
             &flying().caused(LAND, PathReference::CAUSE_OPERATOR_LANDS),
