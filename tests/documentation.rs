@@ -262,26 +262,54 @@ fn the_values_that_complete_the_paper_are_those_of_the_first_scenario() {
 #[test]
 fn every_command_shown_is_one_that_the_program_takes() {
     let mut count = 0;
+    let mut check = |place: &Path, command: &str| {
+        let mut arguments = words(command);
+        arguments.insert(0, "gerono".to_owned());
+        if let Err(error) = Cli::try_parse_from(&arguments) {
+            panic!("{}: {command}\n{error}", place.display());
+        }
+        count += 1;
+    };
     for (path, text) in documents() {
         for line in blocks(&text, "console").into_iter().flat_map(str::lines) {
-            let Some(arguments) = line
+            let arguments = line
                 .strip_prefix("$ cargo run --release -- ")
-                .or_else(|| line.strip_prefix("$ gerono "))
-            else {
-                continue;
-            };
-            let command = arguments
-                .split_once(" > ")
-                .map_or(arguments, |(command, _)| command);
-            let mut arguments = words(command);
-            arguments.insert(0, "gerono".to_owned());
-            if let Err(error) = Cli::try_parse_from(&arguments) {
-                panic!("{}: {line}\n{error}", path.display());
+                .or_else(|| line.strip_prefix("$ gerono "));
+            if let Some(arguments) = arguments {
+                check(
+                    &path,
+                    arguments
+                        .split_once(" > ")
+                        .map_or(arguments, |(command, _)| command),
+                );
             }
-            count += 1;
         }
     }
-    assert!(count >= 15, "only {count} commands were found");
+    for path in scenario_files() {
+        let text = std::fs::read_to_string(&path).unwrap();
+        // A command in a comment may have a note behind four spaces, and go on in the next line.
+        let comments = text.replace("\\\n#", "");
+        for line in comments.lines() {
+            if let Some((_, command)) = line
+                .strip_prefix("#  ")
+                .and_then(|line| line.split_once(" gerono "))
+            {
+                check(
+                    &path,
+                    command.split("    ").next().expect("splits into one").trim_end(),
+                );
+            }
+        }
+    }
+    assert!(count >= 40, "only {count} commands were found");
+}
+
+/// The scenarios and sweeps of the repository.
+fn scenario_files() -> Vec<PathBuf> {
+    let listed = ["scenarios", "scenarios/sweeps"].map(|folder| repository(folder).read_dir().unwrap());
+    let paths = listed.into_iter().flatten().map(|entry| entry.unwrap().path());
+    let files = paths.filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
+    files.collect()
 }
 
 /// What a document names between backticks, outside of fenced blocks.
