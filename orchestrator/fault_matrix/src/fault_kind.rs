@@ -131,17 +131,23 @@ impl Error {
     /// Returns a plausible error of a topic, which no check of a single sample detects: a position is off by 0.1 m, a
     /// thrust is 20 % too small.
     fn of(topic: Topic) -> Self {
+        let by = |field, bias| Self {
+            field,
+            scale: None,
+            bias: Some(bias),
+        };
         match topic {
             Topic::ControlCommand | Topic::RcFrame => Self {
                 field: "thrust",
                 scale: Some(0.8),
                 bias: None,
             },
-            _ => Self {
-                field: "position_world.0",
-                scale: None,
-                bias: Some(0.1),
-            },
+            Topic::ImuSample => by("specific_force_body.0", 0.3),
+            // About 0.1 m.
+            Topic::GnssFix => by("latitude", 9e-7),
+            Topic::BaroAltitude => by("altitude", 1.0),
+            Topic::MagField => by("field_body.0", 0.02),
+            _ => by("position_world.0", 0.1),
         }
     }
 }

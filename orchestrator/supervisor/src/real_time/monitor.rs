@@ -352,12 +352,10 @@ mod tests {
     #[test]
     fn an_input_that_is_not_connected_has_no_age() {
         let mut unread = [[false; MAX_PORTS]; ServiceId::ALL.len()];
-        let frames = ServiceId::Estimator
-            .inputs()
-            .iter()
-            .position(|input| input.topic == Topic::RcFrame)
-            .unwrap();
-        unread[ServiceId::Estimator.index()][frames] = true;
+        let inputs = ServiceId::Estimator.inputs();
+        for (unread, input) in unread[ServiceId::Estimator.index()].iter_mut().zip(inputs) {
+            *unread = input.topic != Topic::MocapPose;
+        }
         let schedule = Schedule::ideal(TICK_NS, 1000).with_unread_inputs(unread);
         let snapshots = Monitor::new(&schedule, ServiceId::name).services();
         let topics: Vec<_> = snapshots[ServiceId::Estimator.index()]
