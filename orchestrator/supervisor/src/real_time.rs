@@ -584,14 +584,14 @@ impl<'a> Flight<'a> {
     fn announce_laboratory(&mut self) {
         let block = self.supervisor.page().control_block();
         let news = self.laboratory.news(block, self.clock.elapsed_ns());
-        let battery = self.laboratory.check_battery(block);
+        let flies = !matches!(self.phase(), None | Some(FlightPhase::Disarmed));
+        let battery = self.laboratory.check_battery(block, flies);
         for text in news {
             self.announce(text);
         }
         if let Some(text) = battery {
             self.announce(text);
         }
-        let flies = !matches!(self.phase(), None | Some(FlightPhase::Disarmed));
         if flies && self.laboratory.demands_landing() && !self.operator().land {
             self.ask(
                 Request::Land,

@@ -130,8 +130,15 @@ impl RadioLink {
         if newest.is_none() && self.is_replacement {
             return None;
         }
-        let mut assessment = self.loss.assess(newest, now_ns);
+        let sent = self.transmit_frame(newest, now_ns);
+        // After the frame, which may stop the motors.
         self.read_telemetry(now_ns);
+        sent
+    }
+
+    #[inline]
+    fn transmit_frame(&mut self, newest: Option<(Sticks, u64)>, now_ns: u64) -> Option<Sent> {
+        let mut assessment = self.loss.assess(newest, now_ns);
         if assessment.link_failsafe && !self.encoder.has_failsafe_flag() {
             self.silent += 1;
             return None;
@@ -166,12 +173,13 @@ impl RadioLink {
 
     /// Sends the format's request for the battery's voltage, if one is due.
     fn request_voltage(&mut self, are_motors_off: bool, now_ns: u64) {
+        let frame_length = self.frame.bytes().len();
         self.frame.clear();
         self.encoder
             .format()
             .request_voltage(now_ns, are_motors_off, &mut self.frame);
         if !self.frame.bytes().is_empty() {
-            self.port.request(self.frame.bytes());
+            self.port.request(self.frame.bytes(), frame_length);
         }
     }
 

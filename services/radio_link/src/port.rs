@@ -242,10 +242,10 @@ impl Target {
     }
 
     /// Returns the queue length in the kernel's buffer above which a frame is dropped, bytes.
-    fn queue_limit(&self, frame: &[u8]) -> usize {
+    fn queue_limit(&self, length: usize) -> usize {
         match self {
-            Self::Serial { .. } => QUEUED_ON_LINE * frame.len(),
-            Self::Tcp(_) => QUEUED_ON_CONNECTION * frame.len(),
+            Self::Serial { .. } => QUEUED_ON_LINE * length,
+            Self::Tcp(_) => QUEUED_ON_CONNECTION * length,
             Self::Udp(_) | Self::Crazyflie(_) | Self::Dongle(_) => usize::MAX,
         }
     }
@@ -300,7 +300,7 @@ impl Port {
     #[inline]
     pub fn send(&mut self, frame: &[u8], now_ns: u64) -> Sent {
         self.reopen_if_due(now_ns);
-        let sent = match self.try_send(frame) {
+        let sent = match self.try_send(frame, self.target.queue_limit(frame.len())) {
             Ok(sent) => sent,
             Err(Errno::CONNREFUSED) if self.target.is_udp() => {
                 self.is_greeted = false;
@@ -321,8 +321,11 @@ impl Port {
 
     /// Sends a request beside the frames without blocking, or drops it: only the frames are counted, and a loss is found with
     /// the next of them.
-    pub fn request(&mut self, bytes: &[u8]) {
-        let _sent = self.try_send(bytes);
+    ///
+    /// The frame before it may still be in the queue: the request has its limit.
+    pub fn request(&mut self, bytes: &[u8], frame_length: usize) {
+        let limit = self.target.queue_limit(frame_length + bytes.len());
+        let _sent = self.try_send(bytes, limit);
     }
 
     /// Reads received bytes without blocking and returns their number. Must be called regularly: otherwise the peer's
@@ -364,7 +367,7 @@ impl Port {
     }
 
     #[inline]
-    fn try_send(&mut self, frame: &[u8]) -> Result<Sent, Errno> {
+    fn try_send(&mut self, frame: &[u8], queue_limit: usize) -> Result<Sent, Errno> {
         let descriptor = match &mut self.state {
             State::Open(descriptor) => descriptor,
             State::Dongle(dongle) => return dongle.send(frame),
@@ -378,7 +381,6 @@ impl Port {
             self.remainder.copy_within(written..self.remainder_length, 0);
             self.remainder_length -= written;
         }
-        let queue_limit = self.target.queue_limit(frame);
         if self.remainder_length > 0
             || (queue_limit < usize::MAX && queue::unsent_bytes(descriptor) > queue_limit)
         {

@@ -126,7 +126,18 @@ impl LinkBattery {
     #[must_use]
     pub fn thrust_factor(&self, voltage: f64) -> Option<f64> {
         let [least, most] = self.factor;
-        self.calibrated
-            .map(|calibrated| libm::pow(calibrated / voltage, self.exponent).clamp(least, most))
+        Some(self.unlimited_factor(voltage)?.clamp(least, most))
+    }
+
+    /// Returns whether the factor of a voltage, V, lies within its limits.
+    #[must_use]
+    pub fn is_correctable(&self, voltage: f64) -> bool {
+        let [least, most] = self.factor;
+        let factor = self.unlimited_factor(voltage);
+        factor.is_some_and(|factor| (least..=most).contains(&factor))
+    }
+
+    fn unlimited_factor(&self, voltage: f64) -> Option<f64> {
+        Some(libm::pow(self.calibrated? / voltage, self.exponent))
     }
 }

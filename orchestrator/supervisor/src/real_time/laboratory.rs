@@ -23,6 +23,9 @@ const READY: [&str; 2] = ["the radio link is open", "the cameras see the vehicle
 /// Number of checks of the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
 const LOW_CHECKS: u32 = 3;
 
+/// Time between two checks, s: an older voltage was counted by the one before.
+const BETWEEN_CHECKS: f64 = 1.0;
+
 /// State of a measured battery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BatteryState {
@@ -47,6 +50,8 @@ pub struct Laboratory<'a> {
     battery_state: BatteryState,
     /// Consecutive checks below the lowest voltage.
     low_checks: u32,
+    /// `true` if it was low once.
+    was_low: bool,
 }
 
 impl<'a> Laboratory<'a> {
@@ -64,28 +69,32 @@ impl<'a> Laboratory<'a> {
                 .filter(|battery| battery.source == VoltageSource::Measured),
             battery_state: BatteryState::Good,
             low_checks: 0,
+            was_low: false,
         }
     }
 
-    /// Checks the measured battery; called once a second. Returns a message when its state has changed.
-    pub fn check_battery(&mut self, block: &ControlBlock) -> Option<String> {
+    /// Checks the measured battery; called once a second. Returns a message when its state has changed. In flight a low battery
+    /// is low for good: without load its voltage recovers.
+    pub fn check_battery(&mut self, block: &ControlBlock, flies: bool) -> Option<String> {
         let stated = self.battery?;
         let reading = self.link(block).and_then(|figures| figures.battery());
         let is_below = |reading: BatteryReading| stated.lowest.is_some_and(|lowest| reading.voltage < lowest);
         self.low_checks = match reading {
+            // Counted before.
+            Some(reading) if reading.age >= BETWEEN_CHECKS => self.low_checks,
             Some(reading) if is_below(reading) => self.low_checks.saturating_add(1),
             _ => 0,
         };
+        let stays_low = flies && self.battery_state == BatteryState::Low;
         let state = match reading {
-            _ if self.battery_state == BatteryState::Low || self.low_checks >= LOW_CHECKS => {
-                BatteryState::Low
-            }
+            _ if stays_low || self.low_checks >= LOW_CHECKS => BatteryState::Low,
             None => BatteryState::Unknown,
             Some(reading) if reading.age > stated.max_age.min(BatteryReading::OLDEST - 0.1) => {
                 BatteryState::Old
             }
             Some(_) => BatteryState::Good,
         };
+        self.was_low |= state == BatteryState::Low;
         if std::mem::replace(&mut self.battery_state, state) == state {
             return None;
         }
@@ -162,15 +171,22 @@ impl<'a> Laboratory<'a> {
         let mut report = LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())?;
         let battery = report.radio_link.as_mut().and_then(|link| link.battery.as_mut());
         if let Some(battery) = battery {
-            battery.was_low = self.battery_state == BatteryState::Low;
+            battery.was_low = self.was_low;
         }
         Some(report)
     }
 
-    /// Returns the failure of the radio link or of the cameras at a time since the start of the flight, if there is one.
+    /// Returns why the laboratory cannot fly at a time since the start of the flight, if so: a low battery, or a failure of the
+    /// radio link or of the cameras.
     #[must_use]
     pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
-        self.failures(block, elapsed_ns).into_iter().flatten().next()
+        let low = || {
+            let reading = self.link(block).and_then(|figures| figures.battery());
+            let stated = self.battery.filter(|_| self.battery_state == BatteryState::Low)?;
+            battery_trouble(stated, BatteryState::Low, reading.as_ref())
+        };
+        let failures = self.failures(block, elapsed_ns).into_iter().flatten();
+        low().into_iter().chain(failures).next()
     }
 
     /// Returns the changes since the last call, as sentences.
@@ -327,6 +343,7 @@ mod tests {
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
+            was_low: false,
         }
     }
 
@@ -374,6 +391,7 @@ mod tests {
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
+            was_low: false,
         };
         assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
     }
@@ -462,7 +480,7 @@ mod tests {
             battery: Some(&battery),
             ..laboratory(&stated)
         };
-        let mut look = |block: &ControlBlock| laboratory.check_battery(block).unwrap_or_default();
+        let mut look = |block: &ControlBlock| laboratory.check_battery(block, true).unwrap_or_default();
         let unknown = look(&ControlBlock::default());
         assert!(unknown.ends_with("yet; the thrust is not corrected"), "{unknown}");
         assert_eq!(look(&ControlBlock::default()), "");
@@ -470,9 +488,17 @@ mod tests {
         let old = look(&measured(7.81, 9.0));
         assert!(old.ends_with("for 9 s; the thrust keeps its correction"), "{old}");
         assert_eq!(look(&measured(7.41, 0.1)), "the battery has 7.41 V");
-        // A sag of two seconds.
-        for voltage in [6.9, 6.9, 7.3, 6.9, 6.9] {
-            assert_eq!(look(&measured(voltage, 0.1)), "");
+        // A sag of two seconds, and then one whose last voltage is looked at again and again.
+        for (voltage, age) in [
+            (6.9, 0.1),
+            (6.9, 0.1),
+            (7.3, 0.1),
+            (6.9, 0.1),
+            (6.9, 0.1),
+            (6.9, 1.1),
+            (6.9, 2.1),
+        ] {
+            assert_eq!(look(&measured(voltage, age)), "");
         }
         let low = look(&measured(6.9, 0.1));
         assert_eq!(
@@ -487,6 +513,13 @@ mod tests {
         let block = measured(7.3, 0.1);
         let shown = laboratory.battery(&block, None).unwrap();
         assert!(shown.voltage == 7.3 && shown.trouble.unwrap().contains("is low"));
+        let refusal = laboratory.failure(&block, 0);
+        assert!(refusal.is_some_and(|reason| reason.contains("is low")));
+        // On the ground another battery may be put in.
+        assert_eq!(
+            laboratory.check_battery(&block, false).unwrap(),
+            "the battery has 7.30 V"
+        );
     }
 
     #[test]

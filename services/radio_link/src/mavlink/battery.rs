@@ -27,17 +27,21 @@ const SYSTEM_VOLTAGE: usize = 14;
 const CELLS: usize = 10;
 const CELL_COUNT: usize = 10;
 const BATTERY: usize = 32;
+const FUNCTION: usize = 33;
 const FURTHER_CELLS: usize = 41;
 const FURTHER_CELL_COUNT: usize = 4;
 
 /// Field of a voltage that is not known, and of a cell that is not there.
 const UNKNOWN: u16 = u16::MAX;
+/// Largest function of a battery that drives rotors: unknown, everything, propulsion.
+const FUNCTION_PROPULSION: u8 = 2;
 /// Volts of a field.
 const MILLIVOLT: f64 = 1e-3;
 
-/// Reads the message at the start of what the autopilot of a system sends. The voltage is that of its first battery.
+/// Reads the message at the start of what an autopilot sends, given by its system and its component (0 for any). The voltage is
+/// that of the first battery, unless that is stated to drive no rotors.
 #[must_use]
-pub fn read_reply(bytes: &[u8], system: u8) -> Reply {
+pub fn read_reply(bytes: &[u8], [system, component]: [u8; 2]) -> Reply {
     let frame = match mavlink_frame::decode(bytes, &MESSAGES) {
         Ok(frame) => frame,
         Err(FrameError::Incomplete(_)) => return Reply::Incomplete,
@@ -45,7 +49,8 @@ pub fn read_reply(bytes: &[u8], system: u8) -> Reply {
     };
     let mut payload = [0; LONGEST];
     payload[..frame.payload.len()].copy_from_slice(frame.payload);
-    let voltage = if frame.sender.system != system {
+    let is_other = component != 0 && frame.sender.component != component;
+    let voltage = if frame.sender.system != system || is_other {
         None
     } else if *frame.definition == SYS_STATUS {
         Some(field(&payload, SYSTEM_VOLTAGE))
@@ -68,7 +73,8 @@ fn sum_of_cells(payload: &[u8; LONGEST]) -> Option<f64> {
     let cells = (0..CELL_COUNT).map(|cell| field(payload, CELLS + 2 * cell));
     // Further cells are 0 where there are none.
     let further = (0..FURTHER_CELL_COUNT).map(|cell| field(payload, FURTHER_CELLS + 2 * cell));
-    let is_known = payload[BATTERY] == 0 && field(payload, CELLS) != UNKNOWN;
+    let drives = payload[FUNCTION] <= FUNCTION_PROPULSION;
+    let is_known = payload[BATTERY] == 0 && drives && field(payload, CELLS) != UNKNOWN;
     let there = cells.chain(further).filter(|steps| *steps != UNKNOWN);
     is_known.then(|| there.map(f64::from).sum())
 }

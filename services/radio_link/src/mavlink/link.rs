@@ -65,7 +65,7 @@ impl Format for Mavlink {
     }
 
     fn read_reply(&mut self, bytes: &[u8]) -> Reply {
-        read_reply(bytes, self.target[0])
+        read_reply(bytes, self.target)
     }
 }
 

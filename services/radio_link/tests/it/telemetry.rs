@@ -138,7 +138,7 @@ fn the_status_messages_of_pymavlink_are_read() {
         (SECOND, None),
     ] {
         let bytes = hexadecimal(message);
-        match (mavlink::read_reply(&bytes, 1), voltage) {
+        match (mavlink::read_reply(&bytes, [1, 1]), voltage) {
             (Reply::Voltage(length, read), Some(voltage)) => {
                 assert!(
                     length == bytes.len() && (read - voltage).abs() < 1e-9,
@@ -148,13 +148,19 @@ fn the_status_messages_of_pymavlink_are_read() {
             (Reply::Other(length), None) => assert_eq!(length, bytes.len()),
             (other, _) => panic!("{message}: {other:?}"),
         }
-        assert_eq!(
-            mavlink::read_reply(&bytes, 2),
-            Reply::Other(bytes.len()),
-            "of another system"
-        );
+        for other in [[2, 1], [1, 180]] {
+            assert_eq!(
+                mavlink::read_reply(&bytes, other),
+                Reply::Other(bytes.len()),
+                "of {other:?}"
+            );
+        }
         for end in 0..bytes.len() {
-            assert_eq!(mavlink::read_reply(&bytes[..end], 1), Reply::Incomplete, "{end}");
+            assert_eq!(
+                mavlink::read_reply(&bytes[..end], [1, 0]),
+                Reply::Incomplete,
+                "{end}"
+            );
         }
         let stream = [&[0xfd, 0, 1][..], &bytes, &bytes].concat();
         let count = voltages(RadioProtocol::Mavlink, &stream, 11).len();
