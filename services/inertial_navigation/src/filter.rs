@@ -11,6 +11,7 @@
 //!   motion that was not measured;
 //! * without fixes the motion is that of the inertial measurement unit, with a covariance that grows;
 //! * when motors start, the field of the vehicle may change;
+//! * while they turn, there is no alignment: a filter that begins in the air gives no state;
 //! * while they are stopped, and the vehicle is seen to be still, its velocity is zero and the gyroscope measures its bias.
 
 use nalgebra::Vector3;
@@ -381,8 +382,13 @@ impl InertialFilter {
         self.predict(is_corrected);
     }
 
+    /// Aligns a vehicle whose motors have been stopped for long enough: in hover the specific force shows no tilt.
     fn align(&mut self, sample: &ImuSample, h: f64) {
         let memory = &mut self.memory;
+        if memory.rest.until_ns != u64::MAX || sample.time_ns < memory.rest.from_ns {
+            memory.alignment = Alignment::new_zeroed();
+            return;
+        }
         // The first sample has no beginning.
         if h < LONGEST_SPAN {
             memory.alignment.add_imu(&sample.rate_body, &sample.force_body, h);

@@ -82,3 +82,41 @@ fn a_vehicle_that_turns_is_not_aligned() {
     }
     assert!(!filter.is_aligned());
 }
+
+#[test]
+fn a_vehicle_whose_motors_turn_is_not_aligned() {
+    // In hover against wind, the mean specific force is along the body's z axis whatever the tilt.
+    let parameters = Parameters::default();
+    let truth = from_roll_pitch_yaw([0.3, 0.0, 0.0]);
+    let mut filter = InertialFilter::new(&parameters);
+    filter.set_motors(0, true);
+    let step = |filter: &mut InertialFilter, tick: u64, force_body: Vector3<f64>| {
+        let time_ns = tick * H_NS;
+        filter.add_field(&Field {
+            time_ns,
+            field_body: truth.transpose() * parameters.field_world,
+        });
+        filter.add_imu(&ImuSample {
+            time_ns,
+            rate_body: Vector3::zeros(),
+            force_body,
+            is_clipped: false,
+        });
+    };
+    for tick in 1..=500 {
+        step(&mut filter, tick, Vector3::new(0.0, 0.0, -GRAVITY));
+        assert!(!filter.is_aligned(), "at tick {tick}");
+    }
+    // Motors stop, and a second later the vehicle rests: a second of that is averaged, and nothing from before.
+    filter.set_motors(500 * H_NS, false);
+    for tick in 501..=1010 {
+        step(
+            &mut filter,
+            tick,
+            truth.transpose() * Vector3::new(0.0, 0.0, -GRAVITY),
+        );
+        assert!(tick > 990 || !filter.is_aligned(), "at tick {tick}");
+    }
+    let motion = filter.motion().unwrap();
+    assert!(angle_between(&motion.world_from_body, &truth) < 1e-6);
+}
