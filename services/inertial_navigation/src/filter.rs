@@ -4,8 +4,8 @@
 //! * a sample with a number that is not finite is refused, as is one older than the horizon, and one from the future;
 //! * a measurement is fused when its innovation is within the 99.9 % quantile of its source; the position and the velocity
 //!   of a fix are two sources;
-//! * a source that is refused for [`reset_after`](Parameters::reset_after) without a break is accepted again: what it
-//!   measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]);
+//! * a source that is refused for [`reset_after`](Parameters::reset_after) without a break, and without a silence of more than a second,
+//!   is accepted again: what it measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]);
 //! * when the kind of the fixes changes, their slow errors are new;
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
 //!   motion that was not measured;
@@ -49,6 +49,9 @@ const LONGEST_SPAN: f64 = 0.1;
 const OVER_GAP: [f64; 2] = [10.0, 2.0];
 const BEYOND_RANGE: [f64; 2] = [160.0, 2.0];
 
+/// Longest time between two measurements that are refused in a row, ns.
+const SILENCE_NS: u64 = 1_000_000_000;
+
 /// Time after which stopped motors mean a vehicle at rest, ns.
 const SETTLED_NS: u64 = 1_000_000_000;
 /// Time over which rate and force of a vehicle at rest are averaged, s.
@@ -83,6 +86,8 @@ shared_types::sample! {
         pub fused_ns: u64,
         /// Time of validity of the first of those refused in a row, ns since the start of the flight; all ones for none.
         pub refused_since_ns: u64,
+        /// Time of validity of the last that was refused, ns since the start of the flight; 0 for none.
+        pub refused_ns: u64,
         /// Squared Mahalanobis distance of the last innovation, of as many degrees of freedom as it has numbers.
         pub squared_distance: f64,
         /// Number of those fused.
@@ -662,7 +667,12 @@ impl InertialFilter {
             return Verdict::Fused;
         }
         status.refused = status.refused.saturating_add(1);
-        status.refused_since_ns = status.refused_since_ns.min(time_ns);
+        // After a silence it is not known what the source would have measured.
+        let is_in_a_row = time_ns.saturating_sub(status.refused_ns) <= SILENCE_NS;
+        if status.refused_since_ns == u64::MAX || !is_in_a_row {
+            status.refused_since_ns = time_ns;
+        }
+        status.refused_ns = time_ns;
         if time_ns - status.refused_since_ns < self.reset_after_ns {
             return Verdict::Refused;
         }

@@ -236,3 +236,24 @@ fn a_vehicle_at_rest_without_fixes_stays_where_it_is() {
         "{motion:?}"
     );
 }
+
+#[test]
+fn silence_between_two_refused_fixes_is_not_a_source_that_is_refused() {
+    let flown = flown_with(|event, time| {
+        if let Event::Fix(fix) = event {
+            if within(time, 60.0, 60.1) || within(time, 67.4, 67.5) {
+                fix.position_world.x += 30.0;
+                return true;
+            }
+            return !within(time, 60.1, 67.4);
+        }
+        true
+    });
+    let status = flown.filter.source(Source::FixPosition);
+    assert!(
+        status.resets == 0 && (2..10).contains(&status.refused),
+        "{status:?}"
+    );
+    let [position, ..] = flown.largest(70.0, 110.0);
+    assert!(position < 0.15, "{position}");
+}
