@@ -441,7 +441,6 @@ impl InertialFilter {
             is_corrected |= self.fuse_queued(&mut horizon, &measurement, &record);
         }
         self.advance(&mut horizon, &record, record.time_ns);
-        self.add_unmeasured(&mut horizon, &record);
         self.start_motors(&mut horizon);
         is_corrected |= self.rest(&mut horizon, &record);
         self.memory.horizon = Some(horizon);
@@ -463,31 +462,30 @@ impl InertialFilter {
             .removed_from(&record.rate_body.into(), &record.force_body.into());
         horizon.advance(&unbiased, h, &self.parameters, self.fix_errors());
         horizon.time_ns = to_ns;
+        self.add_unmeasured(horizon, record, h);
     }
 
-    /// Adds the variance of a motion that was not measured.
-    fn add_unmeasured(&self, horizon: &mut Horizon, record: &ImuRecord) {
+    /// Adds the variance of `h` s of a motion that was not measured: the part of the sample's up to the next measurement, which
+    /// else would be compared with a motion that counts as known.
+    fn add_unmeasured(&self, horizon: &mut Horizon, record: &ImuRecord, h: f64) {
         if record.span_ns <= GAP_NS && !record.is_clipped.is_set() {
             return;
         }
         horizon.carry(&self.parameters, self.fix_errors());
-        let h = seconds(record.span_ns);
+        // Over the whole sample the variances of velocity and attitude are those of a constant error.
+        let h2 = h * seconds(record.span_ns);
         let [acceleration, rate] = if record.is_clipped.is_set() {
             BEYOND_RANGE
         } else {
             OVER_GAP
         };
-        for (row, deviation) in [
-            (POSITION, 0.5 * acceleration * h * h),
-            (VELOCITY, acceleration * h),
-            (ATTITUDE, rate * h),
+        let in_velocity = acceleration * acceleration * h2;
+        for (row, variance) in [
+            (POSITION, 0.25 * h * h * in_velocity),
+            (VELOCITY, in_velocity),
+            (ATTITUDE, rate * rate * h2),
         ] {
-            add_to_diagonal(
-                &mut horizon.covariance,
-                row,
-                row,
-                Vector3::repeat(deviation * deviation),
-            );
+            add_to_diagonal(&mut horizon.covariance, row, row, Vector3::repeat(variance));
         }
     }
 

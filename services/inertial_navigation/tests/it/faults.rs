@@ -257,3 +257,17 @@ fn silence_between_two_refused_fixes_is_not_a_source_that_is_refused() {
     let [position, ..] = flown.largest(70.0, 110.0);
     assert!(position < 0.15, "{position}");
 }
+
+#[test]
+fn a_fix_that_is_valid_within_a_gap_is_fused() {
+    // The gap is in a turn, of which the sample after it shows only the end.
+    let refused = |flown: &Flown| {
+        [Source::FixPosition, Source::FixVelocity].map(|source| flown.filter.source(source).refused)
+    };
+    let without = refused(&flown_with(|_, _| true));
+    for at in [60.0, 61.0, 62.0, 63.0] {
+        let flown =
+            flown_with(|event, time| !(matches!(event, Event::Imu(_)) && within(time, at + 0.05, at + 0.45)));
+        assert_eq!(refused(&flown), without, "gap at {at} s");
+    }
+}
