@@ -15,8 +15,10 @@
 //! * a state counts as tracked once fixes have been fused for [`healthy_for`](scenario::Navigation::healthy_for) without
 //!   a break of a second; then as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the
 //!   inertial measurement unit arrive. It coasts while fixes are missing for more than a second;
-//! * after a jump of the position the published one follows over [`ramp`](scenario::Navigation::ramp): no step of the estimate
-//!   is a step of the controller. The published velocity is that of the filter.
+//! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
+//!   that is accepted again) is no step of the published one, which follows over [`ramp`](scenario::Navigation::ramp), and by at
+//!   most 1 m/s. After a silence, or when it is more than 0.2 m behind, it coasts until 3 cm are left: who asks where a
+//!   vehicle was found gets the answer at the end. The published velocity is that of the filter.
 
 use inertial_navigation::error_state::POSITION;
 use inertial_navigation::parameters::InertialNoise;
@@ -50,6 +52,13 @@ const LARGEST_FIELD: f64 = 20.0;
 
 /// Time without a fused fix above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
+/// Correction of the position above which the published one follows slowly, m.
+const LARGE_CORRECTION: f64 = 0.05;
+/// Highest speed at which it does, m/s.
+const FASTEST_RAMP: f64 = 1.0;
+/// Distances of the published position from the estimate, m: above the one it begins to coast, and below the other it ceases.
+const FAR_BEHIND: f64 = 0.2;
+const CAUGHT_UP: f64 = 0.03;
 /// Age of the newest sample of the inertial measurement unit up to which the state is predicted and counts as tracked, ns.
 const OLDEST_IMU_NS: u64 = 100_000_000;
 
@@ -72,11 +81,9 @@ shared_types::sample! {
         pub rates_body: [f64; 3],
         /// d in {I}, m/s².
         pub push_world: [f64; 3],
-        /// Sum of the jumps of the position that are known, in {I}, m.
-        pub jump_world: [f64; 3],
-        /// Published minus estimated position after the last jump, in {I}, m.
+        /// Published minus estimated position after the last large correction, in {I}, m.
         pub offset_world: [f64; 3],
-        /// Time of the last jump, ns since the start of the flight.
+        /// Time of the last large correction, ns since the start of the flight.
         pub jumped_ns: u64,
         /// Time since which fixes are fused without a break, ns since the start of the flight; all ones while they are not.
         pub healthy_since_ns: u64,
@@ -100,8 +107,10 @@ shared_types::sample! {
         pub was_healthy: Flag,
         /// `true` if the motors turn.
         pub motors_turn: Flag,
+        /// `true` if the state coasts.
+        pub coasts: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 6],
+        pub pad0: [u8; 5],
     }
 }
 
@@ -121,11 +130,11 @@ pub struct InertialEstimatorService {
     time_ns: u64,
     actuation: Actuation,
     push_world: Vector3<f64>,
-    jump_world: Vector3<f64>,
     offset_world: Vector3<f64>,
     jumped_ns: u64,
     healthy_since_ns: Option<u64>,
     was_healthy: bool,
+    coasts: bool,
     motors_turn: bool,
     last: Estimate,
     imu: InputValidator<ImuSample>,
@@ -158,11 +167,11 @@ impl InertialEstimatorService {
                 rates_body: Vector3::zeros(),
             },
             push_world: Vector3::zeros(),
-            jump_world: Vector3::zeros(),
             offset_world: Vector3::zeros(),
             jumped_ns: 0,
             healthy_since_ns: None,
             was_healthy: false,
+            coasts: true,
             motors_turn: false,
             last: Estimate::UNMEASURED,
             imu: InputValidator::default(),
@@ -223,7 +232,7 @@ impl InertialEstimatorService {
             )
         });
         if let (Some(Validity::Good), Some(sample)) = (verdict, self.imu.held()) {
-            self.filter.add_imu(&Measured {
+            let correction_world = self.filter.add_imu(&Measured {
                 time_ns: sample.measured_ns,
                 rate_body: sample.angular_velocity_body.into(),
                 force_body: sample.specific_force_body.into(),
@@ -231,6 +240,11 @@ impl InertialEstimatorService {
             });
             let time_ns = sample.measured_ns;
             self.follow(time_ns);
+            // Before it is tracked, nobody follows it.
+            if self.was_healthy && correction_world.norm() > LARGE_CORRECTION {
+                self.offset_world = self.offset(now) - correction_world;
+                self.jumped_ns = now.time_ns;
+            }
         }
     }
 
@@ -251,23 +265,15 @@ impl InertialEstimatorService {
         }
     }
 
-    /// Lets the published position follow a new jump of the estimate. Returns the difference between them, m.
-    fn offset(&mut self, now: &Now) -> Vector3<f64> {
-        let (_, jump_world) = self.filter.resets();
-        let remaining = |offset: &Vector3<f64>, since_ns: u64| {
-            offset * (1.0 - seconds(now.time_ns.saturating_sub(since_ns)) / self.ramp).max(0.0)
-        };
-        let offset = remaining(&self.offset_world, self.jumped_ns);
-        if jump_world == self.jump_world {
-            return offset;
-        }
-        self.offset_world = offset - (jump_world - self.jump_world);
-        (self.jump_world, self.jumped_ns) = (jump_world, now.time_ns);
-        self.offset_world
+    /// Returns the published minus the estimated position, m.
+    fn offset(&self, now: &Now) -> Vector3<f64> {
+        let duration = self.ramp.max(self.offset_world.norm() / FASTEST_RAMP);
+        let since = seconds(now.time_ns.saturating_sub(self.jumped_ns));
+        self.offset_world * (1.0 - since / duration).max(0.0)
     }
 
     /// Returns the state at the time at which a frame sent now takes effect; `None` before the alignment.
-    fn estimate(&mut self, now: &Now) -> Option<Estimate> {
+    fn estimate(&self, now: &Now) -> Option<Estimate> {
         let (motion, unbiased) = (self.filter.motion()?, self.filter.unbiased()?);
         let position_sigma = self.filter.horizon()?.deviation(POSITION);
         let offset = self.offset(now);
@@ -320,7 +326,9 @@ impl InertialEstimatorService {
             since_ns.is_some_and(|since| now.time_ns.saturating_sub(since) >= self.healthy_for_ns);
         let is_moving_known = now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS;
         let is_recent = without_fix_ns.is_some_and(|without| without <= self.coast_ns);
-        [self.was_healthy && is_recent && is_moving_known, coasts]
+        let behind = self.offset(now).norm();
+        self.coasts = coasts || behind > if self.coasts { CAUGHT_UP } else { FAR_BEHIND };
+        [self.was_healthy && is_recent && is_moving_known, self.coasts]
     }
 
     /// Returns the number of samples that were refused, by the validators and by the filter.
@@ -381,7 +389,6 @@ impl Service for InertialEstimatorService {
             thrust: self.actuation.thrust,
             rates_body: self.actuation.rates_body.into(),
             push_world: self.push_world.into(),
-            jump_world: self.jump_world.into(),
             offset_world: self.offset_world.into(),
             jumped_ns: self.jumped_ns,
             healthy_since_ns: self.healthy_since_ns.unwrap_or(u64::MAX),
@@ -394,8 +401,9 @@ impl Service for InertialEstimatorService {
             altitude_held,
             field_held,
             was_healthy: self.was_healthy.into(),
+            coasts: self.coasts.into(),
             motors_turn: self.motors_turn.into(),
-            pad0: [0; 6],
+            pad0: [0; 5],
         }
     }
 
@@ -410,11 +418,11 @@ impl Service for InertialEstimatorService {
             rates_body: state.rates_body.into(),
         };
         self.push_world = state.push_world.into();
-        self.jump_world = state.jump_world.into();
         self.offset_world = state.offset_world.into();
         self.jumped_ns = state.jumped_ns;
         self.healthy_since_ns = Some(state.healthy_since_ns).filter(|&since| since != u64::MAX);
         self.was_healthy = state.was_healthy.is_set();
+        self.coasts = state.coasts.is_set();
         self.motors_turn = state.motors_turn.is_set();
         self.imu.restore(&state.imu, &state.imu_held);
         self.fix.restore(&state.fix, &state.fix_held);

@@ -357,8 +357,9 @@ impl InertialFilter {
     }
 
     /// Adds a sample of the inertial measurement unit, and brings the state to its time. A sample that is not newer than the one
-    /// before is refused.
-    pub fn add_imu(&mut self, sample: &ImuSample) {
+    /// before is refused. Returns by how much the measurements fused in this step have moved the present position in {I}, m:
+    /// its difference from the motion before, continued by the sample.
+    pub fn add_imu(&mut self, sample: &ImuSample) -> Vector3<f64> {
         let record = ImuRecord {
             time_ns: sample.time_ns,
             span_ns: sample.time_ns.saturating_sub(self.memory.newest.time_ns),
@@ -368,12 +369,12 @@ impl InertialFilter {
             pad0: [0; 7],
         };
         if record.span_ns == 0 || !record.is_finite() {
-            return;
+            return Vector3::zeros();
         }
         self.memory.newest = record;
         if self.memory.horizon.is_none() {
             self.align(sample, seconds(record.span_ns));
-            return;
+            return Vector3::zeros();
         }
         let mut is_corrected = self.memory.count == RING && self.process_oldest();
         let memory = &mut self.memory;
@@ -384,7 +385,7 @@ impl InertialFilter {
         {
             is_corrected |= self.process_oldest();
         }
-        self.predict(is_corrected);
+        self.predict(is_corrected)
     }
 
     /// Aligns a vehicle whose motors have been stopped for long enough: in hover the specific force shows no tilt.
@@ -404,23 +405,28 @@ impl InertialFilter {
         }
     }
 
-    /// Brings the motion to the time of the newest sample: by that sample alone, or from a corrected horizon.
-    fn predict(&mut self, is_corrected: bool) {
+    /// Brings the motion to the time of the newest sample: by that sample alone, or from a corrected horizon. Returns by how
+    /// much the correction has moved the position in {I}, m.
+    fn predict(&mut self, is_corrected: bool) -> Vector3<f64> {
         let memory = &mut self.memory;
-        let Some(horizon) = &memory.horizon else { return };
+        let Some(horizon) = &memory.horizon else {
+            return Vector3::zeros();
+        };
         let step = |kinematics: Kinematics, record: &ImuRecord| {
             let unbiased = horizon
                 .biases
                 .removed_from(&record.rate_body.into(), &record.force_body.into());
             kinematics.advanced(&unbiased, seconds(record.span_ns))
         };
+        let predicted = step(memory.present, &memory.newest);
         memory.present = if is_corrected {
             (0..memory.count)
                 .map(|index| &memory.ring[(memory.first + index) % RING])
                 .fold(horizon.kinematics, step)
         } else {
-            step(memory.present, &memory.newest)
+            predicted
         };
+        memory.present.position_world - predicted.position_world
     }
 
     /// Moves the horizon over the oldest sample, and fuses the measurements on the way. Returns whether the mean was corrected.

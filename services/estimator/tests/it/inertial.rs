@@ -47,6 +47,11 @@ struct World {
     frame: LocalFrame,
     /// Added to the positions of fixes in {I}, m.
     shift: [f64; 3],
+    kind: FixKind,
+    /// `true` while no fix arrives.
+    is_silent: bool,
+    /// Step from which on the motors turn.
+    motors_from: u64,
     /// Fixes that are under way.
     late: Vec<(u64, GnssFix)>,
 }
@@ -79,6 +84,9 @@ impl World {
             magnetometer: Magnetometer::new(&magnetometer, seed),
             frame: datum.frame(),
             shift: [0.0; 3],
+            kind: FixKind::RtkFixed,
+            is_silent: false,
+            motors_from: u64::MAX,
             late: Vec::new(),
         }
     }
@@ -96,7 +104,7 @@ impl World {
             ..ImuSample::new_zeroed()
         });
         if step.is_multiple_of(25) {
-            let fix = self.gnss.sample(step, &motion, FixKind::RtkFixed);
+            let fix = self.gnss.sample(step, &motion, self.kind);
             let place = self
                 .frame
                 .to_geodetic(&(fix.position_world + nalgebra::Vector3::from(self.shift)));
@@ -109,14 +117,15 @@ impl World {
                 horizontal_accuracy: fix.horizontal_accuracy,
                 vertical_accuracy: fix.vertical_accuracy,
                 speed_accuracy: fix.speed_accuracy,
-                kind: GnssFix::KIND_RTK_FIXED,
+                kind: self.kind as u8,
                 measured: true.into(),
                 ..GnssFix::new_zeroed()
             };
             self.late.push((step + FIX_LATE, sample));
         }
         if self.late.first().is_some_and(|(at, _)| *at <= step) {
-            arrived.fix = Some(self.late.remove(0).1);
+            let (_, fix) = self.late.remove(0);
+            arrived.fix = Some(fix).filter(|_| !self.is_silent);
         }
         if step.is_multiple_of(10) {
             let surroundings = Surroundings {
@@ -144,7 +153,7 @@ impl World {
         if step > 0 {
             let mut frame = RcFrame::new_zeroed();
             frame.header.stamp_ns = time_ns - STEP_NS;
-            frame.failsafe = true.into();
+            frame.failsafe = (step < self.motors_from).into();
             frame.mode = RcFrame::MODE_RATES;
             arrived.frame = Some(frame);
         }
@@ -249,8 +258,59 @@ fn a_jump_of_the_estimate_is_no_step_of_the_published_position() {
         last = Some(state);
     }
     assert!((end - 3.0).abs() < 0.05, "{end}");
-    // 3 m over a second of 250 steps.
+    // 3 m at 1 m/s in steps of 4 ms, and small corrections.
     assert!(largest < 0.025, "{largest}");
+}
+
+/// Largest step of the published position from `from` on while the state is tracked, m, and the states.
+fn largest_step(world: &mut World, steps: u64, from: u64, change: impl Fn(&mut World, u64)) -> f64 {
+    let mut service = service();
+    let (mut last, mut largest) = (None::<VehicleState>, 0.0_f64);
+    let (mut settles, mut coasted) = (None, false);
+    for number in 0..steps {
+        change(world, number);
+        let state = step(&mut service, number, &world.step(number));
+        if let Some(last) = last.filter(|last| number > from && last.tracked.is_set()) {
+            let place = nalgebra::Vector3::from(state.position_world);
+            largest = largest.max((place - nalgebra::Vector3::from(last.position_world)).norm());
+            coasted |= state.coasting.is_set();
+            if last.coasting.is_set() && !state.coasting.is_set() {
+                settles = Some(place.norm());
+            }
+        }
+        last = Some(state);
+    }
+    let settled = settles.unwrap();
+    assert!(
+        coasted && settled < 0.15,
+        "still {settled} m away when it ceases to coast"
+    );
+    assert!(last.is_some_and(|last| last.tracked.is_set() && !last.coasting.is_set()));
+    largest
+}
+
+#[test]
+fn a_better_kind_of_fixes_is_no_step_of_the_published_position() {
+    let mut world = World::new(9);
+    world.kind = FixKind::SinglePoint;
+    // 60 s of single point.
+    let largest = largest_step(&mut world, 18_000, 14_900, |world, number| {
+        if number == 15_000 {
+            world.kind = FixKind::RtkFixed;
+        }
+    });
+    assert!(largest < 0.054, "{largest}");
+}
+
+#[test]
+fn the_first_fix_after_a_silence_is_no_step_of_the_published_position() {
+    // With motors that turn, so that nothing shows the filter that the vehicle rests.
+    let mut world = World::new(10);
+    world.motors_from = 3900;
+    let largest = largest_step(&mut world, 8000, 4000, |world, number| {
+        world.is_silent = (4000..6000).contains(&number);
+    });
+    assert!(largest < 0.054, "{largest}");
 }
 
 /// What is wrong with a sample, by its name.

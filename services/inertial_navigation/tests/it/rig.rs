@@ -314,7 +314,9 @@ fn mean_of(from: &TrueMotion, to: &TrueMotion) -> TrueMotion {
 /// Gives an event to a filter; `now_ns` is the time of the newest sample of the inertial measurement unit.
 pub fn give(filter: &mut InertialFilter, event: &Event, now_ns: u64) {
     match event {
-        Event::Imu(sample) => filter.add_imu(sample),
+        Event::Imu(sample) => {
+            filter.add_imu(sample);
+        }
         Event::Fix(fix) => filter.add_fix(fix),
         Event::Field(field) => filter.add_field(field),
         Event::Altitude(altitude) => filter.add_altitude(altitude),
