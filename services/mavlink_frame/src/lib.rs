@@ -180,8 +180,8 @@ pub fn decode<'a>(bytes: &'a [u8], messages: &'a [Definition]) -> Result<Frame<'
     if header.is_first && !is_known_length {
         return Err(FrameError::Unknown);
     }
-    // Of trailing zeros the first byte remains.
-    if header.payload == 0 || header.payload > definition.length {
+    // Of trailing zeros the first byte remains. A longer payload has later extensions at its end.
+    if header.payload == 0 {
         return Err(FrameError::Length);
     }
     let end = header.header + header.payload;
@@ -199,7 +199,7 @@ pub fn decode<'a>(bytes: &'a [u8], messages: &'a [Definition]) -> Result<Frame<'
     }
     Ok(Frame {
         definition,
-        payload: &bytes[header.header..end],
+        payload: &bytes[header.header..end.min(header.header + definition.length)],
         sender: header.sender,
         sequence: header.sequence,
         length,
@@ -295,6 +295,29 @@ mod tests {
             );
         }
         assert_eq!(decode(&frame, &[HEARTBEAT]).unwrap().length, frame.len());
+    }
+
+    #[test]
+    fn of_a_payload_with_later_extensions_the_known_part_is_read() {
+        let longer = Definition {
+            length: 14,
+            ..HEARTBEAT
+        };
+        let sender = Sender {
+            system: 1,
+            component: 2,
+        };
+        let mut frame = Vec::new();
+        let payload = [1, 2, 3, 4, 6, 8, 0, 4, 3, 90, 91, 92, 93, 94];
+        encode(&longer, &payload, sender, 7, |part| frame.extend_from_slice(part));
+        let decoded = decode(&frame, &[HEARTBEAT]).unwrap();
+        assert_eq!((decoded.payload, decoded.length), (&payload[..9], frame.len()));
+        // The checksum covers all of it.
+        frame[HEADER_2 + 12] ^= 1;
+        assert_eq!(decode(&frame, &[HEARTBEAT]), Err(FrameError::Checksum));
+        // MAVLink 1 has no extensions.
+        let frame = [&[START_1, 14, 7, 1, 2, 0], &payload[..], &[0, 0]].concat();
+        assert_eq!(decode(&frame, &[HEARTBEAT]), Err(FrameError::Unknown));
     }
 
     #[test]
