@@ -22,8 +22,6 @@ pub struct Datum {
     pub longitude: f64,
     /// Height above the ellipsoid, m.
     pub height: f64,
-    /// Height of the geoid above the ellipsoid, m: the altitude above mean sea level is `height` without it.
-    pub geoid_separation: f64,
     /// Azimuth of the x axis of {I}, clockwise from north, rad.
     #[schemars(transform = angle)]
     pub azimuth: f64,
@@ -38,7 +36,6 @@ impl Default for Datum {
             latitude: 48.137_154,
             longitude: 11.576_124,
             height: 565.0,
-            geoid_separation: 45.7,
             azimuth: 0.0,
             field: [0.21, 0.015, 0.43],
         }
