@@ -4,6 +4,7 @@ use super::Findings;
 use super::events::Events;
 use super::six_digits;
 use crate::{Key, Scenario, Sensors};
+use shared_types::flight_phase::ARM_WITHIN;
 use shared_types::gnss::FixKind;
 use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
@@ -11,6 +12,10 @@ use shared_types::wiring::{ServiceId, Topic};
 
 /// Longest period of the inertial measurement unit, s: the filter takes a longer one for a gap.
 const LONGEST_IMU_PERIOD: f64 = 0.01;
+/// Time over which the filter is aligned, s.
+const ALIGNMENT: f64 = 1.0;
+/// Time for the first fixes after it, s.
+const SETTLES: f64 = 1.0;
 /// Number of samples of the inertial measurement unit that the filter stores.
 const STORED_SAMPLES: f64 = 256.0;
 /// Number of measurements that wait for the filter's horizon.
@@ -75,6 +80,20 @@ impl Scenario {
                 format!("raise it above {}, or improve the fixes", six_digits(2.0 * attainable)),
             );
         }
+        let healthy = ALIGNMENT + navigation.healthy_for;
+
+        if let Some(arm_at) = flight.arm_at.filter(|arm_at| arm_at + ARM_WITHIN < healthy) {
+            found.add(
+                Key::root().then("flight").then("arm_at"),
+                format!(
+                    "the vehicle will not be armed: at {} s the position is not yet known, for the alignment and \
+                     `navigation.healthy_for` take {} s",
+                    six_digits(arm_at),
+                    six_digits(healthy)
+                ),
+                format!("raise it to {} or more", six_digits(healthy + SETTLES)),
+            );
+        }
         if let Ok(schedule) = self.schedule() {
             self.check_sensor_rates(navigation.horizon, &schedule, found);
         }
@@ -93,6 +112,14 @@ impl Scenario {
                     "give `imu/sample` a period between {} and {LONGEST_IMU_PERIOD:?}",
                     six_digits(shortest)
                 ),
+            );
+        }
+        let estimator = seconds(schedule.time_ns(schedule.service_rate(ServiceId::Estimator).period));
+        if estimator > imu {
+            found.add(
+                Key::root().then("schedule").then("period").then(ServiceId::Estimator.name()),
+                format!("it would miss samples of `imu/sample`, which come every {imu:?} s: a step reads the newest only"),
+                format!("give it a period of {imu:?} or less, or `imu/sample` one of {estimator:?}"),
             );
         }
         let others = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField];

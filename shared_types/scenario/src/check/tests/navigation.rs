@@ -137,6 +137,18 @@ fn a_vehicle_that_would_never_be_armed_is_refused() {
 }
 
 #[test]
+fn arming_before_the_position_is_known_is_refused() {
+    let arm_at = |scenario: &mut Scenario, time| scenario.flight.as_mut().unwrap().arm_at = Some(time);
+    refused(
+        |scenario| arm_at(scenario, 5.0),
+        "flight.arm_at",
+        "at 5.0 s the position is not yet known",
+        "raise it to 12.0",
+    );
+    assert_eq!(problems(|scenario| arm_at(scenario, 12.0)), []);
+}
+
+#[test]
 fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
     let period = |scenario: &mut Scenario, topic: &str, period| {
         scenario.schedule.period.insert(topic.to_owned(), period);
@@ -146,6 +158,15 @@ fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
         "schedule.period.\"imu/sample\"",
         "cannot use samples every 0.02 s",
         "0.01",
+    );
+    refused(
+        |scenario| {
+            period(scenario, "estimator", 0.008);
+            period(scenario, "vehicle/state", 0.008);
+        },
+        "schedule.period.estimator",
+        "would miss samples",
+        "a period of 0.004 or less",
     );
     refused(
         |scenario| period(scenario, "mag/field", 0.001),
