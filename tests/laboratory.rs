@@ -24,7 +24,7 @@ use motion_capture::server::Server;
 use nalgebra::Vector3;
 use radio_link::encoder::Encoder;
 use radio_link::frame::Frame;
-use radio_link::sticks::Sticks;
+use radio_link::sticks::{Sticks, ThrustRest};
 use radio_link::{ChannelCodes, crsf};
 use run_log::{CaptureFigures, LinkFigures, LogReader};
 use runtime::flight_clock::monotonic_ns;
@@ -245,9 +245,10 @@ fn sticks_of(place: &Place, link: &RcLink) -> Vec<ChannelCodes> {
     let mut encoder = Encoder::new(link, link.transmitter.as_ref().unwrap()).unwrap();
     let mut frame = Frame::default();
     let recorded = log(place);
+    let mut rest = ThrustRest::new(link);
     let recorded = recorded
         .samples::<RcFrame>()
-        .map(|frame| Sticks::from_frame(&frame.unwrap()));
+        .map(|frame| rest.sticks(&frame.unwrap()));
     let mut codes: Vec<_> = recorded
         .chain([Sticks::MOTORS_OFF])
         .map(|sticks| {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use radio_link::link::RadioLink;
 use radio_link::sender::{Condition, LinkReport, Sender, monotonic_ns};
-use radio_link::sticks::Sticks;
+use radio_link::sticks::{Sticks, ThrustRest};
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
 use shared_types::battery::BatteryReading;
@@ -27,6 +27,7 @@ pub(super) struct RadioLinkDriver {
     service: Box<dyn ErasedService>,
     /// `None` after it was stopped.
     sender: Option<Sender>,
+    rest: ThrustRest,
     page: Arc<SharedPage>,
 }
 
@@ -62,6 +63,7 @@ impl RadioLinkDriver {
         let transmitter = Self {
             service,
             sender: Some(sender),
+            rest: ThrustRest::new(link),
             page,
         };
         transmitter.write_status(&figures);
@@ -85,7 +87,7 @@ impl ErasedService for RadioLinkDriver {
         if let Some(frame) = outputs.frame.due() {
             // A frame that is not finite is not published either.
             if frame.is_finite() {
-                sender.set(&Sticks::from_frame(frame));
+                sender.set(&self.rest.sticks(frame));
             }
         }
         self.write_status(&in_flight(&sender.condition()));

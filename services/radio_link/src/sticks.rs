@@ -2,7 +2,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
+use scenario::RcLink;
 use shared_types::samples::RcFrame;
+
+use crate::channel_map::largest_code;
 
 /// Sticks of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +40,7 @@ impl Sticks {
     /// Converts a frame. A frame without body rates stops the motors.
     #[must_use]
     #[inline]
-    pub fn from_frame(frame: &RcFrame) -> Self {
+    fn from_frame(frame: &RcFrame) -> Self {
         let [thrust, roll, pitch, yaw, ..] = frame.channels;
         let failsafe = frame.failsafe.is_set() || frame.mode != RcFrame::MODE_RATES;
         Self {
@@ -46,6 +49,47 @@ impl Sticks {
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
         }
+    }
+}
+
+/// Thrust stick at no thrust. A flight controller does not arm while that stick is off its end (`min_check` of Betaflight), and
+/// the calibrated code of no thrust may be far from it: with the paper's radio at an eighth of the way. In flight the calibration
+/// holds, because a flight controller may stop levelling at that end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThrustRest {
+    /// Code of the stick's end.
+    end: u16,
+    /// Thrust of one code, N.
+    one_code: f64,
+    /// `true` from the first thrust after arming on.
+    has_pulled: bool,
+}
+
+impl ThrustRest {
+    /// Makes it for a checked link.
+    #[must_use]
+    pub fn new(link: &RcLink) -> Self {
+        let largest = largest_code(link);
+        Self {
+            end: if link.thrust_slope > 0.0 { 0 } else { largest },
+            has_pulled: false,
+            one_code: 2.0 * link.thrust_slope.abs() / f64::from(largest),
+        }
+    }
+
+    /// Returns the sticks of the next frame, the thrust stick at its end until the first thrust.
+    #[must_use]
+    #[inline]
+    pub fn sticks(&mut self, frame: &RcFrame) -> Sticks {
+        let mut sticks = Sticks::from_frame(frame);
+        let is_armed = sticks.codes.is_some();
+        self.has_pulled = is_armed && (self.has_pulled || frame.thrust >= self.one_code);
+        if let Some([thrust, ..]) = &mut sticks.codes
+            && !self.has_pulled
+        {
+            *thrust = self.end;
+        }
+        sticks
     }
 }
 
@@ -187,6 +231,32 @@ mod tests {
             Sticks::flying([0; 4]),
             "a command is followed for as long as the transmitter does"
         );
+    }
+
+    #[test]
+    fn the_thrust_stick_is_at_its_end_until_the_first_thrust() {
+        for slope in [3.138, -3.138] {
+            let link = RcLink {
+                thrust_offset: 2.3071,
+                thrust_slope: slope,
+                ..RcLink::default()
+            };
+            let frame = |thrust, code| RcFrame {
+                thrust,
+                channels: [code; 16],
+                mode: RcFrame::MODE_RATES,
+                ..RcFrame::new_zeroed()
+            };
+            let mut rest = ThrustRest::new(&link);
+            let mut thrust_stick = |frame| rest.sticks(&frame).codes.unwrap()[0];
+            let end = if slope > 0.0 { 0 } else { 2047 };
+            assert_eq!(
+                [thrust_stick(frame(0.0, 271)), thrust_stick(frame(0.001, 271))],
+                [end; 2]
+            );
+            assert_eq!(thrust_stick(frame(0.5, 434)), 434);
+            assert_eq!(thrust_stick(frame(0.0, 271)), 271, "in flight");
+        }
     }
 
     #[test]

@@ -67,17 +67,6 @@ impl Channel {
         self.offset + self.slope * (2.0 * f64::from(code) / self.largest_code - 1.0)
     }
 
-    /// Returns the largest code of the link.
-    #[must_use]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "2^bits − 1, with at most 16 bits"
-    )]
-    pub fn last_code(&self) -> u16 {
-        self.largest_code as u16
-    }
-
     /// Returns the difference of the values of successive codes.
     #[must_use]
     pub fn quantum(&self) -> f64 {

@@ -26,9 +26,8 @@ shared_types::sample! {
         pub guard: GuardMemory,
         /// Saturated frames since the start of the flight.
         pub saturated_frames: u32,
-        /// Charge that the modelled battery has spent, in 2⁻³¹, and in the highest bit whether there was a thrust since the motors
-        /// were last stopped, on a link to hardware. Named as the padding that it was, so that checkpoints of earlier logs
-        /// keep their layout.
+        /// Charge that the modelled battery has spent, in 2⁻³¹; 0 without one. Named as the padding that it was, so that
+        /// checkpoints of earlier logs keep their layout.
         pub pad0: u32,
     }
 }
@@ -45,8 +44,6 @@ pub struct RcOutputService {
     /// Maximum ages of recent commands and states, ns.
     fresh_ns: [u64; 2],
     saturated_frames: u32,
-    /// As [`RcOutputState::has_pulled`].
-    has_pulled: bool,
 }
 
 /// Age limits of a command.
@@ -78,7 +75,6 @@ impl RcOutputService {
             fresh_ns: [Topic::ControlCommand, Topic::VehicleState]
                 .map(|topic| scenario.fresh_age_ns(topic, ServiceId::RcOutput)),
             saturated_frames: 0,
-            has_pulled: false,
         }
     }
 
@@ -170,7 +166,6 @@ impl Service for RcOutputService {
         };
         let effect = self.battery.as_ref().map(|battery| battery.effect(thrust));
         self.link.transmit(sent.as_ref(), effect.as_ref(), frame);
-        self.link.rest(&mut self.has_pulled, frame);
         if let Some(effect) = effect {
             frame.set_battery(effect.voltage, effect.factor);
         }
@@ -198,7 +193,7 @@ impl Service for RcOutputService {
             states: self.states.save(),
             guard: self.guard.persistent,
             saturated_frames: self.saturated_frames,
-            pad0: self.battery.as_ref().map_or(0, ModelledBattery::save) | u32::from(self.has_pulled) << 31,
+            pad0: self.battery.as_ref().map_or(0, ModelledBattery::save),
         }
     }
 
@@ -207,9 +202,8 @@ impl Service for RcOutputService {
         self.states.restore(&state.states);
         self.guard.persistent = state.guard;
         self.saturated_frames = state.saturated_frames;
-        self.has_pulled = state.pad0 >> 31 == 1;
         if let Some(battery) = &mut self.battery {
-            battery.restore(state.pad0 & ModelledBattery::WHOLLY_SPENT);
+            battery.restore(state.pad0.min(ModelledBattery::WHOLLY_SPENT));
         }
     }
 }

@@ -4,7 +4,7 @@
 //! fast it turns. It knows nothing of sticks. How one describes it to a transmitter is derived here, in every way there
 //! is, so that the meaning of a frame can be judged without the map under test.
 
-use radio_link::sticks::Sticks;
+use radio_link::sticks::{Sticks, ThrustRest};
 use rc_output::link::Link;
 use scenario::{Mavlink, MavlinkMessage, RadioProtocol, RcLink, Transmitter};
 use shared_types::samples::{ControlCommand, RcFrame};
@@ -189,21 +189,18 @@ fn described(vehicle: Vehicle, protocol: RadioProtocol, transmitter: Transmitter
 /// every way to stop the motors.
 pub fn asked(case: &Case) -> Vec<Asked> {
     let link = Link::new(Some(&case.link));
-    let mut has_pulled = false;
+    let mut rest = ThrustRest::new(&case.link);
     let mut frame = RcFrame::new_zeroed();
-    let mut transmit = |command: Option<&ControlCommand>| {
-        link.transmit(command, None, &mut frame);
-        link.rest(&mut has_pulled, &mut frame);
-        Sticks::from_frame(&frame)
-    };
     let mut found = vec![(Sticks::MOTORS_OFF, None)];
-    found.push((transmit(None), None));
+    link.transmit(None, None, &mut frame);
+    found.push((rest.sticks(&frame), None));
     let torque = ControlCommand {
         thrust: 1.0,
         mode: ControlCommand::MODE_TORQUE,
         ..ControlCommand::new_zeroed()
     };
-    found.push((transmit(Some(&torque)), None));
+    link.transmit(Some(&torque), None, &mut frame);
+    found.push((rest.sticks(&frame), None));
     let thrusts = [0.0, 0.3, 0.7, 1.0].map(|share| [share * LARGEST, 0.0, 0.0, 0.0]);
     let rates = [1, 2, 3].into_iter().flat_map(|stick| {
         [-1.0, -0.4, 0.6, 1.0].map(|share: f64| {
@@ -220,7 +217,8 @@ pub fn asked(case: &Case) -> Vec<Asked> {
             mode: ControlCommand::MODE_RATES,
             ..ControlCommand::new_zeroed()
         };
-        found.push((transmit(Some(&command)), Some(asked)));
+        link.transmit(Some(&command), None, &mut frame);
+        found.push((rest.sticks(&frame), Some(asked)));
     }
     found
 }
