@@ -321,31 +321,31 @@ GERONO_ASSERT(sizeof(gerono_control_telemetry) == 280, "another layout of gerono
 
 /* A sample of `imu/sample`. */
 typedef struct {
-    gerono_header header;
-    uint64_t measured_ns;
-    double angular_velocity_body[3];
-    double specific_force_body[3];
-    uint8_t measured;
-    uint8_t clipped;
-    uint8_t pad0[6];
+    gerono_header header;               /* Common header. */
+    uint64_t measured_ns;               /* End of this time, ns since the start of the flight. */
+    double angular_velocity_body[3];    /* Angular velocity in {B}, rad/s. */
+    double specific_force_body[3];      /* Specific force in {B}, m/s². */
+    uint8_t measured;                   /* `true` if something was measured; if not, all else is zero. */
+    uint8_t clipped;                    /* `true` if a component is at the end of its range. */
+    uint8_t pad0[6];                    /* Explicit padding. */
 } gerono_imu_sample;
 GERONO_ASSERT(sizeof(gerono_imu_sample) == 88, "another layout of gerono_imu_sample");
 #define GERONO_IMU_SAMPLE_LAYOUT "d99a8b333c35bfda91bc6617644322d0"
 
 /* A sample of `gnss/fix`. */
 typedef struct {
-    gerono_header header;
-    uint64_t valid_ns;
-    double latitude;
-    double longitude;
-    double height;
-    double velocity_ned[3];
-    double horizontal_accuracy;
-    double vertical_accuracy;
-    double speed_accuracy;
-    uint8_t kind;
-    uint8_t measured;
-    uint8_t pad0[6];
+    gerono_header header;               /* Common header. */
+    uint64_t valid_ns;                  /* Time at which the fix is valid, ns since the start of the flight. */
+    double latitude;                    /* Geodetic latitude (WGS-84), degrees. */
+    double longitude;                   /* Longitude (WGS-84), degrees. */
+    double height;                      /* Height above the ellipsoid, m. */
+    double velocity_ned[3];             /* Velocity to the north, to the east and downwards, m/s. */
+    double horizontal_accuracy;         /* Standard deviation of the horizontal position over both directions, as reported, m. */
+    double vertical_accuracy;           /* Standard deviation of the height, as reported, m. */
+    double speed_accuracy;              /* Standard deviation of a component of the velocity, as reported, m/s. */
+    uint8_t kind;                       /* What the receiver has solved. */
+    uint8_t measured;                   /* `true` if there is a fix; if not, all else is zero. */
+    uint8_t pad0[6];                    /* Explicit padding. */
 } gerono_gnss_fix;
 #define GERONO_GNSS_FIX_KIND_SINGLE_POINT 0
 #define GERONO_GNSS_FIX_KIND_RTK_FLOAT 1
@@ -355,22 +355,22 @@ GERONO_ASSERT(sizeof(gerono_gnss_fix) == 112, "another layout of gerono_gnss_fix
 
 /* A sample of `baro/altitude`. */
 typedef struct {
-    gerono_header header;
-    uint64_t measured_ns;
-    double altitude;
-    uint8_t measured;
-    uint8_t pad0[7];
+    gerono_header header;               /* Common header. */
+    uint64_t measured_ns;               /* Time of the measurement, ns since the start of the flight. */
+    double altitude;                    /* Altitude above the origin of {I}, m. */
+    uint8_t measured;                   /* `true` if something was measured; if not, all else is zero. */
+    uint8_t pad0[7];                    /* Explicit padding. */
 } gerono_baro_altitude;
 GERONO_ASSERT(sizeof(gerono_baro_altitude) == 48, "another layout of gerono_baro_altitude");
 #define GERONO_BARO_ALTITUDE_LAYOUT "bec1e531409a19056d0179b0da213658"
 
 /* A sample of `mag/field`. */
 typedef struct {
-    gerono_header header;
-    uint64_t measured_ns;
-    double field_body[3];
-    uint8_t measured;
-    uint8_t pad0[7];
+    gerono_header header;               /* Common header. */
+    uint64_t measured_ns;               /* Time of the measurement, ns since the start of the flight. */
+    double field_body[3];               /* Field in {B}, G. */
+    uint8_t measured;                   /* `true` if something was measured; if not, all else is zero. */
+    uint8_t pad0[7];                    /* Explicit padding. */
 } gerono_mag_field;
 GERONO_ASSERT(sizeof(gerono_mag_field) == 64, "another layout of gerono_mag_field");
 #define GERONO_MAG_FIELD_LAYOUT "177a1001a689c9b9a22778c1d381a35b"

@@ -136,7 +136,7 @@ fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
     std::fs::write(&configuration, text).unwrap();
     let node = RunNode::join(&configuration, "allocations").unwrap();
     let schedule = Schedule::ideal(1_000_000, 0);
-    let outputs = ServiceId::Plant.outputs().iter().map(|output| output.topic);
+    let outputs = schedule.outputs(ServiceId::Plant).map(|output| output.topic);
     let inputs = ServiceId::Plant.inputs().iter().map(|input| input.topic);
     let topics: Vec<_> = outputs
         .chain(inputs)
@@ -150,7 +150,7 @@ fn a_hundred_more_ticks_allocate_no_more_than_the_handles_of_their_samples() {
     drop((topics, node));
     sweep(&prefix);
     assert_eq!((few_steps, many_steps), (20, 120));
-    let handles = 100 * ServiceId::Plant.outputs().len() as u64;
+    let handles = 100 * schedule.outputs(ServiceId::Plant).count() as u64;
     assert_eq!(many - few, handles);
 }
 
