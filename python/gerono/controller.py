@@ -32,6 +32,9 @@ class Now:
 
 # Modes of `control/command`; a sample of zeros has the first.
 TORQUE, RATES = 0, 1
+
+# Of each mode: the field that the vehicle takes, the one that it does not, and what the scenario does.
+_FIELDS = {TORQUE: ("torque_body", "rates_body", "has no"), RATES: ("rates_body", "torque_body", "has")}
 #: Mode of `control/command`: no command; the vehicle executes its failsafe.
 FAILSAFE = 2
 
@@ -290,6 +293,7 @@ class Bridge:
         self._controller = controller
         self._step: Callable[..., None] = controller.step
         self._mode = mode
+        self._unread = self._command[_FIELDS[mode][1]]
         self._now = Now()
         self._times = self.now_words.view(np.float64)
         self.state_size = len(controller.save())
@@ -332,7 +336,9 @@ class Bridge:
         except (KeyError, ValueError) as error:
             _refuse_unknown_field(error)
             raise
-        self._refuse_mode(self._modes.item())
+        mode = self._modes.item()
+        if mode != FAILSAFE and (mode != self._mode or self._unread.any()):
+            self._refuse(mode)
         own = self._controller
         if own.adaptation is not self._flight_fields[0] or own.telemetry is not self._flight_fields[1]:
             raise ValueError(
@@ -340,23 +346,19 @@ class Bridge:
                 "elements, such as `self.telemetry[:] = …`"
             )
 
-    def _refuse_mode(self, mode: int) -> None:
+    def _refuse(self, mode: int) -> None:
         name = type(self._controller).__name__
         if mode not in MODES:
             raise ValueError(
                 f"{name} commands mode {mode}, which does not exist; there are "
                 + ", ".join(f"{mode} ({name.lower()})" for mode, name in MODES.items())
             )
-        if mode == FAILSAFE:
-            return
-        taken, has = ("rates_body", "has") if self._mode == RATES else ("torque_body", "has no")
-        unread = "torque_body" if self._mode == RATES else "rates_body"
+        taken, unread, has = _FIELDS[self._mode]
         because = f"but the scenario {has} `[controller.rates]`, so its vehicle takes `{taken}`"
         if mode != self._mode:
             wrong = "body rates" if mode == RATES else "torques"
             raise ValueError(f"{name} commands {wrong} (mode {mode}), {because}: leave the mode at {self._mode}")
-        if self._command[unread].any():
-            raise ValueError(f"{name} writes `{unread}`, {because}: write that")
+        raise ValueError(f"{name} writes `{unread}`, {because}: write that")
 
     def _copy_inputs(self, first: Bridge) -> None:
         """Copy the memory of another bridge before its step."""
