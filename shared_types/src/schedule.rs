@@ -277,6 +277,13 @@ impl Schedule {
         outputs.filter(|output| self.has_topic(output.topic))
     }
 
+    /// Returns the inputs of a service whose topics the flight has, with their places in the wiring table; missing ones are the
+    /// last there.
+    pub fn inputs(&self, service: ServiceId) -> impl Iterator<Item = (usize, &'static InputSpec)> {
+        let inputs = service.inputs().iter().enumerate();
+        inputs.filter(|(_, input)| self.has_topic(input.topic))
+    }
+
     /// Returns whether steps of a service read an input. Samples of unread inputs are not due and not delivered.
     #[must_use]
     pub fn reads(&self, service: ServiceId, input: usize) -> bool {

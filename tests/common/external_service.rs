@@ -103,11 +103,9 @@ impl ExternalService {
     }
 
     pub(crate) fn receivers(&self) -> Vec<Box<dyn Receiver>> {
-        let inputs = self.id.inputs().iter();
-        // Topics that a flight does not have are the last inputs.
+        let inputs = self.schedule.inputs(self.id);
         inputs
-            .filter(|input| self.schedule.has_topic(input.topic))
-            .map(|input| self.topics.ports(input.topic).receiver().unwrap())
+            .map(|(_, input)| self.topics.ports(input.topic).receiver().unwrap())
             .collect()
     }
 

@@ -299,8 +299,7 @@ fn unknown_input(
     schedule: &Schedule,
     recorded: &[Recorded; Topic::ALL.len()],
 ) -> Option<(ServiceId, Topic)> {
-    let inputs = service.inputs().iter().map(|input| input.topic);
-    let mut inputs = inputs.filter(|topic| schedule.has_topic(*topic));
+    let mut inputs = schedule.inputs(service).map(|(_, input)| input.topic);
     let unknown = inputs.find(|topic| recorded[topic.index()] != Recorded::All)?;
     Some((service, unknown))
 }

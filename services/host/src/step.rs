@@ -54,8 +54,7 @@ impl Timetable {
     #[must_use]
     pub fn new(schedule: &Schedule, service: ServiceId) -> Self {
         let outputs = service.outputs().iter();
-        let inputs = service.inputs().iter().enumerate();
-        let inputs = inputs.filter(|(_, input)| schedule.has_topic(input.topic));
+        let inputs = schedule.inputs(service);
         Self {
             service,
             steps: schedule.steps(service),

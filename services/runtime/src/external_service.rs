@@ -108,8 +108,6 @@ impl LaunchManifest {
             )
         })?;
         let Rate { period, phase } = schedule.service_rate(service);
-        let inputs = service.inputs().iter().enumerate();
-        let inputs = inputs.filter(|(_, input)| schedule.has_topic(input.topic));
         Ok(Self {
             contract: CONTRACT,
             service: service.name(),
@@ -125,7 +123,8 @@ impl LaunchManifest {
             period,
             phase,
             grace_ns: nanoseconds(start.scenario.real_time.unwrap_or_default().grace),
-            inputs: inputs
+            inputs: schedule
+                .inputs(service)
                 .map(|(index, input)| InputStream {
                     stream: Stream::new(input.name, input.topic, schedule),
                     latency: schedule.latency(service, index),

@@ -75,10 +75,7 @@ impl Supervisor<'_> {
     /// In simulated time publishers wait for these receivers when their buffers are full.
     fn store_receivers(&self, service: ServiceId, receivers: &[String]) -> Result<(), String> {
         let cell = &self.page().control_block().cells[service.index()];
-        let inputs = service.inputs().iter();
-        let inputs = inputs
-            .filter(|input| self.schedule.has_topic(input.topic))
-            .count();
+        let inputs = self.schedule.inputs(service).count();
         if receivers.len() != inputs {
             let named = receivers.len();
             return Err(format!(
