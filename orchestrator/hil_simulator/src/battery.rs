@@ -38,11 +38,11 @@ impl SimulatedBattery {
     pub(super) fn advance(&mut self, truth: &VehicleTruth, tick_ns: u64) -> Option<f64> {
         let load = truth.thrust / self.initial_thrust;
         self.spent += seconds(tick_ns) * load / self.stated.endurance;
-        let share = 1.0 - self.stated.fade * self.spent - self.stated.droop * load;
+        let share = self.stated.voltage_share(self.spent, load);
         let now_ns = truth.header.stamp_ns;
         (now_ns >= self.due_ns).then(|| {
             self.due_ns = now_ns + PERIOD_NS;
-            self.full * share.max(0.0)
+            self.full * share
         })
     }
 }

@@ -180,7 +180,6 @@ impl Sensors {
 
     /// Measures at a step of the plant, and writes the samples that are due.
     pub fn measure(&mut self, truth: &Truth, now: &Now, outputs: &mut PlantOutputs<'_>) {
-        let motion = true_motion(&truth.motion);
         if now.elapsed_ns > 0 {
             self.integrate(&truth.motion, now.elapsed());
         }
@@ -189,7 +188,7 @@ impl Sensors {
             self.write_imu(truth, now, sample);
         }
         if let Some(sample) = outputs.fix.due() {
-            self.write_fix(&motion, now, sample);
+            self.write_fix(truth, now, sample);
         }
         if let Some(sample) = outputs.altitude.due() {
             self.write_altitude(truth, now, sample);
@@ -198,7 +197,7 @@ impl Sensors {
             let throttle = (truth.thrust / self.largest_thrust).clamp(0.0, 1.0);
             let field = self
                 .magnetometer
-                .sample(now.tick, &motion.world_from_body, throttle);
+                .sample(now.tick, &truth.motion.world_from_body, throttle);
             sample.measured_ns = now.time_ns;
             sample.field_body = field.into();
             sample.measured = true.into();
@@ -247,10 +246,10 @@ impl Sensors {
         sample.clipped = measured.is_clipped.into();
     }
 
-    fn write_fix(&mut self, motion: &TrueMotion, now: &Now, sample: &mut GnssFix) {
+    fn write_fix(&mut self, truth: &Truth, now: &Now, sample: &mut GnssFix) {
         let newest = self.changes.iter().rfind(|change| change.from_ns <= now.time_ns);
         let kind = newest.map_or(self.kind, |change| change.kind);
-        let fix = self.gnss.sample(now.tick, motion, kind);
+        let fix = self.gnss.sample(now.tick, &true_motion(&truth.motion), kind);
         let mut position_world = fix.position_world;
         let mut velocity_world = fix.velocity_world;
         let drifting = self

@@ -139,6 +139,15 @@ pub struct Battery {
     pub voltage: Option<f64>,
 }
 
+impl Battery {
+    /// Returns u ≥ 0, the voltage over that of the full battery at rest, at a spent share of the charge and a load T/T0.
+    #[must_use]
+    #[inline]
+    pub fn voltage_share(&self, spent: f64, load: f64) -> f64 {
+        (1.0 - self.fade * spent - self.droop * load).max(0.0)
+    }
+}
+
 impl Default for Actuators {
     fn default() -> Self {
         Self {

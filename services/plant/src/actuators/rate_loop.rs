@@ -132,7 +132,7 @@ impl RateLoop {
     fn voltage_squared(&self) -> f64 {
         self.config.battery.as_ref().map_or(1.0, |battery| {
             let load = self.thrust / self.config.initial_thrust;
-            let voltage = (1.0 - battery.fade * self.charge_spent - battery.droop * load).max(0.0);
+            let voltage = battery.voltage_share(self.charge_spent, load);
             voltage * voltage
         })
     }
