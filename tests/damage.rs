@@ -332,7 +332,7 @@ fn kill_each_and_all(place: &Place, host: &str, orchestrator: u32) -> usize {
     deaths
 }
 
-/// Waits until so many services were started again and fly: the death of one that does not fly yet is no further restart.
+/// Waits until `deaths` services were started again and fly: the death of one that does not fly yet is no further restart.
 fn await_restarts(place: &Place, host: &str, deaths: usize) {
     if host == HOSTS[0] {
         // Lock step waits for all of them, and then goes on.

@@ -11,10 +11,11 @@ use std::time::{Duration, Instant};
 
 use runtime::control::{Channel, Host};
 use runtime::peer::peer_credentials;
-use rustix::fs::{Mode, OFlags, fchmod, open};
+use rustix::fs::{Mode, fchmod};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType};
 
+use crate::supervision::descriptor_reserve::reserved_descriptor;
 use postmortem::contained;
 use run_client::run_root::RunRoot;
 use run_client::runs::OrchestratorLabel;
@@ -84,7 +85,7 @@ impl ControlServer {
         Ok(Self {
             listener,
             clients: Vec::with_capacity(CLIENTS),
-            reserved: reserved_descriptor(),
+            reserved: reserved_descriptor().ok(),
             question: Box::new([0; MAX_QUESTION]),
             // Must be last: a process that finds the run can then connect.
             _label: OrchestratorLabel::new(root.folder(), host)?,
@@ -120,7 +121,7 @@ impl ControlServer {
         }
         self.answer_all(now, &mut answer);
         if self.reserved.is_none() {
-            self.reserved = reserved_descriptor();
+            self.reserved = reserved_descriptor().ok();
         }
     }
 
@@ -163,11 +164,6 @@ impl ControlServer {
             .remove(silent.unwrap_or(0))
             .close("too many clients: this one was silent for longest");
     }
-}
-
-/// Opens a file that is never read, for its descriptor.
-fn reserved_descriptor() -> Option<OwnedFd> {
-    open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty()).ok()
 }
 
 /// Returns the reason if the client may not ask.

@@ -4,7 +4,7 @@
 //! events, and the actions that result are performed. A restarted service gets the samples that it has missed from the
 //! recorder ([`runtime::input_port`]).
 
-mod descriptor_reserve;
+pub(crate) mod descriptor_reserve;
 mod hand_over;
 mod messages;
 pub mod process;

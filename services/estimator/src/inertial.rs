@@ -240,7 +240,7 @@ impl InertialEstimatorService {
             });
             let time_ns = sample.measured_ns;
             self.follow(time_ns);
-            // Before it is tracked, nobody follows it.
+            // Before it is tracked, no service uses it.
             if self.was_healthy && correction_world.norm() > LARGE_CORRECTION {
                 self.offset_world = self.offset(now) - correction_world;
                 self.jumped_ns = now.time_ns;

@@ -80,7 +80,7 @@ pub struct Frame<'a> {
 /// Why bytes do not begin with a frame of a known message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
-    /// The frame has at least so many bytes.
+    /// The frame is longer; its least length, bytes.
     Incomplete(usize),
     /// No start of a frame.
     Start,

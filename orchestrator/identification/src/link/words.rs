@@ -108,14 +108,13 @@ fn snippet(found: &Identification) -> String {
             .iter()
             .filter(|stick| stick.usable().is_some())
             .count();
-        text += match count {
+        text = match count {
             0 => "No stick can be identified from this flight.\n".to_owned(),
             4 => "All identified values are as stated.\n".to_owned(),
             _ => format!(
                 "{count} of 4 sticks were identified, and are as stated. The others were NOT identified:\n"
             ),
-        }
-        .as_str();
+        };
     } else {
         text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
     }

@@ -88,7 +88,7 @@ pub(super) struct Port(OwnedFd, String);
 /// What a port gave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
-    /// So many bytes.
+    /// Number of bytes.
     Bytes(usize),
     /// Nothing in the time.
     Nothing,

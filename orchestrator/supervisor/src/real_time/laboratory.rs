@@ -35,7 +35,7 @@ enum BatteryState {
     Unknown,
     /// Its last voltage is old.
     Old,
-    /// It is below the lowest voltage; for good.
+    /// It is below the lowest voltage; in flight for good.
     Low,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Laboratory<'a> {
     /// is low for good: without load its voltage recovers.
     pub fn check_battery(&mut self, block: &ControlBlock, flies: bool) -> Option<String> {
         let stated = self.battery?;
-        let reading = self.link(block).and_then(|figures| figures.battery());
+        let reading = self.voltage(block);
         let is_below = |reading: BatteryReading| stated.lowest.is_some_and(|lowest| reading.voltage < lowest);
         self.low_checks = match reading {
             // Counted before.
@@ -98,7 +98,7 @@ impl<'a> Laboratory<'a> {
         if std::mem::replace(&mut self.battery_state, state) == state {
             return None;
         }
-        let text = battery_trouble(stated, state, reading.as_ref());
+        let text = self.battery_trouble(reading.as_ref());
         let good = || reading.map(|reading| format!("the battery has {:.2} V", reading.voltage));
         text.or_else(good)
     }
@@ -116,14 +116,23 @@ impl<'a> Laboratory<'a> {
         if let Some(modelled) = battery::modelled(frame) {
             return Some(modelled);
         }
-        let reading = self.link(block)?.battery()?;
-        let stated = self.battery;
+        let reading = self.voltage(block)?;
         Some(BatterySnapshot {
             voltage: reading.voltage,
             age: Some(reading.age),
             factor: reading.factor,
-            trouble: stated.and_then(|stated| battery_trouble(stated, self.battery_state, Some(&reading))),
+            trouble: self.battery_trouble(Some(&reading)),
         })
+    }
+
+    /// Returns the newest voltage that the link has measured.
+    fn voltage(&self, block: &ControlBlock) -> Option<BatteryReading> {
+        self.link(block)?.battery()
+    }
+
+    /// Returns the warning of the measured battery in its present state, if there is one.
+    fn battery_trouble(&self, reading: Option<&BatteryReading>) -> Option<String> {
+        battery_trouble(self.battery?, self.battery_state, reading)
     }
 
     /// Returns the figures of the cameras, if there are any.
@@ -180,13 +189,10 @@ impl<'a> Laboratory<'a> {
     /// radio link or of the cameras.
     #[must_use]
     pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
-        let low = || {
-            let reading = self.link(block).and_then(|figures| figures.battery());
-            let stated = self.battery.filter(|_| self.battery_state == BatteryState::Low)?;
-            battery_trouble(stated, BatteryState::Low, reading.as_ref())
-        };
-        let failures = self.failures(block, elapsed_ns).into_iter().flatten();
-        low().into_iter().chain(failures).next()
+        if self.battery_state == BatteryState::Low {
+            return self.battery_trouble(self.voltage(block).as_ref());
+        }
+        self.failures(block, elapsed_ns).into_iter().flatten().next()
     }
 
     /// Returns the changes since the last call, as sentences.

@@ -9,6 +9,7 @@ use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
 use rustix::fs::{Mode, OFlags, open};
+use rustix::io::Errno;
 
 /// Number of reserved descriptors: enough to restart all services at once.
 const COUNT: usize = 64;
@@ -49,9 +50,13 @@ impl DescriptorReserve {
 
     /// Reserves all or none, which is tried again after a while: part of them would be the last ones, which others need.
     fn fill(&mut self) {
-        let open = || open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty());
-        let opened: Result<Vec<_>, _> = std::iter::repeat_with(open).take(COUNT).collect();
+        let opened: Result<Vec<_>, _> = std::iter::repeat_with(reserved_descriptor).take(COUNT).collect();
         self.lent_at = opened.is_err().then(Instant::now);
         self.reserved = opened.unwrap_or_default();
     }
+}
+
+/// Opens a file that is never read, for its descriptor.
+pub(crate) fn reserved_descriptor() -> Result<OwnedFd, Errno> {
+    open("/dev/null", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())
 }
