@@ -13,8 +13,8 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use common::processes::{
-    await_process, await_successor, free_the_descriptors_of, is_alive, processes_of, services_of,
-    shared_memory_of, signal, use_up_the_descriptors_of,
+    await_process, await_reserved_descriptors, await_successor, free_the_descriptors_of, is_alive,
+    processes_of, services_of, shared_memory_of, signal, use_up_the_descriptors_of,
 };
 use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
 use rand_chacha::ChaCha8Rng;
@@ -290,12 +290,13 @@ fn services_are_started_again_where_the_orchestrator_can_open_no_more_files() {
         let place = Place::new();
         let run = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
         let orchestrator = run.id();
-        // Its start is over: it opens files only for restarts from now on.
+        // Its start is over: it opens files only for restarts from now on, for which it holds descriptors.
         place.await_log("out", 200_000);
         let is_standby = |(name, _): &(String, u32)| name == SPARE;
         until("the standby process", || {
             processes_of(orchestrator).iter().any(is_standby).then_some(())
         });
+        await_reserved_descriptors(orchestrator);
         use_up_the_descriptors_of(orchestrator);
         assert_eq!(
             place.look().is_some(),

@@ -111,6 +111,18 @@ pub(crate) fn await_end(pid: u32) {
     until("the end of a killed process", || (!is_alive(pid)).then_some(()));
 }
 
+/// Waits until an orchestrator holds the descriptors that it reserves for restarts: it lends them for the start of its standby
+/// process.
+pub(crate) fn await_reserved_descriptors(orchestrator: u32) {
+    until("the reserved descriptors", || {
+        let listed = std::fs::read_dir(format!("/proc/{orchestrator}/fd")).ok()?;
+        let is_reserved = |file: &std::fs::DirEntry| {
+            std::fs::read_link(file.path()).is_ok_and(|target| target == Path::new("/dev/null"))
+        };
+        (listed.flatten().filter(is_reserved).count() >= 64).then_some(())
+    });
+}
+
 /// A process can open no more files from now on.
 pub(crate) fn use_up_the_descriptors_of(pid: u32) {
     let listed = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();

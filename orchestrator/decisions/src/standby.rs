@@ -114,7 +114,6 @@ impl Supervision {
     /// Starts a standby process if there is none, and replaces one that does not answer: while no service needs a
     /// restart, which has precedence, or while one takes too long to start.
     pub(crate) fn keep_standby(&mut self, now: Moment) {
-        self.act(Action::RefillReserve);
         match self.standby.check(now) {
             (Some(missed), _) => self.kill_standby(now, Some(missed.to_owned())),
             (None, true) => {

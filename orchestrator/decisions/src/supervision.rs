@@ -250,6 +250,7 @@ impl Supervision {
                 self.resume_in_lock_step(now, facts);
             }
         } else if self.is_in_flight {
+            self.act(Action::RefillReserve);
             self.keep_standby(now);
         }
     }

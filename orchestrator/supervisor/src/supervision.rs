@@ -30,6 +30,7 @@ use runtime::shared_page::SharedPage;
 use runtime::step_log::StepLog;
 use rustix::process::Signal;
 use shared_types::{Schedule, ServiceId};
+use system_limits::resource_limits;
 
 use hand_over::HandOvers;
 pub use metrics::summary::restart::Restart;
@@ -247,8 +248,7 @@ impl<'a> Supervisor<'a> {
                 }
             }
             Err(error) => {
-                let reason = RunFailure::setup(error).to_string();
-                self.handle(number, Event::NotStarted(reason));
+                self.handle(number, Event::NotStarted(resource_limits::in_words(&error)));
             }
         }
     }

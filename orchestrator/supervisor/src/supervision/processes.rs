@@ -133,7 +133,7 @@ impl<'a> Processes<'a> {
     }
 
     /// Sends the start message to a new process, with its role if it has one.
-    pub(super) fn send_start(&self, number: ProcessNumber, role: Option<Role>) -> Result<(), RunFailure> {
+    pub(super) fn send_start(&self, number: ProcessNumber, role: Option<Role>) -> Result<(), ControlError> {
         let start = Start {
             role: role.map(|role| self.role(role)),
             ..self.start.clone()
@@ -144,7 +144,7 @@ impl<'a> Processes<'a> {
         match process.channel.try_send(&ToService::Start(Box::new(start))) {
             // A dead process is detected by its end.
             Ok(_) | Err(ControlError::Closed) => Ok(()),
-            Err(error) => Err(RunFailure::setup(error)),
+            Err(error) => Err(error),
         }
     }
 
