@@ -48,8 +48,9 @@ fn script(text: &str) -> String {
 fn erase(external_service: &mut ExternalService, topics: &'static [Topic]) {
     external_service.mischief = Box::new(move |_, samples| {
         let all = ServiceId::Controller.outputs().iter();
-        let outputs =
-            all.filter(|output| output.topic != Topic::ControlTelemetry && !output.topic.is_of_a_sensor());
+        let outputs = all.filter(|output| {
+            output.topic != Topic::ControlTelemetry && !output.topic.is_of_flight_outdoors()
+        });
         assert_eq!(
             samples.len(),
             outputs.clone().count(),

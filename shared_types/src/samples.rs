@@ -344,6 +344,32 @@ crate::sample! {
         /// Explicit padding.
         pub pad0: [u8; 7],
     }
+
+    /// Innovations of inertial navigation: of each source the last, and what became of its measurements.
+    pub struct NavigationInnovations {
+        /// Common header.
+        pub header: Header,
+        /// Time of validity of the last measurement of each source, ns since the start of the flight; 0 for none. Sources: position
+        /// and velocity of a fix, field, altitude, zero velocity and rate of a vehicle at rest.
+        pub valid_ns: [u64; 6],
+        /// Innovations of these measurements, three numbers a source: m and m/s in {I}, G in {B}, m and two zeros, m/s in {I},
+        /// rad/s in {B}.
+        pub innovations: [f64; 18],
+        /// Their predicted variances.
+        pub variances: [f64; 18],
+        /// Their normalised squares: χ² of three degrees of freedom, of an altitude of one.
+        pub normalised_squares: [f64; 6],
+        /// Measurements fused since the start of the flight.
+        pub fused: [u32; 6],
+        /// Measurements beyond the gate since the start of the flight.
+        pub refused: [u32; 6],
+        /// Measurements that were late, from the future, not finite, or too many, since the start of the flight.
+        pub unusable: [u32; 6],
+        /// `true` if the last measurement was within the gate.
+        pub accepted: [Flag; 6],
+        /// Explicit padding.
+        pub pad0: [u8; 2],
+    }
 }
 
 impl MocapPose {

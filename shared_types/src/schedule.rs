@@ -260,7 +260,7 @@ impl Schedule {
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => self.has_telemetry,
-            topic if topic.is_of_a_sensor() => self.has_sensors,
+            topic if topic.is_of_flight_outdoors() => self.has_sensors,
             _ => true,
         }
     }
@@ -483,7 +483,7 @@ impl Schedule {
             self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
         let topics = Topic::ALL
             .into_iter()
-            .filter(|topic| self.has_sensors || !topic.is_of_a_sensor());
+            .filter(|topic| self.has_sensors || !topic.is_of_flight_outdoors());
         let periods: u64 = self
             .services
             .iter()

@@ -9,7 +9,7 @@ use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, Sample
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
     BaroAltitude, ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, GnssFix, ImuSample,
-    MagField, MocapPose, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
+    MagField, MocapPose, NavigationInnovations, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
 };
 
 /// Set of external services: for each service in the order of the wiring table, whether a program replaces it.
@@ -136,13 +136,17 @@ impl Topic {
             .find(|service| service.outputs().iter().any(|output| output.topic == self))
     }
 
-    /// Returns whether the topic is that of a sensor of flight outdoors, which only some flights have.
+    /// Returns whether the topic is one of flight outdoors: of a sensor or of navigation. Only flights with sensors have it.
     #[must_use]
     #[inline]
-    pub const fn is_of_a_sensor(self) -> bool {
+    pub const fn is_of_flight_outdoors(self) -> bool {
         matches!(
             self,
-            Self::ImuSample | Self::GnssFix | Self::BaroAltitude | Self::MagField
+            Self::ImuSample
+                | Self::GnssFix
+                | Self::BaroAltitude
+                | Self::MagField
+                | Self::NavigationInnovations
         )
     }
 
@@ -371,7 +375,7 @@ wiring! {
         RunEvent = "run/events";
         /// Named numbers of a controller that is not Gerono's own; only where the scenario names them.
         ControlTelemetry = "control/telemetry";
-        /// The samples of the inertial measurement unit; as the next three, only where the scenario states sensors.
+        /// The samples of the inertial measurement unit; as the next four, only where the scenario states sensors.
         ImuSample = "imu/sample";
         /// The fixes of the satellite receiver.
         GnssFix = "gnss/fix";
@@ -379,6 +383,8 @@ wiring! {
         BaroAltitude = "baro/altitude";
         /// The fields of the magnetometer.
         MagField = "mag/field";
+        /// The innovations of inertial navigation; all zero without it.
+        NavigationInnovations = "navigation/innovations";
     }
     services {
         /// Rigid body, actuators, disturbances and the simulated cameras and sensors.
@@ -395,7 +401,7 @@ wiring! {
                 pose: MocapPose, frame: RcFrame after 1, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
                 field: MagField
             }
-            EstimatorOutputs { state: VehicleState }
+            EstimatorOutputs { state: VehicleState, innovations: NavigationInnovations }
         }
         /// The path and its timing law.
         PathGenerator = path_generator {

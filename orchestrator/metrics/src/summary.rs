@@ -349,7 +349,8 @@ impl FlightSummary {
             | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField => {}
+            | Topic::MagField
+            | Topic::NavigationInnovations => {}
         }
         if let Some(response) = &mut self.response {
             response.observe(topic, bytes);

@@ -177,7 +177,8 @@ impl<'a> Gatherer<'a> {
             | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField => {}
+            | Topic::MagField
+            | Topic::NavigationInnovations => {}
         }
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);

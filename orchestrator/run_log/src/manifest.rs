@@ -101,7 +101,7 @@ impl Manifest {
         let (mut differing, mut earlier_layouts) = (Vec::new(), BTreeMap::new());
         for topic in Topic::ALL {
             match metadata.get(&layout_key(topic)) {
-                None if topic == Topic::ControlTelemetry || topic.is_of_a_sensor() => {}
+                None if topic == Topic::ControlTelemetry || topic.is_of_flight_outdoors() => {}
                 Some(layout) if *layout == topic.layout_hash() => {}
                 Some(layout) if topic.padding_in(layout).is_some() => {
                     earlier_layouts.insert(topic, layout.clone());

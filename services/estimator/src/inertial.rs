@@ -33,7 +33,7 @@ use shared_types::gnss::FixKind;
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
 use shared_types::rotation::to_row_major;
 use shared_types::sample::{Field as _, Flag};
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame};
+use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, NavigationInnovations, RcFrame};
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
 use shared_types::{Now, Service, ServiceId};
@@ -331,6 +331,22 @@ impl InertialEstimatorService {
         [self.was_healthy && is_recent && is_moving_known, self.coasts]
     }
 
+    /// Writes the last innovation of each source.
+    fn write_innovations(&self, sample: &mut NavigationInnovations) {
+        for (index, source) in Source::ALL.into_iter().enumerate() {
+            let status = self.filter.source(source);
+            let three = 3 * index..3 * index + 3;
+            sample.valid_ns[index] = status.fused_ns.max(status.refused_ns);
+            sample.innovations[three.clone()].copy_from_slice(&status.innovation);
+            sample.variances[three].copy_from_slice(&status.variance);
+            sample.normalised_squares[index] = status.squared_distance;
+            sample.fused[index] = status.fused;
+            sample.refused[index] = status.refused;
+            sample.unusable[index] = status.unusable;
+            sample.accepted[index] = (status.fused > 0 && status.fused_ns >= status.refused_ns).into();
+        }
+    }
+
     /// Returns the number of samples that were refused, by the validators and by the filter.
     fn refused(&self) -> u32 {
         let validators = [
@@ -371,6 +387,9 @@ impl Service for InertialEstimatorService {
             state.tracked = tracked.into();
             state.coasting = coasting.into();
             state.captures_refused = self.refused();
+        }
+        if let Some(innovations) = outputs.innovations.due() {
+            self.write_innovations(innovations);
         }
     }
 

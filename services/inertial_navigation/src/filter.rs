@@ -72,11 +72,22 @@ pub enum Source {
     FixVelocity = 1,
     Field = 2,
     Altitude = 3,
+    /// Velocity of a vehicle at rest, without a gate.
+    ZeroVelocity = 4,
+    /// Rate of a vehicle at rest, without a gate.
+    RestingRate = 5,
 }
 
 impl Source {
     /// All sources.
-    pub const ALL: [Self; 4] = [Self::FixPosition, Self::FixVelocity, Self::Field, Self::Altitude];
+    pub const ALL: [Self; 6] = [
+        Self::FixPosition,
+        Self::FixVelocity,
+        Self::Field,
+        Self::Altitude,
+        Self::ZeroVelocity,
+        Self::RestingRate,
+    ];
 }
 
 shared_types::sample! {
@@ -88,7 +99,11 @@ shared_types::sample! {
         pub refused_since_ns: u64,
         /// Time of validity of the last that was refused, ns since the start of the flight; 0 for none.
         pub refused_ns: u64,
-        /// Squared Mahalanobis distance of the last innovation, of as many degrees of freedom as it has numbers.
+        /// The last innovation; an altitude has one number.
+        pub innovation: [f64; 3],
+        /// Its predicted variances.
+        pub variance: [f64; 3],
+        /// Its squared Mahalanobis distance, of as many degrees of freedom as it has numbers.
         pub squared_distance: f64,
         /// Number of those fused.
         pub fused: u32,
@@ -172,7 +187,7 @@ pub(crate) struct Memory {
     pub is_starting: bool,
     /// Kind of the last fix; `None` before the first.
     pub kind: Option<FixKind>,
-    pub sources: [SourceStatus; 4],
+    pub sources: [SourceStatus; 6],
     /// Sum of the jumps of the position by resets in {I}, m.
     pub jump_world: Vector3<f64>,
 }
@@ -220,7 +235,7 @@ impl InertialFilter {
                 rest,
                 is_starting: false,
                 kind: None,
-                sources: [source; 4],
+                sources: [source; 6],
                 jump_world: Vector3::zeros(),
             },
         }
@@ -539,12 +554,11 @@ impl InertialFilter {
             return false;
         }
         horizon.carry(&self.parameters, self.fix_errors());
+        let time_ns = horizon.time_ns;
         let velocity = measurement::zero_velocity(&horizon.kinematics, REST_DEVIATION);
-        let innovation = horizon.innovation(&velocity);
-        horizon.correct(&innovation);
+        self.fuse(horizon, Source::ZeroVelocity, time_ns, &velocity);
         let rate = measurement::resting_rate(&rate, sums.span, &horizon.biases, &self.parameters);
-        let innovation = horizon.innovation(&rate);
-        horizon.correct(&innovation);
+        self.fuse(horizon, Source::RestingRate, time_ns, &rate);
         true
     }
 
@@ -585,6 +599,7 @@ impl InertialFilter {
                 };
                 self.fuse_altitude(horizon, &altitude)
             }
+            Source::ZeroVelocity | Source::RestingRate => false,
         }
     }
 
@@ -653,7 +668,7 @@ impl InertialFilter {
         verdict != Verdict::Refused
     }
 
-    /// Corrects the horizon by a measurement within its gate.
+    /// Corrects the horizon by a measurement within its gate, if it has one.
     fn fuse<const M: usize>(
         &mut self,
         horizon: &mut Horizon,
@@ -663,8 +678,15 @@ impl InertialFilter {
     ) -> Verdict {
         let innovation = horizon.innovation(measured);
         let status = &mut self.memory.sources[source as usize];
-        status.squared_distance = innovation.squared_distance().unwrap_or(f64::MAX);
-        let gate = if M == 1 { GATES[0] } else { GATES[1] };
+        status.innovation[..M].copy_from_slice(measured.residual.as_slice());
+        status.variance[..M].copy_from_slice(innovation.variances().as_slice());
+        // What is published must be finite.
+        status.squared_distance = innovation.squared_distance().unwrap_or(f64::MAX).min(f64::MAX);
+        let gate = match source {
+            Source::Altitude => GATES[0],
+            Source::FixPosition | Source::FixVelocity | Source::Field => GATES[1],
+            Source::ZeroVelocity | Source::RestingRate => f64::MAX,
+        };
         if status.squared_distance <= gate && horizon.correct(&innovation) {
             (status.fused_ns, status.refused_since_ns) = (time_ns, u64::MAX);
             status.fused = status.fused.saturating_add(1);

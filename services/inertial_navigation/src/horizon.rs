@@ -49,6 +49,12 @@ impl<const M: usize> Innovation<M> {
         Some(whitened.norm_squared())
     }
 
+    /// Returns the diagonal of S.
+    #[must_use]
+    pub fn variances(&self) -> SVector<f64, M> {
+        self.covariance.diagonal()
+    }
+
     fn factor(&self) -> Option<Cholesky<f64, Const<M>>> {
         self.covariance.cholesky()
     }

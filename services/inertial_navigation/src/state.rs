@@ -57,7 +57,7 @@ shared_types::sample! {
         /// Motors and rest.
         pub rest: Rest,
         /// What has become of the measurements of each source.
-        pub sources: [SourceStatus; 4],
+        pub sources: [SourceStatus; 6],
         /// Sum of the jumps of the position by resets in {I}, m.
         pub jump_world: [f64; 3],
         /// `true` if there is a horizon.

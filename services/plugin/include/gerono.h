@@ -375,6 +375,22 @@ typedef struct {
 GERONO_ASSERT(sizeof(gerono_mag_field) == 64, "another layout of gerono_mag_field");
 #define GERONO_MAG_FIELD_LAYOUT "177a1001a689c9b9a22778c1d381a35b"
 
+/* A sample of `navigation/innovations`. */
+typedef struct {
+    gerono_header header;               /* Common header. */
+    uint64_t valid_ns[6];               /* Time of validity of the last measurement of each source, ns since the start of the flight; 0 for none. Sources: position and velocity of a fix, field, altitude, zero velocity and rate of a vehicle at rest. */
+    double innovations[18];             /* Innovations of these measurements, three numbers a source: m and m/s in {I}, G in {B}, m and two zeros, m/s in {I}, rad/s in {B}. */
+    double variances[18];               /* Their predicted variances. */
+    double normalised_squares[6];       /* Their normalised squares: χ² of three degrees of freedom, of an altitude of one. */
+    uint32_t fused[6];                  /* Measurements fused since the start of the flight. */
+    uint32_t refused[6];                /* Measurements beyond the gate since the start of the flight. */
+    uint32_t unusable[6];               /* Measurements that were late, from the future, not finite, or too many, since the start of the flight. */
+    uint8_t accepted[6];                /* `true` if the last measurement was within the gate. */
+    uint8_t pad0[2];                    /* Explicit padding. */
+} gerono_navigation_innovations;
+GERONO_ASSERT(sizeof(gerono_navigation_innovations) == 488, "another layout of gerono_navigation_innovations");
+#define GERONO_NAVIGATION_INNOVATIONS_LAYOUT "aa2faefe0b9882682447cbc27bf0cc48"
+
 /* Inputs and outputs of `plant`. */
 enum {
     GERONO_PLANT_IN_FRAME = 0,
@@ -396,8 +412,9 @@ enum {
     GERONO_ESTIMATOR_IN_ALTITUDE = 4,
     GERONO_ESTIMATOR_IN_FIELD = 5,
     GERONO_ESTIMATOR_OUT_STATE = 0,
+    GERONO_ESTIMATOR_OUT_INNOVATIONS = 1,
 };
-#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT}
+#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_NAVIGATION_INNOVATIONS_LAYOUT}
 
 /* Inputs and outputs of `path_generator`. */
 enum {

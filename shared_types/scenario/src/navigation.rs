@@ -189,7 +189,7 @@ impl Scenario {
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => !self.controller.telemetry.is_empty(),
-            topic if topic.is_of_a_sensor() => self.sensors.is_some(),
+            topic if topic.is_of_flight_outdoors() => self.sensors.is_some(),
             _ => true,
         }
     }

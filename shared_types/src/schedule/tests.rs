@@ -60,8 +60,9 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
         Topic::GnssFix,
         Topic::BaroAltitude,
         Topic::MagField,
+        Topic::NavigationInnovations,
     ])));
-    assert_eq!(without.run_ahead_ticks() + 4, sensors.run_ahead_ticks());
+    assert_eq!(without.run_ahead_ticks() + 5, sensors.run_ahead_ticks());
     for service in ServiceId::ALL {
         // Hosts go by the position of an output.
         let outputs = without.outputs(service).map(|output| output.topic);

@@ -1,9 +1,14 @@
-//! Inputs of an estimator without sensors of flight outdoors.
+//! Ports of an estimator without sensors of flight outdoors.
 
-use shared_types::service::InputView;
+use shared_types::service::{InputView, OutputSlot};
 
 /// Returns all inputs: a capture and a frame.
 pub fn inputs<'a>(pose: InputView<'a>, frame: InputView<'a>) -> [InputView<'a>; 6] {
     let none = InputView::default();
     [pose, frame, none, none, none, none]
+}
+
+/// Returns all outputs: a state.
+pub fn outputs(state: Option<&mut [u8]>) -> [OutputSlot<'_>; 2] {
+    [OutputSlot { bytes: state }, OutputSlot::default()]
 }

@@ -9,7 +9,9 @@ use sensor_models::{
 use shared_types::Now;
 use shared_types::geodesy::LocalFrame;
 use shared_types::gnss::FixKind;
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame, VehicleState};
+use shared_types::samples::{
+    BaroAltitude, GnssFix, ImuSample, MagField, NavigationInnovations, RcFrame, VehicleState,
+};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -168,7 +170,16 @@ fn view<T: IntoBytes + zerocopy::Immutable>(sample: &Option<T>) -> InputView<'_>
     }
 }
 
-fn step(service: &mut InertialEstimatorService, step: u64, arrived: &Arrived) -> VehicleState {
+fn step(service: &mut InertialEstimatorService, number: u64, arrived: &Arrived) -> VehicleState {
+    published(service, number, arrived).0
+}
+
+/// Makes a step. Returns all that it publishes.
+fn published(
+    service: &mut InertialEstimatorService,
+    step: u64,
+    arrived: &Arrived,
+) -> (VehicleState, NavigationInnovations) {
     let now = Now {
         tick: step,
         time_ns: step * STEP_NS,
@@ -176,9 +187,15 @@ fn step(service: &mut InertialEstimatorService, step: u64, arrived: &Arrived) ->
         operator: shared_types::Operator::FLYING,
     };
     let mut state = VehicleState::new_zeroed();
-    let mut outputs = [OutputSlot {
-        bytes: Some(state.as_mut_bytes()),
-    }];
+    let mut innovations = NavigationInnovations::new_zeroed();
+    let mut outputs = [
+        OutputSlot {
+            bytes: Some(state.as_mut_bytes()),
+        },
+        OutputSlot {
+            bytes: Some(innovations.as_mut_bytes()),
+        },
+    ];
     let inputs = [
         InputView::default(),
         view(&arrived.frame),
@@ -188,7 +205,7 @@ fn step(service: &mut InertialEstimatorService, step: u64, arrived: &Arrived) ->
         view(&arrived.field),
     ];
     ErasedService::step(service, &now, &inputs, &mut outputs);
-    state
+    (state, innovations)
 }
 
 fn saved(service: &InertialEstimatorService) -> Vec<u8> {
@@ -229,12 +246,13 @@ fn restored_at_any_step_it_continues_with_the_same_bytes() {
         world.shift[0] = if number > 2200 { 2.0 } else { 0.0 };
         let before = saved(&service);
         let arrived = world.step(number);
-        let expected = step(&mut service, number, &arrived);
+        let expected = published(&mut service, number, &arrived);
         if number % 61 == 0 || (3950..3990).contains(&number) {
             let mut restarted = self::service();
             ErasedService::restore(&mut restarted, &before);
-            let got = step(&mut restarted, number, &arrived);
-            assert_eq!(got.as_bytes(), expected.as_bytes(), "at step {number}");
+            let got = published(&mut restarted, number, &arrived);
+            assert_eq!(got.0.as_bytes(), expected.0.as_bytes(), "at step {number}");
+            assert_eq!(got.1.as_bytes(), expected.1.as_bytes(), "at step {number}");
             assert_eq!(saved(&restarted), saved(&service), "at step {number}");
         }
     }
@@ -260,6 +278,47 @@ fn a_jump_of_the_estimate_is_no_step_of_the_published_position() {
     assert!((end - 3.0).abs() < 0.05, "{end}");
     // 3 m at 1 m/s in steps of 4 ms, and small corrections.
     assert!(largest < 0.025, "{largest}");
+}
+
+#[test]
+fn innovations_are_published_and_those_beyond_the_gate_refused() {
+    let (mut service, mut world) = (service(), World::new(11));
+    let mut last = NavigationInnovations::new_zeroed();
+    for number in 0..3000 {
+        let mut arrived = world.step(number);
+        if let Some(altitude) = arrived.altitude.as_mut().filter(|_| number >= 2500) {
+            altitude.altitude += 5.0;
+        }
+        let (_, now) = published(&mut service, number, &arrived);
+        assert_eq!(now.unusable, [0; 6]);
+        for source in 0..6 {
+            let [fused, refused] = [(now.fused, last.fused), (now.refused, last.refused)]
+                .map(|(now, last): ([u32; 6], [u32; 6])| now[source] - last[source]);
+            assert_eq!(now.valid_ns[source] > last.valid_ns[source], fused + refused > 0);
+            if fused + refused > 0 {
+                assert_eq!(now.accepted[source].is_set(), fused > 0);
+                let three = 3 * source..3 * source + 3;
+                let bound: f64 = now.innovations[three.clone()]
+                    .iter()
+                    .zip(&now.variances[three])
+                    .map(|(innovation, variance)| innovation * innovation / variance.max(f64::MIN_POSITIVE))
+                    .fold(0.0, f64::max);
+                // The square of a component alone is never above that of all together.
+                assert!(bound <= now.normalised_squares[source] * (1.0 + 1e-9), "{now:?}");
+            }
+        }
+        last = now;
+    }
+    // 11 s of fixes at 10 Hz, altitudes at 25 Hz and fields at 50 Hz, and rests at 10 Hz; 2 s of altitudes are wrong.
+    let expected = [109, 109, 544, 222, 108, 108];
+    for (fused, expected) in last.fused.into_iter().zip(expected) {
+        assert!(fused.abs_diff(expected) <= 3, "{last:?}");
+    }
+    let refused_altitudes = 47;
+    assert!(
+        last.refused[3].abs_diff(refused_altitudes) <= 2 && last.refused[2] <= 3,
+        "{last:?}"
+    );
 }
 
 /// Largest step of the published position from `from` on while the state is tracked, m, and the states.

@@ -4,7 +4,7 @@ use crate::allocations;
 use estimator::EstimatorService;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::service::{ErasedService, InputView};
 use zerocopy::{FromZeros, IntoBytes};
 
 const IDEAL: &str = "
@@ -46,9 +46,7 @@ fn tracked_and_allocations(scenario: &str) -> (u32, u64) {
                 bytes: (tick % 4 == 3).then_some(sent.as_bytes()),
                 fresh: true,
             };
-            let mut outputs = [OutputSlot {
-                bytes: Some(state.as_mut_bytes()),
-            }];
+            let mut outputs = crate::indoors::outputs(Some(state.as_mut_bytes()));
             ErasedService::step(
                 &mut service,
                 &now,

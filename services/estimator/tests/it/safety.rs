@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use shared_types::Now;
 use shared_types::sample::Field;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::service::{ErasedService, InputView};
 use zerocopy::{FromZeros, IntoBytes};
 
 use crate::garbage::sample;
@@ -63,9 +63,7 @@ fn step(
     };
     let inputs = crate::indoors::inputs(pose, frame);
     let mut state = VehicleState::new_zeroed();
-    let mut outputs = [OutputSlot {
-        bytes: Some(state.as_mut_bytes()),
-    }];
+    let mut outputs = crate::indoors::outputs(Some(state.as_mut_bytes()));
     ErasedService::step(service, &now, &inputs, &mut outputs);
     state
 }

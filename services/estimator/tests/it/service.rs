@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use scenario::Scenario;
 use shared_types::Now;
 use shared_types::samples::{MocapPose, VehicleState};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::service::{ErasedService, InputView};
 use zerocopy::{FromZeros, IntoBytes};
 
 fn service() -> EstimatorService {
@@ -50,7 +50,7 @@ fn step_into(service: &mut EstimatorService, pose: Option<&MocapPose>, state: Op
         bytes: pose.map(IntoBytes::as_bytes),
         fresh: pose.is_some(),
     };
-    let mut outputs = [OutputSlot { bytes: state }];
+    let mut outputs = crate::indoors::outputs(state);
     ErasedService::step(
         service,
         &now,

@@ -372,7 +372,7 @@ pub struct Flown {
     /// Errors at each sample of the inertial measurement unit since the alignment, with its tick.
     pub errors: Vec<(u64, Errors)>,
     /// Squared distances of the innovations of each source, the last of each step, with the times of the horizon, ns.
-    pub innovations: [Vec<(u64, f64)>; 4],
+    pub innovations: [Vec<(u64, f64)>; 6],
 }
 
 impl Flown {
@@ -383,7 +383,7 @@ impl Flown {
             filter: InertialFilter::new(parameters),
             truths,
             errors: Vec::new(),
-            innovations: [const { Vec::new() }; 4],
+            innovations: [const { Vec::new() }; 6],
         };
         let mut tick = 0;
         for mut event in events {
@@ -402,14 +402,14 @@ impl Flown {
         flown
     }
 
-    fn counts(&self) -> [u32; 4] {
+    fn counts(&self) -> [u32; 6] {
         Source::ALL.map(|source| {
             let status = self.filter.source(source);
             status.fused + status.refused
         })
     }
 
-    fn observe(&mut self, tick: u64, before: [u32; 4]) {
+    fn observe(&mut self, tick: u64, before: [u32; 6]) {
         let after = self.counts();
         for source in Source::ALL {
             let place = source as usize;

@@ -45,7 +45,7 @@ impl Scenario {
 impl Scenario {
     /// Requires that the samples of a faulty input exist in the flight.
     fn check_input_exists(&self, edge: EdgeName, key: &Key, found: &mut Findings) {
-        if !self.has_topic(edge.topic) && edge.topic.is_of_a_sensor() {
+        if !self.has_topic(edge.topic) && edge.topic.is_of_flight_outdoors() {
             found.add(
                 key.clone(),
                 format!("the flight has no `{}`", edge.topic),

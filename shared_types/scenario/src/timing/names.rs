@@ -24,9 +24,9 @@ impl EdgeName {
     /// Returns all edges in the order by which they choose their random numbers: those of sensors follow all others, so that
     /// flights without sensors have the numbers of earlier versions.
     pub(crate) fn numbered() -> impl Iterator<Item = Self> {
-        let is_of_a_sensor = |edge: &Self| edge.topic.is_of_a_sensor();
-        let others = Self::all().filter(move |edge| !is_of_a_sensor(edge));
-        others.chain(Self::all().filter(is_of_a_sensor))
+        let is_of_flight_outdoors = |edge: &Self| edge.topic.is_of_flight_outdoors();
+        let others = Self::all().filter(move |edge| !is_of_flight_outdoors(edge));
+        others.chain(Self::all().filter(is_of_flight_outdoors))
     }
 
     /// Returns the edge from a topic to a service, if it exists.

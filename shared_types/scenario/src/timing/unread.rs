@@ -43,7 +43,7 @@ impl Scenario {
                 Some(("estimator", has_filter))
             }
             // Sensors may be there for the log alone.
-            (ServiceId::Estimator, topic) if topic.is_of_a_sensor() => {
+            (ServiceId::Estimator, topic) if topic.is_of_flight_outdoors() => {
                 Some(("navigation", self.navigation.is_some()))
             }
             // The phases depend on them: armed, taken off, landed.

@@ -4,7 +4,7 @@ use estimator::{Estimate, EstimatorService};
 use scenario::{Kalman, Model};
 use shared_types::Now;
 use shared_types::samples::{MocapPose, RcFrame, VehicleState};
-use shared_types::service::{ErasedService, InputView, OutputSlot};
+use shared_types::service::{ErasedService, InputView};
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::rig::{Rig, TICK_NS, World, pilot_on_the_eight, scenario};
@@ -33,9 +33,7 @@ fn step(
         operator: shared_types::Operator::FLYING,
     };
     let mut state = VehicleState::new_zeroed();
-    let mut outputs = [OutputSlot {
-        bytes: Some(state.as_mut_bytes()),
-    }];
+    let mut outputs = crate::indoors::outputs(Some(state.as_mut_bytes()));
     ErasedService::step(
         service,
         &now,
