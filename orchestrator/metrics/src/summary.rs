@@ -8,6 +8,7 @@ pub mod battery;
 mod cameras;
 pub mod faults;
 mod flight;
+pub mod innovations;
 mod kill;
 pub mod laboratory;
 mod phase;
@@ -36,6 +37,7 @@ pub use cameras::LateCameras;
 use faults::{FaultReport, FaultWatch, PlannedFault};
 use flight::FlightWatch;
 pub use flight::{FlightPhaseBegin, cause_in_words, limit_in_words, not_level_in_words, not_ready_in_words};
+use innovations::{InnovationWatch, SourceInnovations};
 pub use kill::Kill;
 use kill::KillWatch;
 use laboratory::LaboratoryReport;
@@ -169,6 +171,9 @@ pub struct Summary {
     /// Late cameras of a laboratory; none if they were on time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub late_cameras: Option<LateCameras>,
+    /// The sources of inertial navigation; empty without it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub innovations: Vec<SourceInnovations>,
     /// The modelled battery; none unless the scenario states one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub battery: Option<ModelledBattery>,
@@ -253,6 +258,8 @@ pub struct FlightSummary {
     /// `None` without the cameras of a laboratory.
     cameras: Option<Box<CameraWatch>>,
     battery: Option<ModelledBattery>,
+    /// `None` without inertial navigation.
+    innovations: Option<Box<InnovationWatch>>,
     /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
@@ -301,6 +308,7 @@ impl FlightSummary {
                 .capture_system()
                 .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
             battery: None,
+            innovations: scenario.navigation.as_ref().map(|_| Box::default()),
             has_phases: scenario.flight.is_some(),
             counts: Recorded::of_topics(scenario).map(SequenceCount::new),
             first_tick: 0,
@@ -349,8 +357,12 @@ impl FlightSummary {
             | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField
-            | Topic::NavigationInnovations => {}
+            | Topic::MagField => {}
+            Topic::NavigationInnovations => {
+                if let Some(innovations) = &mut self.innovations {
+                    view(bytes, |sample| innovations.observe(sample));
+                }
+            }
         }
         if let Some(response) = &mut self.response {
             response.observe(topic, bytes);
@@ -517,6 +529,11 @@ impl FlightSummary {
                 .cameras
                 .as_ref()
                 .and_then(|cameras| cameras.finish(run.timing.as_ref())),
+            innovations: self
+                .innovations
+                .as_ref()
+                .map(|innovations| innovations.finish())
+                .unwrap_or_default(),
             battery: self.battery,
             topics: Topic::ALL
                 .into_iter()

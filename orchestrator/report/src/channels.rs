@@ -3,9 +3,12 @@
 //! A value that a sample does not have is NaN.
 
 use control_law::yaw::shorter_way;
+use metrics::summary::innovations::{FREEDOM, SOURCES};
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
-use shared_types::samples::{ControlAdaptation, ControlCommand, ControlErrors, PathReference, VehicleTruth};
+use shared_types::samples::{
+    ControlAdaptation, ControlCommand, ControlErrors, NavigationInnovations, PathReference, VehicleTruth,
+};
 
 /// Channels of `vehicle/truth`.
 pub const TRUTH: [&str; 13] = [
@@ -122,6 +125,18 @@ pub const REFERENCE: [&str; 3] = ["gamma_dot", "gamma_dot_desired", "yaw"];
 /// γ̇, γ̇d and ψd.
 pub fn reference(reference: &PathReference) -> [f64; REFERENCE.len()] {
     [reference.gamma_dot, reference.gamma_dot_desired, reference.yaw]
+}
+
+/// Channels of `navigation/innovations`.
+pub const INNOVATIONS: [&str; SOURCES.len()] = SOURCES;
+
+/// The last innovation of each source, over its predicted deviation: the root of the normalised square per degree of freedom; NaN
+/// before the first.
+pub fn innovations(sample: &NavigationInnovations) -> [f64; INNOVATIONS.len()] {
+    std::array::from_fn(|index| match sample.valid_ns[index] {
+        0 => f64::NAN,
+        _ => (sample.normalised_squares[index] / FREEDOM[index]).sqrt(),
+    })
 }
 
 fn norm(vector: [f64; 3]) -> f64 {

@@ -104,6 +104,7 @@ struct Gatherer<'a> {
     adaptations: Table,
     references: Table,
     telemetry: Table,
+    innovations: Table,
     track: Track,
     marks: Marks,
     summary: FlightSummary,
@@ -134,6 +135,13 @@ impl<'a> Gatherer<'a> {
                 &scenario.controller.telemetry,
                 schedule,
                 buckets,
+            ),
+            innovations: table(
+                Topic::NavigationInnovations,
+                match scenario.navigation {
+                    Some(_) => &channels::INNOVATIONS,
+                    None => &[],
+                },
             ),
             track: Track::new(schedule),
             marks: Marks::default(),
@@ -177,8 +185,10 @@ impl<'a> Gatherer<'a> {
             | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField
-            | Topic::NavigationInnovations => {}
+            | Topic::MagField => {}
+            Topic::NavigationInnovations => {
+                self.innovations.add(tick, &channels::innovations(&read(bytes)));
+            }
         }
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);
@@ -210,6 +220,7 @@ impl<'a> Gatherer<'a> {
             (Topic::ControlAdaptation, self.adaptations),
             (Topic::PathReference, self.references),
             (Topic::ControlTelemetry, self.telemetry),
+            (Topic::NavigationInnovations, self.innovations),
         ];
         // A laboratory flight has no truth; for all others the truth replaces the estimate.
         let omitted = match self.tracker.source() {

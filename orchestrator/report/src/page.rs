@@ -18,6 +18,7 @@ use super::track::PageTrack;
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
 use metrics::summary::faults::FaultReport;
+use metrics::summary::innovations::SourceInnovations;
 use metrics::summary::{Kill, Phase, TopicCount};
 use metrics::tracker::StateSource;
 
@@ -66,6 +67,9 @@ struct PageFlight<'a> {
     facts: Option<&'a RunFacts>,
     phases: &'a [Phase],
     faults: &'a [FaultReport],
+    innovations: &'a [SourceInnovations],
+    /// What is wrong with sources of inertial navigation.
+    navigation: Option<String>,
     topics: &'a [TopicCount],
     marks: &'a [Mark],
     spans: Vec<Span>,
@@ -162,6 +166,8 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         facts: flight.facts.as_ref(),
         phases: &flight.summary.phases,
         faults: &flight.summary.faults,
+        innovations: &flight.summary.innovations,
+        navigation: flight.summary.navigation_problems(),
         topics: &flight.summary.topics,
         marks: &flight.marks,
         spans: marks::spans(scenario),

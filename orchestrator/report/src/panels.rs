@@ -41,6 +41,7 @@ const STATE: &str = "vehicle/state";
 const COMMAND: &str = "control/command";
 const ADAPTATION: &str = "control/adaptation";
 const REFERENCE: &str = "path/reference";
+const INNOVATIONS: &str = "navigation/innovations";
 
 const fn curve(topic: &'static str, channel: &'static str, label: &'static str, dash: u8) -> Curve {
     Curve {
@@ -53,6 +54,12 @@ const fn curve(topic: &'static str, channel: &'static str, label: &'static str, 
 
 const fn group(name: &'static str, curves: &'static [Curve]) -> Group {
     Group { name, curves }
+}
+
+macro_rules! innovation {
+    ($source:literal) => {
+        group($source, &[curve(INNOVATIONS, $source, $source, 0)])
+    };
 }
 
 const fn panel(title: &'static str, unit: &'static str, groups: &'static [Group]) -> Panel {
@@ -83,7 +90,7 @@ macro_rules! for_each_axis {
 }
 
 /// All panels, in the order of the page. The page omits a panel without data.
-const PANELS: [Panel; 13] = [
+const PANELS: [Panel; 14] = [
     Panel {
         is_logarithmic: true,
         has_bound: true,
@@ -194,6 +201,21 @@ const PANELS: [Panel; 13] = [
             ],
         )],
     ),
+    Panel {
+        is_logarithmic: true,
+        ..panel(
+            "Innovations over their predicted deviation",
+            "1",
+            &[
+                innovation!("position"),
+                innovation!("velocity"),
+                innovation!("field"),
+                innovation!("altitude"),
+                innovation!("zero velocity"),
+                innovation!("resting rate"),
+            ],
+        )
+    },
 ];
 
 /// Returns all panels, with one for each of these names of telemetry.
@@ -224,13 +246,14 @@ mod tests {
             .flat_map(|group| group.curves)
             .map(|curve| (curve.topic, curve.channel))
             .collect();
-        let tables: [(&str, &[&str]); 6] = [
+        let tables: [(&str, &[&str]); 7] = [
             (TRUTH, &channels::TRUTH),
             (STATE, &channels::STATE),
             (ERRORS, &channels::ERRORS),
             (COMMAND, &channels::COMMAND),
             (ADAPTATION, &channels::ADAPTATION),
             (REFERENCE, &channels::REFERENCE),
+            (INNOVATIONS, &channels::INNOVATIONS),
         ];
         let channels: BTreeSet<_> = tables
             .into_iter()

@@ -6,6 +6,7 @@ use scenario::Vector;
 
 use super::faults::{BEFORE, faults_in_words};
 use super::flight;
+use super::innovations::{self, SourceInnovations};
 use super::{AgainstBound, Outcome, Phase, Summary, TopicCount};
 use crate::stretch::Metrics;
 use crate::tracker::StateSource;
@@ -47,6 +48,9 @@ impl Display for Summary {
                 length(SETTLED)
             );
             writeln!(formatter, "{}\n", wrapped(&back))?;
+        }
+        if !self.innovations.is_empty() {
+            writeln!(formatter, "{}\n", innovations::in_words(&self.innovations))?;
         }
         if let Some(battery) = &self.battery {
             writeln!(formatter, "{}", wrapped(&battery.to_string()))?;
@@ -119,6 +123,9 @@ impl Summary {
             let text = "LOW BATTERY: below `rc_output.battery.lowest`";
             writeln!(formatter, "{}", wrapped(text))?;
         }
+        if let Some(problems) = self.navigation_problems() {
+            writeln!(formatter, "{}", wrapped(&format!("NAVIGATION: {problems}")))?;
+        }
         if let Some(loss) = &self.lost {
             let text = format!("LOST at {} s: {loss}", loss.time);
             writeln!(formatter, "{}", wrapped(&text))?;
@@ -135,6 +142,14 @@ impl Summary {
         let measured = self.run.laboratory.as_ref();
         let measured = measured.and_then(|laboratory| laboratory.radio_link.as_ref()?.battery.as_ref());
         self.battery.is_some_and(|battery| battery.was_low) || measured.is_some_and(|battery| battery.was_low)
+    }
+
+    /// Describes what is wrong with the sources of inertial navigation; `None` if nothing is.
+    #[must_use]
+    pub fn navigation_problems(&self) -> Option<String> {
+        let problems = self.innovations.iter().filter_map(SourceInnovations::problem);
+        let problems: Vec<_> = problems.collect();
+        (!problems.is_empty()).then(|| problems.join("; "))
     }
 
     /// Returns the headline: the number by which a flight is judged.

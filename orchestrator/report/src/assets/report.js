@@ -383,6 +383,9 @@ function drawHead() {
   for (const flight of flights.filter(({ response }) => response !== null)) {
     byId("banners").append(element("p", { class: "banner alarm", role: "alert" }, `${named(flight)}WRONG: ${flight.response}.`));
   }
+  for (const flight of flights.filter(({ navigation }) => navigation !== null)) {
+    byId("banners").append(element("p", { class: "banner", role: "alert" }, `${named(flight)}NAVIGATION: ${flight.navigation}.`));
+  }
   for (const flight of flights.filter(({ lost }) => lost !== null)) {
     byId("banners").append(element("p", { class: "banner alarm", role: "alert" },
       `${named(flight)}the vehicle was LOST at ${label(flight.lost.time)} s: ${flight.lost.words}.`));
@@ -465,6 +468,16 @@ function drawResults() {
   const estimated = flights.some(({ source }) => source === "estimate") ? " In a laboratory it is estimated: the truth is not recorded." : "";
   byId("phases").append(element("p", { class: "hint" },
     `Distance from the path: from the true position to the path's point of the same time, while the vehicle flies along its path.${estimated}${theorem}`));
+}
+
+function drawInnovations() {
+  const rows = flights.flatMap((flight) => flight.innovations.map((source) => [
+    `${named(flight)}${source.source}`, source.fused, source.refused, source.unusable, number(source.mean_square, 3),
+    `${source.freedom} ± ${number(source.half_width, 3)}`, number(source.largest_gap, 2),
+  ]));
+  if (rows.length === 0) return;
+  byId("phases").append(element("h3", {}, "Inertial navigation"),
+    tableOf(["source", "fused", "refused", "unusable", "mean normalised square", "expected, 95 %", "largest gap, s"], rows));
 }
 
 function drawFaults() {
@@ -610,6 +623,7 @@ const orbit = new Orbit(byId("orbit"), flights, () => ({
   grid: variable("--line"), faint: variable("--faint"), ink: variable("--ink"), bound: variable("--bound"), path: variable("--path"), fence: variable("--fault"),
 }));
 drawResults();
+drawInnovations();
 panelsToDraw().forEach(draw);
 drawTiming();
 drawMarkList();

@@ -1,0 +1,263 @@
+//! Consistency of inertial navigation: whether its innovations scatter as it predicts, and which sources were cut off.
+
+use std::fmt::{Display, Formatter, Result};
+
+use serde::Serialize;
+use shared_types::samples::NavigationInnovations;
+use shared_types::service::seconds;
+
+/// The sources, in the order of the sample.
+pub const SOURCES: [&str; 6] = [
+    "position",
+    "velocity",
+    "field",
+    "altitude",
+    "zero velocity",
+    "resting rate",
+];
+
+/// Degrees of freedom of their normalised squares.
+pub const FREEDOM: [f64; SOURCES.len()] = [3.0, 3.0, 3.0, 1.0, 3.0, 3.0];
+
+/// Their 99.9 % quantiles, at which the filter's gates are. A refused square counts as that large, so that a fault does not hide all
+/// others.
+const LARGEST: [f64; SOURCES.len()] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27];
+
+/// The sources that measure all the time; the others only at rest.
+const CONTINUOUS: usize = 4;
+
+/// Time without a fused measurement above which a source counts as cut off, s: the state coasts then without fixes.
+const CUT_OFF: f64 = 1.0;
+
+/// Ratio of the mean normalised square to its expectation above which a source is wrong by more than the filter believes. The 95 %
+/// interval of a whole flight is so narrow that any unmodelled error leaves it.
+const INCONSISTENT: f64 = 1.5;
+
+/// Share of refused measurements above which a source is inconsistent: 0.1 % of consistent ones are beyond the gate.
+const REFUSED: f64 = 0.02;
+
+/// What became of the measurements of a source.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SourceInnovations {
+    /// Name of the source.
+    pub source: &'static str,
+    /// Measurements fused.
+    pub fused: u32,
+    /// Measurements beyond the gate.
+    pub refused: u32,
+    /// Measurements that were late, from the future, not finite, or too many.
+    pub unusable: u32,
+    /// Degrees of freedom of a normalised square, which is the expectation of its mean.
+    pub freedom: f64,
+    /// Mean normalised square, in which one beyond the gate counts as at the gate; `None` without any.
+    pub mean_square: Option<f64>,
+    /// Half of the width of its 95 % interval, for independent innovations of the predicted variance.
+    pub half_width: f64,
+    /// Longest time without a fused measurement, s; `None` for a source that measures only at rest.
+    pub largest_gap: Option<f64>,
+    /// Time of the last measurement before it, s.
+    pub gap_begins: f64,
+}
+
+/// Running [`SourceInnovations`] in constant memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct InnovationWatch {
+    last: Option<NavigationInnovations>,
+    tallies: [Tally; SOURCES.len()],
+    /// Time from which a measurement can be fused, ns: that of the first of any source.
+    from_ns: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    sum: f64,
+    count: u32,
+    fused_ns: Option<u64>,
+    gap_ns: u64,
+    gap_begins_ns: u64,
+}
+
+impl Tally {
+    /// Ends a stretch without fused measurements.
+    fn end_gap(&mut self, from_ns: u64, to_ns: u64) {
+        let begins_ns = self.fused_ns.unwrap_or(from_ns);
+        let gap_ns = to_ns.saturating_sub(begins_ns);
+        if gap_ns > self.gap_ns {
+            (self.gap_ns, self.gap_begins_ns) = (gap_ns, begins_ns);
+        }
+    }
+}
+
+impl InnovationWatch {
+    pub(super) fn observe(&mut self, sample: &NavigationInnovations) {
+        let before = self
+            .last
+            .replace(*sample)
+            .map_or([0; SOURCES.len()], |last| last.valid_ns);
+        for (index, tally) in self.tallies.iter_mut().enumerate() {
+            // Of several in one step the sample has the last.
+            if sample.valid_ns[index] == before[index] {
+                continue;
+            }
+            let valid_ns = sample.valid_ns[index];
+            let from_ns = *self.from_ns.get_or_insert(valid_ns);
+            tally.sum += sample.normalised_squares[index].min(LARGEST[index]);
+            tally.count += 1;
+            if sample.accepted[index].is_set() {
+                tally.end_gap(from_ns, valid_ns);
+                tally.fused_ns = Some(valid_ns);
+            }
+        }
+    }
+
+    /// Returns what became of all sources; nothing before the first measurement.
+    pub(super) fn finish(&self) -> Vec<SourceInnovations> {
+        let (Some(last), Some(from_ns)) = (&self.last, self.from_ns) else {
+            return Vec::new();
+        };
+        let of_source = |(index, &(mut tally)): (usize, &Tally)| {
+            let freedom = FREEDOM[index];
+            tally.end_gap(from_ns, last.header.stamp_ns);
+            let count = f64::from(tally.count);
+            SourceInnovations {
+                source: SOURCES[index],
+                fused: last.fused[index],
+                refused: last.refused[index],
+                unusable: last.unusable[index],
+                freedom,
+                mean_square: (count > 0.0).then(|| tally.sum / count),
+                half_width: 1.96 * (2.0 * freedom / count.max(1.0)).sqrt(),
+                largest_gap: (index < CONTINUOUS).then(|| seconds(tally.gap_ns)),
+                gap_begins: seconds(tally.gap_begins_ns),
+            }
+        };
+        self.tallies.iter().enumerate().map(of_source).collect()
+    }
+}
+
+impl SourceInnovations {
+    /// Describes what is wrong with the source; `None` if nothing is.
+    #[must_use]
+    pub fn problem(&self) -> Option<String> {
+        let Self { source, .. } = self;
+        if let Some(gap) = self.largest_gap.filter(|gap| *gap > CUT_OFF) {
+            return Some(format!(
+                "{source} cut off for {gap:.1} s from {:.1} s on",
+                self.gap_begins
+            ));
+        }
+        let of = |mean: f64| mean > INCONSISTENT * self.freedom && mean > self.freedom + self.half_width;
+        if let Some(mean) = self.mean_square.filter(|mean| of(*mean)) {
+            let ratio = (mean / self.freedom).sqrt();
+            return Some(format!(
+                "{source} inconsistent, its innovations {ratio:.1} times as large as predicted"
+            ));
+        }
+        let judged = f64::from(self.fused) + f64::from(self.refused);
+        (f64::from(self.refused) > REFUSED * judged).then(|| {
+            format!(
+                "{source} inconsistent, {} of {judged} measurements refused",
+                self.refused
+            )
+        })
+    }
+}
+
+impl Display for SourceInnovations {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        let Self {
+            source,
+            fused,
+            refused,
+            freedom,
+            half_width,
+            ..
+        } = self;
+        write!(formatter, "{source:<14}{fused:>7}{refused:>9}  ")?;
+        match self.mean_square {
+            Some(mean) => write!(formatter, "{mean:>6.3} of {freedom} ± {half_width:.3}")?,
+            None => write!(formatter, "{:>18}", "–")?,
+        }
+        match self.largest_gap {
+            Some(gap) => write!(formatter, "{gap:>9.2} s"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Describes all sources as a table.
+pub(super) fn in_words(sources: &[SourceInnovations]) -> String {
+    let head = format!(
+        "{:<14}{:>7}{:>9}   {:<18}{:>11}",
+        "navigation", "fused", "refused", "normalised square", "gap"
+    );
+    let lines = sources.iter().map(ToString::to_string);
+    std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    /// A watch of 100 s in which each source is fused at 10 Hz, with these normalised squares per degree of freedom, but for
+    /// altitudes from 40 to 52 s.
+    fn watched(square: f64, refused: u32) -> Vec<SourceInnovations> {
+        let mut watch = InnovationWatch::default();
+        let mut sample = NavigationInnovations::new_zeroed();
+        for step in 0..=1000_u32 {
+            sample.header.stamp_ns = u64::from(step) * 100_000_000;
+            watch.observe(&sample);
+            for source in (0..SOURCES.len()).filter(|&source| source != 3 || !(400..520).contains(&step)) {
+                sample.fused[source] += 1;
+                sample.accepted[source] = true.into();
+                sample.valid_ns[source] = sample.header.stamp_ns + 1;
+                sample.normalised_squares[source] = square * FREEDOM[source];
+            }
+        }
+        sample.refused[2] = refused;
+        watch.observe(&sample);
+        watch.finish()
+    }
+
+    #[test]
+    fn of_each_source_the_mean_and_the_longest_gap_are_found() {
+        let sources = watched(1.02, 5);
+        for (source, freedom) in sources.iter().zip(FREEDOM) {
+            assert!(
+                (source.mean_square.unwrap() - 1.02 * freedom).abs() < 1e-9,
+                "{source:?}"
+            );
+            assert_eq!(source.freedom, freedom);
+        }
+        let [position, _, field, altitude, rest, _] = sources.as_slice() else {
+            panic!()
+        };
+        assert_eq!((position.fused, field.refused, altitude.fused), (1001, 5, 881));
+        assert!((position.half_width - 1.96 * (6.0 / 1001.0_f64).sqrt()).abs() < 1e-9);
+        assert!(
+            (altitude.largest_gap.unwrap() - 12.1).abs() < 1e-6 && (altitude.gap_begins - 39.9).abs() < 1e-6
+        );
+        assert!((position.largest_gap.unwrap() - 0.1).abs() < 1e-6 && rest.largest_gap.is_none());
+    }
+
+    #[test]
+    fn a_source_that_is_wrong_or_cut_off_is_a_problem_and_no_other() {
+        let problems = |sources: Vec<SourceInnovations>| {
+            let problems = sources.iter().map(SourceInnovations::problem);
+            problems.collect::<Vec<_>>()
+        };
+        let cut_off = Some("altitude cut off for 12.1 s from 39.9 s on".to_owned());
+        assert_eq!(
+            problems(watched(1.0, 5)),
+            [None, None, None, cut_off.clone(), None, None]
+        );
+        let refused = Some("field inconsistent, 50 of 1051 measurements refused".to_owned());
+        assert_eq!(
+            problems(watched(1.0, 50)),
+            [None, None, refused, cut_off.clone(), None, None]
+        );
+        let wrong = Some("velocity inconsistent, its innovations 2.0 times as large as predicted".to_owned());
+        assert_eq!(problems(watched(4.0, 0))[1], wrong);
+    }
+}
