@@ -6,6 +6,7 @@
 pub mod arguments;
 mod chain;
 mod deaths;
+mod estimator_step;
 mod in_a_row;
 mod laboratory;
 mod latency;

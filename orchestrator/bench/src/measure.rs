@@ -12,6 +12,7 @@ use runtime::deployment;
 use scenario::Scenario;
 use shared_types::{ServiceId, Topic};
 
+use super::estimator_step;
 use super::in_a_row::InARow;
 use super::ring::Members;
 use super::{Measured, Row, ring};
@@ -86,6 +87,8 @@ struct Series {
     in_a_row: Vec<f64>,
     in_process: Vec<f64>,
     in_process_recorded: Vec<f64>,
+    inertial_steps: Vec<f64>,
+    capture_steps: Vec<f64>,
     restart_milliseconds: Vec<f64>,
     quick_restart_milliseconds: Vec<f64>,
     fifo_refused: Option<String>,
@@ -122,6 +125,11 @@ impl Series {
             let ending = in_process::fly(whole, &mut Nowhere, &Interrupt::never())?;
             self.in_process.push(rate(&ending)?);
         }
+        let [outdoors, indoors] = estimator_step::scenarios()?;
+        self.inertial_steps
+            .push(estimator_step::thousand_steps_per_second(&outdoors)?);
+        self.capture_steps
+            .push(estimator_step::thousand_steps_per_second(&indoors)?);
         self.in_process_recorded
             .push(recorded(whole, &flight.folder, |sink| {
                 Ok(in_process::fly(whole, sink, &Interrupt::never())?)
@@ -181,6 +189,18 @@ impl Series {
                 &self.in_process_recorded,
                 Some(in_a_row),
                 None,
+            ),
+            row(
+                "step of the estimator, motion capture",
+                &self.capture_steps,
+                None,
+                None,
+            ),
+            row(
+                "step of the estimator, inertial",
+                &self.inertial_steps,
+                Some(("motion capture", &self.capture_steps)),
+                Some("at 250 Hz; wanted: at least 0.33".to_owned()),
             ),
         ]
     }
