@@ -11,7 +11,8 @@
 //! * *found flying*: at the first steps after a cold start of the path generator, frames have at least the thrust that the
 //!   lightest vehicle needs to fly. The reference then starts at the vehicle and moves to the path, as in a take-off;
 //! * *stranded*: after dead reckoning the vehicle is found on the ground, and the landing continues there. If it is slower than
-//!   [`AT_REST`], it has landed and is disarmed;
+//!   [`AT_REST`], it has landed and is disarmed. Only an estimate whose standard deviation is below [`LIFTED`] tells the ground
+//!   from the air;
 //! * *strayed*: after dead reckoning, or after a gap of the steps, the vehicle is found farther than [`STRAYED`] from the
 //!   reference, or with a velocity that differs from the reference's by more than [`STRAYED_BY_SPEED`]; or the reference of a
 //!   landing has [left behind](LEFT_BEHIND) a tracked vehicle in the air. The reference then restarts at the vehicle: the
@@ -500,9 +501,11 @@ impl Phases {
         // The vehicle is tracked at this step; both times are still those of the previous steps.
         let not_looked_for = persistent.unseen_for.max(persistent.away_for);
         let is_found = not_looked_for > BRAKE_AFTER && input.is_seen();
+        // A position from satellites alone is wrong by metres: a vehicle on it is on the ground only by its thrust.
         let is_on_the_ground = input.vehicle.is_some_and(|vehicle| {
             let [.., z] = vehicle.position_world;
-            persistent.ground_known.is_set() && (z - persistent.ground).abs() < LIFTED
+            let is_level = (z - persistent.ground).abs() < LIFTED && vehicle.position_sigma < LIFTED;
+            persistent.ground_known.is_set() && is_level
         });
         // Without tracking only a landing descends at once.
         let falls_after = if self.phase() == FlightPhase::Land {

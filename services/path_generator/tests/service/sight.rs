@@ -280,14 +280,16 @@ fn a_cold_start_in_the_air_leads_the_vehicle_from_its_place_to_the_path() {
 /// Seen again at rest, a vehicle has come down only where it was armed, and after a time in which it can have come down.
 #[test]
 fn only_on_the_ground_where_it_was_armed_is_a_vehicle_disarmed_that_is_seen_again() {
-    for (knows_ground, above, unseen, phase) in [
-        (true, 0.0, 600, PathReference::PHASE_DISARMED),
-        (true, 0.03, 600, PathReference::PHASE_DISARMED),
-        (true, 0.0, 300, PathReference::PHASE_LAND),
-        (true, -0.3, 600, PathReference::PHASE_TAKE_OFF),
-        (true, 0.3, 600, PathReference::PHASE_TAKE_OFF),
-        (false, 0.0, 600, PathReference::PHASE_TAKE_OFF),
-        (false, -0.5, 600, PathReference::PHASE_TAKE_OFF),
+    for (knows_ground, above, sigma, unseen, phase) in [
+        (true, 0.0, 0.0, 600, PathReference::PHASE_DISARMED),
+        (true, 0.03, 0.0, 600, PathReference::PHASE_DISARMED),
+        // By satellites alone: it may be in the air.
+        (true, 0.0, 0.5, 600, PathReference::PHASE_TAKE_OFF),
+        (true, 0.0, 0.0, 300, PathReference::PHASE_LAND),
+        (true, -0.3, 0.0, 600, PathReference::PHASE_TAKE_OFF),
+        (true, 0.3, 0.0, 600, PathReference::PHASE_TAKE_OFF),
+        (false, 0.0, 0.0, 600, PathReference::PHASE_TAKE_OFF),
+        (false, -0.5, 0.0, 600, PathReference::PHASE_TAKE_OFF),
     ] {
         let mut flown = FlownPath::eight();
         flown.until(ARMED, PathReference::PHASE_FLY);
@@ -303,10 +305,11 @@ fn only_on_the_ground_where_it_was_armed_is_a_vehicle_disarmed_that_is_seen_agai
         }
         let [x, y, _] = flown.vehicle.position_world;
         flown.vehicle = vehicle([x, y, PLACE[2] - above], [0.0; 3]);
+        flown.vehicle.position_sigma = sigma;
         let found = flown.step(ARMED).phase;
         assert_eq!(
             found, phase,
-            "{above} m above, unseen for {unseen} ms, ground known: {knows_ground}"
+            "{above} m above, ± {sigma} m, unseen for {unseen} ms, ground known: {knows_ground}"
         );
     }
 }
