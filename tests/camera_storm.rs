@@ -17,9 +17,9 @@ use crate::common;
 use std::fmt::{Display, Formatter};
 
 use adversary::{Adversary, Event, KINDS, Kind, Ports, Served, Spoil, plan};
-use common::laboratory::free_port;
 use common::logs::last_of_host;
 use common::pilot::{ask, comes_to_the_path};
+use common::ports::free_port;
 use common::world::{World, arguments, samples};
 use common::{Place, begin, finish, said, until};
 use run_log::CaptureFigures;

@@ -10,7 +10,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use common::laboratory::{free_port, serial_line};
+use common::laboratory::serial_line;
+use common::ports::free_port;
 use flight::interrupt::Interrupt;
 use motion_capture::conventions::{Calibration, WorldPose};
 use motion_capture::natnet::Version;

@@ -11,8 +11,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use common::laboratory::{free_port, serial_line};
+use common::laboratory::serial_line;
 use common::logs::last_of_host;
+use common::ports::free_port;
 use common::processes::{await_process, await_successor, signal};
 use common::{
     Begun, Place, begin, complaint, finish, fly_to_the_end, output, said, scenario, succeed, until,

@@ -6,7 +6,7 @@ use std::net::UdpSocket;
 use std::process::{Child, Output};
 use std::time::Duration;
 
-use common::laboratory::free_port;
+use common::ports::free_port;
 use common::{Place, output, said};
 use motion_capture::natnet::{ServerInfo, Version};
 

@@ -9,9 +9,9 @@ use std::net::{TcpListener, UdpSocket};
 use std::path::Path;
 use std::time::Duration;
 
-use common::laboratory::free_port;
 use common::logs::last_of_host;
 use common::pilot::{ask, comes_to_the_path};
+use common::ports::free_port;
 use common::processes::{await_end, fill_the_disk_of, services_of, signal};
 use common::world::{World, arguments, arguments_of, kept_time, samples};
 use common::{Place, begin, complaint, finish, output, said, scenario, succeed, until, wait};

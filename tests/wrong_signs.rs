@@ -9,8 +9,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use std::time::{Duration, Instant};
 
-use common::laboratory::free_port;
 use common::pilot::ask;
+use common::ports::free_port;
 use common::world::{World, arguments, kept_time, samples};
 use common::{Place, begin, complaint, finish, succeed, until};
 use shared_types::samples::VehicleTruth;

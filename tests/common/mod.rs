@@ -5,6 +5,7 @@ pub(crate) mod container;
 pub(crate) mod laboratory;
 pub(crate) mod logs;
 pub(crate) mod pilot;
+pub(crate) mod ports;
 pub(crate) mod processes;
 mod rig;
 pub(crate) mod share;

@@ -1,9 +1,10 @@
 //! What holds for every motion-capture system: these tests go through [`CaptureSystem::ALL`], so that a new one is among
 //! them.
 
+use crate::ports::free_port;
 use crate::systems;
 use std::collections::BTreeSet;
-use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::time::{Duration, Instant};
 
 use motion_capture::protocol::{self, Plan, SentFrame};
@@ -108,11 +109,6 @@ fn the_longest_name_arrives_whole() {
         let found = decoded(system, &[(&name, Some(systems::pose(system, 3)))]);
         assert_eq!(found[0].name.as_bytes(), name.as_bytes(), "{system:?}");
     }
-}
-
-fn free_port() -> u16 {
-    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    socket.local_addr().unwrap().port()
 }
 
 /// Over sockets, as `gerono mocap probe` receives them.

@@ -5,6 +5,8 @@ mod agreement;
 mod allocations;
 mod campaign;
 mod no_allocation;
+#[path = "../../../../tests/common/ports.rs"]
+mod ports;
 mod strangers;
 mod systems;
 mod wire;
