@@ -38,7 +38,7 @@ shared_types::sample! {
         pub reckoned: Reckoned,
         /// The transfer back to the law.
         pub transfer: Transfer,
-        /// Time for which the cameras have not detected the vehicle, ns.
+        /// Time for which nothing has measured the vehicle, ns.
         pub unseen_ns: u64,
     }
 }
@@ -71,7 +71,8 @@ impl Safety {
 
     /// Returns the stage for the age of the state. Without a last command to hold, the vehicle levels out instead.
     pub fn stage(&mut self, now: &Now, input: &ControlInput<'_>, last: Option<&Commanded>) -> FailsafeStage {
-        self.state.unseen_ns = if input.state.coasting.is_set() {
+        let is_unseen = input.state.coasting.is_set() && !input.state.inertial.is_set();
+        self.state.unseen_ns = if is_unseen {
             self.state.unseen_ns.saturating_add(now.elapsed_ns)
         } else {
             0

@@ -17,17 +17,18 @@
 //!   inertial measurement unit arrive. It coasts while fixes are missing for more than a second;
 //! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
 //!   that is accepted again) is no step of the published one, which follows over [`ramp`](scenario::Navigation::ramp), and by at
-//!   most 1 m/s. After a silence, or when it is more than 0.2 m behind, it coasts until 3 cm are left: who asks where a
-//!   vehicle was found gets the answer at the end. The published velocity is that of the filter.
+//!   most 1 m/s; and so with the velocity, above 0.1 m/s and by at most 1 m/s². After a silence, or when the position is more than
+//!   0.2 m behind, the state coasts until 3 cm are left: who asks where a vehicle was found gets the answer at the end.
 
 use inertial_navigation::error_state::POSITION;
 use inertial_navigation::parameters::InertialNoise;
 use inertial_navigation::{
-    Altitude, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters, Source,
-    SourceStatus,
+    Altitude, Correction, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters,
+    Source, SourceStatus,
 };
 use nalgebra::Vector3;
-use scenario::{Navigation, Scenario};
+use scenario::{GRAVITY, Key, Model, Navigation, Problem, Scenario};
+use shared_types::flight_phase::UNLOADED;
 use shared_types::geodesy::{Geodetic, LocalFrame};
 use shared_types::gnss::FixKind;
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
@@ -36,10 +37,11 @@ use shared_types::sample::{Field as _, Flag};
 use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, NavigationInnovations, RcFrame};
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
-use shared_types::{Now, Service, ServiceId};
+use shared_types::{Now, Schedule, Service, ServiceId, Topic};
 use vehicle_model::lag::Lag;
 
 use crate::kalman::commands::{Command, CommandHistory, Stretch};
+use crate::kalman::filter::schedule_of;
 use crate::kalman::motion::{Actuation, NominalState, VehicleModel};
 use crate::source::Estimate;
 
@@ -52,10 +54,10 @@ const LARGEST_FIELD: f64 = 20.0;
 
 /// Time without a fused fix above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
-/// Correction of the position above which the published one follows slowly, m.
-const LARGE_CORRECTION: f64 = 0.05;
-/// Highest speed at which it does, m/s.
-const FASTEST_RAMP: f64 = 1.0;
+/// Correction of the position (m) above which the published one follows slowly, and the highest speed at which it does, m/s.
+const POSITION_FOLLOWS: [f64; 2] = [0.05, 1.0];
+/// The same of the velocity, m/s and m/s².
+const VELOCITY_FOLLOWS: [f64; 2] = [0.1, 1.0];
 /// Distances of the published position from the estimate, m: above the one it begins to coast, and below the other it ceases.
 const FAR_BEHIND: f64 = 0.2;
 const CAUGHT_UP: f64 = 0.03;
@@ -81,10 +83,10 @@ shared_types::sample! {
         pub rates_body: [f64; 3],
         /// d in {I}, m/s².
         pub push_world: [f64; 3],
-        /// Published minus estimated position after the last large correction, in {I}, m.
-        pub offset_world: [f64; 3],
-        /// Time of the last large correction, ns since the start of the flight.
-        pub jumped_ns: u64,
+        /// Published minus estimated position, m.
+        pub position_offset: Offset,
+        /// Published minus estimated velocity, m/s.
+        pub velocity_offset: Offset,
         /// Time since which fixes are fused without a break, ns since the start of the flight; all ones while they are not.
         pub healthy_since_ns: u64,
         /// State of the input validator of samples of the inertial measurement unit.
@@ -114,6 +116,38 @@ shared_types::sample! {
     }
 }
 
+shared_types::sample! {
+    /// Published minus estimated value after the last large correction, from which the published one follows.
+    pub struct Offset {
+        /// At the time of that correction, in {I}.
+        pub world: [f64; 3],
+        /// That time, ns since the start of the flight.
+        pub corrected_ns: u64,
+    }
+}
+
+impl Offset {
+    const NONE: Self = Self {
+        world: [0.0; 3],
+        corrected_ns: 0,
+    };
+
+    /// Returns the offset now: it vanishes over `ramp` s, and not faster than `fastest` in a second.
+    fn now(&self, now: &Now, ramp: f64, [_, fastest]: [f64; 2]) -> Vector3<f64> {
+        let world = Vector3::from(self.world);
+        let since = seconds(now.time_ns.saturating_sub(self.corrected_ns));
+        world * (1.0 - since / ramp.max(world.norm() / fastest)).max(0.0)
+    }
+
+    /// Begins again after a large correction of the estimate.
+    fn correct(&mut self, now: &Now, ramp: f64, follows: [f64; 2], correction_world: &Vector3<f64>) {
+        if correction_world.norm() > follows[0] {
+            self.world = (self.now(now, ramp, follows) - correction_world).into();
+            self.corrected_ns = now.time_ns;
+        }
+    }
+}
+
 /// Estimator of flight outdoors as a service.
 #[derive(Clone, Debug)]
 pub struct InertialEstimatorService {
@@ -130,8 +164,8 @@ pub struct InertialEstimatorService {
     time_ns: u64,
     actuation: Actuation,
     push_world: Vector3<f64>,
-    offset_world: Vector3<f64>,
-    jumped_ns: u64,
+    position_offset: Offset,
+    velocity_offset: Offset,
     healthy_since_ns: Option<u64>,
     was_healthy: bool,
     coasts: bool,
@@ -145,12 +179,15 @@ pub struct InertialEstimatorService {
 
 impl InertialEstimatorService {
     /// Makes the estimator of a checked scenario with inertial navigation.
-    #[must_use]
-    pub fn new(scenario: &Scenario) -> Self {
+    ///
+    /// # Errors
+    /// If its times make that it can never be tracked, or if more frames are under way than it stores.
+    pub fn new(scenario: &Scenario) -> Result<Self, Problem> {
         let navigation = scenario.navigation.clone().unwrap_or_default();
         let model = scenario.model.clone().unwrap_or_default();
         let datum = scenario.datum_or_default();
-        Self {
+        check_times(&navigation, &model, &schedule_of(scenario)?)?;
+        Ok(Self {
             frame: datum.frame(),
             vehicle: VehicleModel::new(&model),
             mass: model.mass,
@@ -167,8 +204,8 @@ impl InertialEstimatorService {
                 rates_body: Vector3::zeros(),
             },
             push_world: Vector3::zeros(),
-            offset_world: Vector3::zeros(),
-            jumped_ns: 0,
+            position_offset: Offset::NONE,
+            velocity_offset: Offset::NONE,
             healthy_since_ns: None,
             was_healthy: false,
             coasts: true,
@@ -178,7 +215,7 @@ impl InertialEstimatorService {
             fix: InputValidator::default(),
             altitude: InputValidator::default(),
             field: InputValidator::default(),
-        }
+        })
     }
 
     fn add_frame(&mut self, now: &Now, frame: &RcFrame) {
@@ -191,7 +228,8 @@ impl InertialEstimatorService {
         }
         self.history.push(self.history.command_of(acts_from_ns, frame));
         self.motors_turn = !frame.failsafe.is_set();
-        self.filter.set_motors(now.time_ns, self.motors_turn);
+        let carries = self.motors_turn && frame.thrust > UNLOADED * self.mass * GRAVITY;
+        self.filter.set_motors(now.time_ns, self.motors_turn, carries);
     }
 
     /// Validates the samples of all sensors, and passes those that are possible to the filter. That of the inertial measurement
@@ -232,7 +270,7 @@ impl InertialEstimatorService {
             )
         });
         if let (Some(Validity::Good), Some(sample)) = (verdict, self.imu.held()) {
-            let correction_world = self.filter.add_imu(&Measured {
+            let correction = self.filter.add_imu(&Measured {
                 time_ns: sample.measured_ns,
                 rate_body: sample.angular_velocity_body.into(),
                 force_body: sample.specific_force_body.into(),
@@ -241,9 +279,15 @@ impl InertialEstimatorService {
             let time_ns = sample.measured_ns;
             self.follow(time_ns);
             // Before it is tracked, no service uses it.
-            if self.was_healthy && correction_world.norm() > LARGE_CORRECTION {
-                self.offset_world = self.offset(now) - correction_world;
-                self.jumped_ns = now.time_ns;
+            if self.was_healthy {
+                let Correction {
+                    position_world,
+                    velocity_world,
+                } = &correction;
+                self.position_offset
+                    .correct(now, self.ramp, POSITION_FOLLOWS, position_world);
+                self.velocity_offset
+                    .correct(now, self.ramp, VELOCITY_FOLLOWS, velocity_world);
             }
         }
     }
@@ -265,18 +309,12 @@ impl InertialEstimatorService {
         }
     }
 
-    /// Returns the published minus the estimated position, m.
-    fn offset(&self, now: &Now) -> Vector3<f64> {
-        let duration = self.ramp.max(self.offset_world.norm() / FASTEST_RAMP);
-        let since = seconds(now.time_ns.saturating_sub(self.jumped_ns));
-        self.offset_world * (1.0 - since / duration).max(0.0)
-    }
-
     /// Returns the state at the time at which a frame sent now takes effect; `None` before the alignment.
     fn estimate(&self, now: &Now) -> Option<Estimate> {
         let (motion, unbiased) = (self.filter.motion()?, self.filter.unbiased()?);
         let position_sigma = self.filter.horizon()?.deviation(POSITION);
-        let offset = self.offset(now);
+        let offset = self.position_offset.now(now, self.ramp, POSITION_FOLLOWS);
+        let velocity_offset = self.velocity_offset.now(now, self.ramp, VELOCITY_FOLLOWS);
         let mut nominal = NominalState {
             position_world: motion.position_world,
             velocity_world: motion.velocity_world,
@@ -287,7 +325,7 @@ impl InertialEstimatorService {
             actuation: self.actuation,
         };
         let mut state_time_ns = self.time_ns;
-        if self.motors_turn && now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS {
+        if self.motors_turn && self.measures_motion(now) {
             state_time_ns = now.time_ns.saturating_add(self.radio_latency_ns);
             nominal = self
                 .vehicle
@@ -298,7 +336,7 @@ impl InertialEstimatorService {
             state_time_ns,
             position_world: (nominal.position_world + offset).into(),
             world_from_body: to_row_major(r),
-            velocity_body: r.tr_mul(&nominal.velocity_world).into(),
+            velocity_body: r.tr_mul(&(nominal.velocity_world + velocity_offset)).into(),
             angular_velocity_body: (nominal.actuation.rates_body + nominal.rate_bias_body).into(),
             acceleration_world: if self.motors_turn {
                 self.vehicle.acceleration(&nominal).into()
@@ -316,6 +354,11 @@ impl InertialEstimatorService {
         (status.fused > 0).then(|| now.time_ns.saturating_sub(status.fused_ns))
     }
 
+    /// Returns whether the newest sample of the inertial measurement unit is recent.
+    fn measures_motion(&self, now: &Now) -> bool {
+        now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS
+    }
+
     /// Returns whether the state is tracked, and whether it coasts.
     fn trust(&mut self, now: &Now) -> [bool; 2] {
         let without_fix_ns = self.without_fix_for_ns(now);
@@ -324,11 +367,13 @@ impl InertialEstimatorService {
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
             since_ns.is_some_and(|since| now.time_ns.saturating_sub(since) >= self.healthy_for_ns);
-        let is_moving_known = now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS;
         let is_recent = without_fix_ns.is_some_and(|without| without <= self.coast_ns);
-        let behind = self.offset(now).norm();
+        let behind = self.position_offset.now(now, self.ramp, POSITION_FOLLOWS).norm();
         self.coasts = coasts || behind > if self.coasts { CAUGHT_UP } else { FAR_BEHIND };
-        [self.was_healthy && is_recent && is_moving_known, self.coasts]
+        [
+            self.was_healthy && is_recent && self.measures_motion(now),
+            self.coasts,
+        ]
     }
 
     /// Writes the last innovation of each source.
@@ -386,6 +431,7 @@ impl Service for InertialEstimatorService {
             self.last.write(state);
             state.tracked = tracked.into();
             state.coasting = coasting.into();
+            state.inertial = (self.filter.motion().is_some() && self.measures_motion(now)).into();
             state.captures_refused = self.refused();
         }
         if let Some(innovations) = outputs.innovations.due() {
@@ -408,8 +454,8 @@ impl Service for InertialEstimatorService {
             thrust: self.actuation.thrust,
             rates_body: self.actuation.rates_body.into(),
             push_world: self.push_world.into(),
-            offset_world: self.offset_world.into(),
-            jumped_ns: self.jumped_ns,
+            position_offset: self.position_offset,
+            velocity_offset: self.velocity_offset,
             healthy_since_ns: self.healthy_since_ns.unwrap_or(u64::MAX),
             imu,
             fix,
@@ -437,8 +483,8 @@ impl Service for InertialEstimatorService {
             rates_body: state.rates_body.into(),
         };
         self.push_world = state.push_world.into();
-        self.offset_world = state.offset_world.into();
-        self.jumped_ns = state.jumped_ns;
+        self.position_offset = state.position_offset;
+        self.velocity_offset = state.velocity_offset;
         self.healthy_since_ns = Some(state.healthy_since_ns).filter(|&since| since != u64::MAX);
         self.was_healthy = state.was_healthy.is_set();
         self.coasts = state.coasts.is_set();
@@ -513,8 +559,62 @@ fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
         field_arming_deviation: navigation.field_arming,
         altitude_deviation: navigation.altitude_bias,
         altitude_white: navigation.altitude_white,
+        altitude_ground_effect: navigation.altitude_ground_effect,
         altitude_walk: navigation.altitude_walk,
         horizon: navigation.horizon,
         reset_after: navigation.reset_after,
     }
+}
+
+/// Checks the times between measurements and frames: with these the state is tracked while all samples arrive.
+fn check_times(navigation: &Navigation, model: &Model, schedule: &Schedule) -> Result<(), Problem> {
+    let key_of = |table, name: &str| Key::root().then("schedule").then(table).then(name);
+    let period_ns = |topic| schedule.time_ns(schedule.topic_rate(topic).period);
+    let inputs = ServiceId::Estimator.inputs();
+    let imu = inputs.iter().position(|input| input.topic == Topic::ImuSample);
+    let latency_ns = imu.map_or(0, |imu| {
+        schedule.time_ns(schedule.edge(ServiceId::Estimator, imu).latency)
+    });
+    let imu_age_ns = latency_ns + period_ns(Topic::ImuSample);
+    if imu_age_ns > OLDEST_IMU_NS {
+        return Err(Problem::new(
+            key_of("latency", "imu/sample -> estimator"),
+            format!(
+                "the vehicle would never be tracked: its motion is unknown once the newest sample is {:?} s old",
+                seconds(OLDEST_IMU_NS)
+            ),
+            "shorten it",
+        ));
+    }
+    // A fix is fused when the horizon has come to the time at which it is valid.
+    let fix_age_ns = period_ns(Topic::GnssFix) + nanoseconds(navigation.horizon) + imu_age_ns;
+    if fix_age_ns > COASTS_AFTER_NS {
+        return Err(Problem::new(
+            key_of("period", Topic::GnssFix.name()),
+            format!(
+                "the state would coast before each fix: the last one is up to {:?} s old by then, and after {:?} s it counts \
+                 as lost",
+                seconds(fix_age_ns),
+                seconds(COASTS_AFTER_NS)
+            ),
+            "shorten it, or `navigation.horizon`",
+        ));
+    }
+    if fix_age_ns > nanoseconds(navigation.coast) {
+        return Err(Problem::new(
+            Key::root().then("navigation").then("coast"),
+            format!(
+                "the vehicle would be lost before each fix: the last one is up to {:?} s old by then",
+                seconds(fix_age_ns)
+            ),
+            "give it several seconds",
+        ));
+    }
+    CommandHistory::check_capacity(
+        imu_age_ns,
+        model,
+        schedule,
+        "the newest sample of `imu/sample`",
+        "that of `imu/sample -> estimator`, the period of `imu/sample`",
+    )
 }

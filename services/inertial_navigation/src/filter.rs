@@ -10,9 +10,10 @@
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
 //!   motion that was not measured;
 //! * without fixes the motion is that of the inertial measurement unit, with a covariance that grows;
+//! * near the ground, while the motors turn, an altitude that is too low says nothing: the air below the rotors is compressed;
 //! * when motors start, the field of the vehicle may change;
-//! * while they turn, there is no alignment: a filter that begins in the air gives no state;
-//! * while they are stopped, and the vehicle is seen to be still, its velocity is zero and the gyroscope measures its bias.
+//! * while their thrust could carry the vehicle, there is no alignment: a filter that begins in the air gives no state;
+//! * while it could not, and the vehicle is seen to be still, its velocity is zero and the gyroscope measures its bias.
 
 use nalgebra::Vector3;
 use shared_types::gnss::{FixErrors, FixKind};
@@ -52,7 +53,7 @@ const BEYOND_RANGE: [f64; 2] = [160.0, 2.0];
 /// Longest time between two measurements that are refused in a row, ns.
 const SILENCE_NS: u64 = 1_000_000_000;
 
-/// Time after which stopped motors mean a vehicle at rest, ns.
+/// Time after which a vehicle that its motors do not carry may be at rest, ns.
 const SETTLED_NS: u64 = 1_000_000_000;
 /// Time over which rate and force of a vehicle at rest are averaged, s.
 const REST_SPAN: f64 = 0.1;
@@ -61,8 +62,20 @@ const STILL: [f64; 2] = [0.05, 0.5];
 /// Standard deviation of the velocity of a vehicle at rest, m/s.
 const REST_DEVIATION: f64 = 0.01;
 
+/// Height below which a barometer may read too little while the rotors turn, m.
+const NEAR_THE_GROUND: f64 = 1.0;
+
 /// Variances after which a state is as good as forgotten: of a position (m²) and of a velocity ((m/s)²).
 const FORGOTTEN: [f64; 2] = [1e6, 400.0];
+
+/// Change of the present motion by measurements.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Correction {
+    /// In {I}, m.
+    pub position_world: Vector3<f64>,
+    /// In {I}, m/s.
+    pub velocity_world: Vector3<f64>,
+}
 
 /// What corrects the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,11 +164,11 @@ shared_types::sample! {
 }
 
 shared_types::sample! {
-    /// Motors, and the vehicle that rests without them.
+    /// The vehicle that rests where its motors do not carry it.
     pub struct Rest {
         /// Time from which the vehicle may rest, ns since the start of the flight.
         pub from_ns: u64,
-        /// Time at which the motors start, ns since the start of the flight; all ones while they are stopped.
+        /// Time from which the motors carry it, ns since the start of the flight; all ones while they do not.
         pub until_ns: u64,
         /// Time over which the sums extend, s.
         pub span: f64,
@@ -163,6 +176,8 @@ shared_types::sample! {
         pub turn_body: [f64; 3],
         /// Sum of specific force and time, m/s.
         pub push_body: [f64; 3],
+        /// Position along z where it rested last, in {I}, m.
+        pub ground_z: f64,
     }
 }
 
@@ -183,8 +198,9 @@ pub(crate) struct Memory {
     /// The motion at the time of the newest sample.
     pub present: Kinematics,
     pub rest: Rest,
-    /// `true` if the motors have started, but not yet at the horizon.
-    pub is_starting: bool,
+    pub motors_turn: bool,
+    /// Time at which the motors have started, until the horizon has come there, ns since the start of the flight.
+    pub starts_ns: Option<u64>,
     /// Kind of the last fix; `None` before the first.
     pub kind: Option<FixKind>,
     pub sources: [SourceStatus; 6],
@@ -233,7 +249,8 @@ impl InertialFilter {
                 horizon: None,
                 present: Kinematics::AT_REST,
                 rest,
-                is_starting: false,
+                motors_turn: false,
+                starts_ns: None,
                 kind: None,
                 sources: [source; 6],
                 jump_world: Vector3::zeros(),
@@ -292,14 +309,18 @@ impl InertialFilter {
         (status.fused > 0).then(|| seconds(horizon.time_ns.saturating_sub(status.fused_ns)))
     }
 
-    /// States from when on the motors turn, or are stopped.
-    pub fn set_motors(&mut self, now_ns: u64, turn: bool) {
-        let was_stopped = self.memory.rest.until_ns == u64::MAX;
+    /// States that the motors turn from now on, or not, and whether their thrust could carry the vehicle. One that is not carried
+    /// rests if it is still: in the air it would fall.
+    pub fn set_motors(&mut self, now_ns: u64, turn: bool, carry: bool) {
+        if turn && !self.memory.motors_turn {
+            self.memory.starts_ns = Some(now_ns);
+        }
+        self.memory.motors_turn = turn;
         let rest = &mut self.memory.rest;
-        if turn && was_stopped {
+        let was_carried = rest.until_ns != u64::MAX;
+        if carry && !was_carried {
             rest.until_ns = now_ns;
-            self.memory.is_starting = true;
-        } else if !turn && !was_stopped {
+        } else if !carry && was_carried {
             rest.from_ns = now_ns.saturating_add(SETTLED_NS);
             rest.until_ns = u64::MAX;
         }
@@ -372,9 +393,9 @@ impl InertialFilter {
     }
 
     /// Adds a sample of the inertial measurement unit, and brings the state to its time. A sample that is not newer than the one
-    /// before is refused. Returns by how much the measurements fused in this step have moved the present position in {I}, m:
-    /// its difference from the motion before, continued by the sample.
-    pub fn add_imu(&mut self, sample: &ImuSample) -> Vector3<f64> {
+    /// before is refused. Returns by how much the measurements fused in this step have changed the present motion: its difference
+    /// from the motion before, continued by the sample.
+    pub fn add_imu(&mut self, sample: &ImuSample) -> Correction {
         let record = ImuRecord {
             time_ns: sample.time_ns,
             span_ns: sample.time_ns.saturating_sub(self.memory.newest.time_ns),
@@ -384,12 +405,12 @@ impl InertialFilter {
             pad0: [0; 7],
         };
         if record.span_ns == 0 || !record.is_finite() {
-            return Vector3::zeros();
+            return Correction::default();
         }
         self.memory.newest = record;
         if self.memory.horizon.is_none() {
             self.align(sample, seconds(record.span_ns));
-            return Vector3::zeros();
+            return Correction::default();
         }
         let mut is_corrected = self.memory.count == RING && self.process_oldest();
         let memory = &mut self.memory;
@@ -403,7 +424,7 @@ impl InertialFilter {
         self.predict(is_corrected)
     }
 
-    /// Aligns a vehicle whose motors have been stopped for long enough: in hover the specific force shows no tilt.
+    /// Aligns a vehicle that its motors have not carried for long enough: in hover the specific force shows no tilt.
     fn align(&mut self, sample: &ImuSample, h: f64) {
         let memory = &mut self.memory;
         if memory.rest.until_ns != u64::MAX || sample.time_ns < memory.rest.from_ns {
@@ -420,12 +441,12 @@ impl InertialFilter {
         }
     }
 
-    /// Brings the motion to the time of the newest sample: by that sample alone, or from a corrected horizon. Returns by how
-    /// much the correction has moved the position in {I}, m.
-    fn predict(&mut self, is_corrected: bool) -> Vector3<f64> {
+    /// Brings the motion to the time of the newest sample: by that sample alone, or from a corrected horizon. Returns what the
+    /// correction has changed.
+    fn predict(&mut self, is_corrected: bool) -> Correction {
         let memory = &mut self.memory;
         let Some(horizon) = &memory.horizon else {
-            return Vector3::zeros();
+            return Correction::default();
         };
         let step = |kinematics: Kinematics, record: &ImuRecord| {
             let unbiased = horizon
@@ -441,7 +462,10 @@ impl InertialFilter {
         } else {
             predicted
         };
-        memory.present.position_world - predicted.position_world
+        Correction {
+            position_world: memory.present.position_world - predicted.position_world,
+            velocity_world: memory.present.velocity_world - predicted.velocity_world,
+        }
     }
 
     /// Moves the horizon over the oldest sample, and fuses the measurements on the way. Returns whether the mean was corrected.
@@ -512,8 +536,12 @@ impl InertialFilter {
 
     /// Lets the field of the vehicle change when its motors start.
     fn start_motors(&mut self, horizon: &mut Horizon) {
-        if self.memory.is_starting && horizon.time_ns >= self.memory.rest.until_ns {
-            self.memory.is_starting = false;
+        if self
+            .memory
+            .starts_ns
+            .is_some_and(|starts_ns| horizon.time_ns >= starts_ns)
+        {
+            self.memory.starts_ns = None;
             let deviation = self.parameters.field_arming_deviation;
             horizon.carry(&self.parameters, self.fix_errors());
             add_to_diagonal(
@@ -531,6 +559,7 @@ impl InertialFilter {
         let mut sums = Rest {
             from_ns: rest.from_ns,
             until_ns: rest.until_ns,
+            ground_z: rest.ground_z,
             ..Rest::new_zeroed()
         };
         if (rest.from_ns..rest.until_ns).contains(&horizon.time_ns) {
@@ -553,6 +582,7 @@ impl InertialFilter {
         if !is_still {
             return false;
         }
+        self.memory.rest.ground_z = horizon.kinematics.position_world.z;
         horizon.carry(&self.parameters, self.fix_errors());
         let time_ns = horizon.time_ns;
         let velocity = measurement::zero_velocity(&horizon.kinematics, REST_DEVIATION);
@@ -661,11 +691,25 @@ impl InertialFilter {
 
     fn fuse_altitude(&mut self, horizon: &mut Horizon, sample: &Altitude) -> bool {
         let altitude = measurement::altitude(sample, &horizon.kinematics, &horizon.biases, &self.parameters);
+        let effect = -self.parameters.altitude_ground_effect..0.0;
+        if self.memory.motors_turn
+            && self.is_near_the_ground(horizon)
+            && effect.contains(&altitude.residual.x)
+        {
+            return false;
+        }
         let verdict = self.fuse(horizon, Source::Altitude, sample.time_ns, &altitude);
         if verdict == Verdict::Overdue {
             horizon.biases.altitude += altitude.residual.x;
         }
         verdict != Verdict::Refused
+    }
+
+    /// Returns whether the air below the rotors may be pressed against the ground on which the vehicle rested last.
+    fn is_near_the_ground(&self, horizon: &Horizon) -> bool {
+        let z = POSITION + 2;
+        let height = self.memory.rest.ground_z - horizon.kinematics.position_world.z;
+        height < NEAR_THE_GROUND + horizon.covariance[(z, z)].max(0.0).sqrt()
     }
 
     /// Corrects the horizon by a measurement within its gate, if it has one.

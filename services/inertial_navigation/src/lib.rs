@@ -26,7 +26,7 @@ pub mod nominal;
 pub mod parameters;
 mod state;
 
-pub use filter::{InertialFilter, Source, SourceStatus};
+pub use filter::{Correction, InertialFilter, Source, SourceStatus};
 pub use measurement::{Altitude, Field, Fix, ImuSample};
 pub use parameters::Parameters;
 pub use state::InertialState;

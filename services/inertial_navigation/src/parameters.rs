@@ -39,6 +39,8 @@ pub struct Parameters {
     pub altitude_deviation: f64,
     /// Standard deviation of the white error of an altitude, m.
     pub altitude_white: f64,
+    /// Largest altitude that may be missing near the ground while the rotors turn, m.
+    pub altitude_ground_effect: f64,
     /// Density of the walk of b_h, the slow error of the altitude, m/√s.
     pub altitude_walk: f64,
     /// Delay of the horizon, s: at least the latency of the latest measurement.
@@ -69,6 +71,7 @@ impl Default for Parameters {
             field_arming_deviation: 0.05,
             altitude_deviation: 10.0,
             altitude_white: 0.1,
+            altitude_ground_effect: 1.0,
             // 0.3 m with a correlation time of 100 s: σ √(2/τ).
             altitude_walk: 0.042,
             horizon: 0.12,

@@ -54,16 +54,18 @@ shared_types::sample! {
         pub newest: ImuRecord,
         /// The alignment.
         pub alignment: Alignment,
-        /// Motors and rest.
+        /// The vehicle at rest.
         pub rest: Rest,
+        /// Time at which the motors have started, until the horizon has come there, ns since the start of the flight; then all ones.
+        pub starts_ns: u64,
         /// What has become of the measurements of each source.
         pub sources: [SourceStatus; 6],
         /// Sum of the jumps of the position by resets in {I}, m.
         pub jump_world: [f64; 3],
         /// `true` if there is a horizon.
         pub is_aligned: Flag,
-        /// `true` if the motors have started, but not yet at the horizon.
-        pub is_starting: Flag,
+        /// `true` if the motors turn.
+        pub motors_turn: Flag,
         /// Kind of the last fix, and one more; 0 before the first.
         pub kind: u8,
         /// Explicit padding.
@@ -148,7 +150,8 @@ impl InertialFilter {
         state.rest = memory.rest;
         state.sources = memory.sources;
         state.jump_world = memory.jump_world.into();
-        state.is_starting = memory.is_starting.into();
+        state.motors_turn = memory.motors_turn.into();
+        state.starts_ns = memory.starts_ns.unwrap_or(u64::MAX);
         state.kind = memory.kind.map_or(0, |kind| kind as u8 + 1);
         state
     }
@@ -192,7 +195,8 @@ impl InertialFilter {
             horizon: state.is_aligned.is_set().then_some(horizon),
             present: (&state.present).into(),
             rest: state.rest,
-            is_starting: state.is_starting.is_set(),
+            motors_turn: state.motors_turn.is_set(),
+            starts_ns: Some(state.starts_ns).filter(|&starts| starts != u64::MAX),
             kind: FixKind::ALL
                 .into_iter()
                 .find(|kind| *kind as u8 + 1 == state.kind),

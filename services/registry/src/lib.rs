@@ -92,7 +92,7 @@ fn step_logic_in(role: ServiceId, scenario: &Scenario) -> StepLogic {
     match role {
         ServiceId::Estimator if scenario.navigation.is_some() => {
             step_logic_of::<InertialEstimatorService>(|scenario| {
-                Ok(Box::new(InertialEstimatorService::new(scenario)))
+                Ok(Box::new(InertialEstimatorService::new(scenario)?))
             })
         }
         _ => step_logic(role),

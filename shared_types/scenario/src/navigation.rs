@@ -110,6 +110,9 @@ pub struct Navigation {
     /// Standard deviation of the white error of an altitude, m.
     #[schemars(transform = positive)]
     pub altitude_white: f64,
+    /// Largest altitude that may be missing near the ground while the rotors turn, m.
+    #[schemars(transform = not_negative)]
+    pub altitude_ground_effect: f64,
     /// Density of the walk of the barometer's slow error, m/√s.
     #[schemars(transform = not_negative)]
     pub altitude_walk: f64,
@@ -156,12 +159,13 @@ impl Default for Navigation {
             field_arming: 0.05,
             altitude_bias: 10.0,
             altitude_white: 0.1,
+            altitude_ground_effect: 1.0,
             altitude_walk: 0.042,
             horizon: 0.12,
             reset_after: 7.0,
             ramp: 1.0,
             healthy_for: 10.0,
-            coast: 10.0,
+            coast: 30.0,
             push_bandwidth: 30.0,
         }
     }

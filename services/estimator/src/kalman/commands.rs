@@ -1,9 +1,10 @@
 //! History of the sent frames, by the time at which each takes effect.
 
 use nalgebra::Vector3;
-use scenario::GRAVITY;
+use scenario::{GRAVITY, Key, Model, Problem};
 use shared_types::samples::RcFrame;
-use shared_types::service::seconds;
+use shared_types::service::{nanoseconds, seconds};
+use shared_types::{Schedule, Topic};
 
 /// Capacity of the history, commands.
 pub const CAPACITY: usize = 64;
@@ -208,6 +209,33 @@ impl CommandHistory {
                 h: seconds(length_ns) / steps as f64,
             }
         })
+    }
+
+    /// Checks that a history holds the commands in effect from a measurement of this age, ns, until the newest frame acts.
+    ///
+    /// # Errors
+    /// If more frames are sent in that time. `measured` says of what the age is, and `shorten` what else makes it shorter.
+    pub(crate) fn check_capacity(
+        age_ns: u64,
+        model: &Model,
+        schedule: &Schedule,
+        measured: &str,
+        shorten: &str,
+    ) -> Result<(), Problem> {
+        let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
+        let in_transit_ns = age_ns.saturating_add(nanoseconds(model.radio_latency));
+        // Plus the one in effect at the beginning, its predecessor, and one that may begin at either end.
+        let needed = in_transit_ns.div_ceil(frame_period_ns) + 3;
+        if needed <= CAPACITY as u64 {
+            return Ok(());
+        }
+        Err(Problem::new(
+            Key::root().then("model").then("radio_latency"),
+            format!(
+                "the estimator stores {CAPACITY} frames, but {needed} are sent from {measured} until the newest frame acts"
+            ),
+            format!("shorten this latency, {shorten}, or give `rc/frame` a longer period"),
+        ))
     }
 
     fn newest(&self) -> &Command {

@@ -32,14 +32,14 @@
 mod parts;
 
 use nalgebra::SVector;
-use scenario::{Kalman, Key, Model, Problem, RcLink, Scenario};
+use scenario::{Kalman, Model, Problem, RcLink, Scenario};
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::samples::{MocapPose, RcFrame};
 use shared_types::service::nanoseconds;
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{Schedule, ServiceId};
 
 use super::attitude_trust::AttitudeTrust;
-use super::commands::{CAPACITY, CommandHistory};
+use super::commands::CommandHistory;
 use super::error_state::ProcessNoise;
 use super::filter_state::{FilterState, Innovation, MEASURED, MarkerOffset, Pose, PoseNoise, ProcessModel};
 use super::ground_contact::{Ground, Rest};
@@ -166,11 +166,17 @@ impl KalmanFilter {
     ///
     /// # Errors
     /// If more frames are sent between the exposure of a capture and the effect of the newest frame than the history holds
-    /// ([`CAPACITY`]), or if the scenario has no valid schedule.
+    /// ([`CAPACITY`](super::commands::CAPACITY)), or if the scenario has no valid schedule.
     pub fn new(scenario: &Scenario, kalman: &Kalman) -> Result<Self, Problem> {
         let model = scenario.model.clone().unwrap_or_default();
         let schedule = schedule_of(scenario)?;
-        check_history(scenario, &schedule, &model)?;
+        CommandHistory::check_capacity(
+            greatest_age_ns(scenario, &schedule, &model),
+            &model,
+            &schedule,
+            "the exposure of a capture",
+            "that of `mocap/pose -> estimator`, `model.capture_latency` or the period of `mocap/pose`",
+        )?;
         let has_ground = scenario.flight.is_some();
         let capture_timeout_ns = longest_gap_ns(scenario, &schedule);
         Ok(Self {
@@ -582,7 +588,7 @@ fn estimate_of(state: &FilterState, vehicle: &VehicleModel) -> Estimate {
     }
 }
 
-fn schedule_of(scenario: &Scenario) -> Result<Schedule, Problem> {
+pub(crate) fn schedule_of(scenario: &Scenario) -> Result<Schedule, Problem> {
     scenario
         .schedule()
         .map_err(|mut problems| problems.swap_remove(0))
@@ -594,37 +600,16 @@ fn longest_gap_ns(scenario: &Scenario, schedule: &Schedule) -> u64 {
     2 * scenario.between_captures_ns(schedule) + schedule.time_ns(captures.latency)
 }
 
-/// Checks that the history holds all frames sent within the latencies.
-fn check_history(scenario: &Scenario, schedule: &Schedule, model: &Model) -> Result<(), Problem> {
-    let needed = commands_in_transit(scenario, schedule, model);
-    if needed <= CAPACITY as u64 {
-        return Ok(());
-    }
-    Err(Problem::new(
-        Key::root().then("model").then("radio_latency"),
-        format!(
-            "the estimator stores {CAPACITY} frames, but {needed} are sent from the exposure of a capture until \
-             the newest frame acts"
-        ),
-        "shorten this latency, that of `mocap/pose -> estimator`, `model.capture_latency` or the period of \
-         `mocap/pose`, or give `rc/frame` a longer period",
-    ))
-}
-
 /// Returns the usual age of an exposure at the arrival of its capture, ns.
 fn usual_latency_ns(scenario: &Scenario, model: &Model) -> u64 {
     let assumed_ns = nanoseconds(model.capture_latency.unwrap_or(0.0));
     scenario.capture_latency_ns().max(assumed_ns)
 }
 
-/// Returns the number of commands in effect between the last capture and the time of the prediction.
-fn commands_in_transit(scenario: &Scenario, schedule: &Schedule, model: &Model) -> u64 {
+/// Returns the age of the last capture at the last step before the next one arrives, ns.
+fn greatest_age_ns(scenario: &Scenario, schedule: &Schedule, model: &Model) -> u64 {
     let captures = schedule.edge(ServiceId::Estimator, 0);
     let ticks = captures.latency + schedule.service_rate(ServiceId::Estimator).period;
     let arrival_ns = schedule.time_ns(ticks) + scenario.between_captures_ns(schedule);
-    let capture_age_ns =
-        (arrival_ns + scenario.capture_latency_ns()).max(nanoseconds(model.capture_latency.unwrap_or(0.0)));
-    let frame_period_ns = schedule.time_ns(schedule.topic_rate(Topic::RcFrame).period);
-    // Plus the one in effect at the beginning, its predecessor, and one that may begin at either end.
-    (capture_age_ns.saturating_add(nanoseconds(model.radio_latency))).div_ceil(frame_period_ns) + 3
+    (arrival_ns + scenario.capture_latency_ns()).max(nanoseconds(model.capture_latency.unwrap_or(0.0)))
 }

@@ -37,7 +37,7 @@ fn scenario() -> Scenario {
 }
 
 fn service() -> InertialEstimatorService {
-    InertialEstimatorService::new(&scenario())
+    InertialEstimatorService::new(&scenario()).unwrap()
 }
 
 /// Samples of a vehicle at rest at a step, with their errors.
@@ -52,8 +52,10 @@ struct World {
     kind: FixKind,
     /// `true` while no fix arrives.
     is_silent: bool,
-    /// Step from which on the motors turn.
+    /// Step from which on the motors could carry the vehicle.
     motors_from: u64,
+    /// N.
+    weight: f64,
     /// Fixes that are under way.
     late: Vec<(u64, GnssFix)>,
 }
@@ -89,6 +91,7 @@ impl World {
             kind: FixKind::RtkFixed,
             is_silent: false,
             motors_from: u64::MAX,
+            weight: scenario().model.unwrap_or_default().mass * scenario::GRAVITY,
             late: Vec::new(),
         }
     }
@@ -156,6 +159,7 @@ impl World {
             let mut frame = RcFrame::new_zeroed();
             frame.header.stamp_ns = time_ns - STEP_NS;
             frame.failsafe = (step < self.motors_from).into();
+            frame.thrust = if step < self.motors_from { 0.0 } else { self.weight };
             frame.mode = RcFrame::MODE_RATES;
             arrived.frame = Some(frame);
         }
@@ -236,6 +240,44 @@ fn a_vehicle_at_rest_is_tracked_after_ten_seconds_with_fixes_and_not_before() {
     assert!(nalgebra::Vector3::from(state.position_world).norm() < 0.03);
     assert!(nalgebra::Vector3::from(state.velocity_body).norm() < 0.01);
     assert!(nalgebra::Vector3::from(state.angular_velocity_body).norm() < 0.01);
+}
+
+#[test]
+fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
+    type Change = fn(&mut Scenario);
+    let changes: [(Change, &str); 5] = [
+        (
+            |scenario| {
+                drop(
+                    scenario
+                        .schedule
+                        .latency
+                        .insert("imu/sample -> estimator".to_owned(), 0.1),
+                )
+            },
+            "schedule.latency.\"imu/sample -> estimator\"",
+        ),
+        (
+            |scenario| drop(scenario.schedule.period.insert("gnss/fix".to_owned(), 0.88)),
+            "schedule.period.\"gnss/fix\"",
+        ),
+        (
+            |scenario| scenario.navigation.as_mut().unwrap().coast = 0.1,
+            "navigation.coast",
+        ),
+        (
+            |scenario| scenario.model.get_or_insert_default().radio_latency = 0.3,
+            "model.radio_latency",
+        ),
+        (|_| (), ""),
+    ];
+    for (change, key) in changes {
+        let mut scenario = scenario();
+        change(&mut scenario);
+        let refused = InertialEstimatorService::new(&scenario).err();
+        let found = refused.map_or(String::new(), |problem| problem.key.to_string());
+        assert_eq!(found, key);
+    }
 }
 
 #[test]
@@ -321,17 +363,20 @@ fn innovations_are_published_and_those_beyond_the_gate_refused() {
     );
 }
 
-/// Largest step of the published position from `from` on while the state is tracked, m, and the states.
-fn largest_step(world: &mut World, steps: u64, from: u64, change: impl Fn(&mut World, u64)) -> f64 {
+/// Largest steps of the published position (m) and velocity (m/s) from `from` on while the state is tracked.
+fn largest_steps(world: &mut World, steps: u64, from: u64, change: impl Fn(&mut World, u64)) -> [f64; 2] {
     let mut service = service();
-    let (mut last, mut largest) = (None::<VehicleState>, 0.0_f64);
+    let (mut last, mut largest) = (None::<VehicleState>, [0.0_f64; 2]);
     let (mut settles, mut coasted) = (None, false);
     for number in 0..steps {
         change(world, number);
         let state = step(&mut service, number, &world.step(number));
         if let Some(last) = last.filter(|last| number > from && last.tracked.is_set()) {
             let place = nalgebra::Vector3::from(state.position_world);
-            largest = largest.max((place - nalgebra::Vector3::from(last.position_world)).norm());
+            let moved = (place - nalgebra::Vector3::from(last.position_world)).norm();
+            let velocity = |state: &VehicleState| state.velocity_world();
+            let hurried = (velocity(&state) - velocity(&last)).norm();
+            largest = [largest[0].max(moved), largest[1].max(hurried)];
             coasted |= state.coasting.is_set();
             if last.coasting.is_set() && !state.coasting.is_set() {
                 settles = Some(place.norm());
@@ -353,12 +398,12 @@ fn a_better_kind_of_fixes_is_no_step_of_the_published_position() {
     let mut world = World::new(9);
     world.kind = FixKind::SinglePoint;
     // 60 s of single point.
-    let largest = largest_step(&mut world, 18_000, 14_900, |world, number| {
+    let [moved, hurried] = largest_steps(&mut world, 18_000, 14_900, |world, number| {
         if number == 15_000 {
             world.kind = FixKind::RtkFixed;
         }
     });
-    assert!(largest < 0.054, "{largest}");
+    assert!(moved < 0.054 && hurried < 0.104, "{moved} m, {hurried} m/s");
 }
 
 #[test]
@@ -366,10 +411,10 @@ fn the_first_fix_after_a_silence_is_no_step_of_the_published_position() {
     // With motors that turn, so that nothing shows the filter that the vehicle rests.
     let mut world = World::new(10);
     world.motors_from = 3900;
-    let largest = largest_step(&mut world, 8000, 4000, |world, number| {
+    let [moved, hurried] = largest_steps(&mut world, 8000, 4000, |world, number| {
         world.is_silent = (4000..6000).contains(&number);
     });
-    assert!(largest < 0.054, "{largest}");
+    assert!(moved < 0.054 && hurried < 0.104, "{moved} m, {hurried} m/s");
 }
 
 /// What is wrong with a sample, by its name.

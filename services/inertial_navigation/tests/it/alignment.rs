@@ -85,7 +85,7 @@ fn a_vehicle_whose_motors_turn_is_not_aligned() {
     let parameters = Parameters::default();
     let truth = from_roll_pitch_yaw([0.3, 0.0, 0.0]);
     let mut filter = InertialFilter::new(&parameters);
-    filter.set_motors(0, true);
+    filter.set_motors(0, true, true);
     let step = |filter: &mut InertialFilter, tick: u64, force_body: Vector3<f64>| {
         let time_ns = tick * H_NS;
         filter.add_field(&Field {
@@ -104,7 +104,7 @@ fn a_vehicle_whose_motors_turn_is_not_aligned() {
         assert!(!filter.is_aligned(), "at tick {tick}");
     }
     // Motors stop, and a second later the vehicle rests: a second of that is averaged, and nothing from before.
-    filter.set_motors(500 * H_NS, false);
+    filter.set_motors(500 * H_NS, false, false);
     for tick in 501..=1010 {
         step(
             &mut filter,

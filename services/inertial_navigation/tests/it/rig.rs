@@ -320,7 +320,7 @@ pub fn give(filter: &mut InertialFilter, event: &Event, now_ns: u64) {
         Event::Fix(fix) => filter.add_fix(fix),
         Event::Field(field) => filter.add_field(field),
         Event::Altitude(altitude) => filter.add_altitude(altitude),
-        Event::Motors => filter.set_motors(now_ns, true),
+        Event::Motors => filter.set_motors(now_ns, true, true),
     }
 }
 

@@ -69,7 +69,12 @@ impl Scenario {
                 "add `[flight]` with `arm_at`, or leave `[navigation]` out",
             );
         };
-        let attainable = navigation.attainable_sigma(sensors.gnss.kind.into());
+        let armed_at = flight.arm_at.unwrap_or(0.0);
+        let mut changes = sensors.gnss.change.iter().rev();
+        let kind = changes
+            .find(|change| change.at <= armed_at)
+            .map_or(sensors.gnss.kind, |change| change.kind);
+        let attainable = navigation.attainable_sigma(kind.into());
         if flight.position_sigma_max <= attainable {
             found.add(
                 Key::root().then("flight").then("position_sigma_max"),

@@ -146,6 +146,20 @@ fn arming_before_the_position_is_known_is_refused() {
         "raise it to 12.0",
     );
     assert_eq!(problems(|scenario| arm_at(scenario, 12.0)), []);
+    for (at, is_refused) in [(13.9, true), (14.1, false)] {
+        let found = problems(|scenario| {
+            let gnss = &mut scenario.sensors.as_mut().unwrap().gnss;
+            gnss.change = vec![FixChange {
+                at,
+                kind: Fixes::SinglePoint,
+            }];
+        });
+        assert_eq!(
+            found.len(),
+            usize::from(is_refused),
+            "single point from {at} s on: {found:?}"
+        );
+    }
 }
 
 #[test]
@@ -200,13 +214,13 @@ fn changes_of_the_fixes_and_spoofing_are_in_order_and_change_something() {
             .collect();
     };
     refused(
-        |scenario| gnss(scenario, &[(3.0, Fixes::RtkFloat), (4.0, Fixes::RtkFloat)], &[]),
+        |scenario| gnss(scenario, &[(23.0, Fixes::RtkFloat), (24.0, Fixes::RtkFloat)], &[]),
         "sensors.gnss.change.1.kind",
         "solves this already",
         "state another kind",
     );
     refused(
-        |scenario| gnss(scenario, &[(4.0, Fixes::RtkFloat), (3.0, Fixes::RtkFixed)], &[]),
+        |scenario| gnss(scenario, &[(24.0, Fixes::RtkFloat), (23.0, Fixes::RtkFixed)], &[]),
         "sensors.gnss.change.1.at",
         "is listed after",
         "order of their times",
