@@ -177,6 +177,16 @@ fn fig_7_with_every_service_killed_in_turn_is_fig_7() {
     committed_is_the_same_with("fig7", &crashes);
 }
 
+/// Outdoors each service dies on the path, the estimator also without fixes and beside false ones.
+#[test]
+fn a_flight_by_satellites_with_every_service_killed_in_turn_is_that_flight() {
+    let turns = ServiceId::ALL.into_iter().cycle().zip(1..20);
+    let in_turn = turns.map(|(service, turn)| format!("{service}@{}:after-step", 6_100 * turn));
+    let estimator =
+        [34_000, 46_000, 57_000, 81_000, 100_000].map(|tick| format!("estimator@{tick}:after-step"));
+    committed_is_the_same_with("outdoor_events", &in_turn.chain(estimator).collect::<Vec<_>>());
+}
+
 fn pid_named(child: &Begun, wanted: &str) -> u32 {
     until(wanted, || {
         let processes = processes_of(child.id());

@@ -16,8 +16,8 @@ use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 use toml::{Table, Value};
 
-/// SHA-256 over (topic, time, payload) of what the services publish in the first second of each flight.
-const GOLDEN: [(&str, &[&str], &str); 5] = [
+/// SHA-256 over (topic, time, payload) of what the services publish in the first second of each flight, outdoors in six.
+const GOLDEN: [(&str, &[&str], &str); 6] = [
     (
         "fig1",
         SHORT,
@@ -43,10 +43,24 @@ const GOLDEN: [(&str, &[&str], &str); 5] = [
         &rig::ALL_OF_THE_RIG,
         "b4c7f7e492e3b0bcdae1185357369c7e8c43db600a1d41065dd4f8114301c86a",
     ),
+    (
+        "outdoor_rtk",
+        TAKES_OFF,
+        "113a7da9fdb5553f1fb4dedab41eb9ed02f20ecd08d4cf1db3f3ccef1f598900",
+    ),
 ];
 
 /// Change that leaves the first second of a scenario unchanged.
 const SHORT: &[&str] = &["vehicle.change=[]"];
+
+/// Change by which a flight outdoors is on its way to the path at its end, and has lost its corrections.
+const TAKES_OFF: &[&str] = &[
+    "duration=6.0",
+    "flight.arm_at=3.0",
+    "flight.land_at=5.5",
+    "navigation.healthy_for=1.0",
+    "sensors.gnss.change=[{at=5.0,kind='rtk_float'}]",
+];
 
 /// Seconds of a flight in which all inputs of the services are in use: it is in the air by then.
 const WHILE: u64 = 5;

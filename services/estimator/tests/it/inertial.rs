@@ -245,20 +245,16 @@ fn a_vehicle_at_rest_is_tracked_after_ten_seconds_with_fixes_and_not_before() {
 #[test]
 fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
     type Change = fn(&mut Scenario);
+    fn time(table: &mut std::collections::BTreeMap<String, f64>, name: &str, seconds: f64) {
+        table.insert(name.to_owned(), seconds);
+    }
     let changes: [(Change, &str); 5] = [
         (
-            |scenario| {
-                drop(
-                    scenario
-                        .schedule
-                        .latency
-                        .insert("imu/sample -> estimator".to_owned(), 0.1),
-                )
-            },
+            |scenario| time(&mut scenario.schedule.latency, "imu/sample -> estimator", 0.1),
             "schedule.latency.\"imu/sample -> estimator\"",
         ),
         (
-            |scenario| drop(scenario.schedule.period.insert("gnss/fix".to_owned(), 0.88)),
+            |scenario| time(&mut scenario.schedule.period, "gnss/fix", 0.88),
             "schedule.period.\"gnss/fix\"",
         ),
         (

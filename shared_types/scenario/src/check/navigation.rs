@@ -48,19 +48,17 @@ impl Scenario {
                 "add `[sensors]`, which may be empty, or leave `[navigation]` out",
             );
         };
-        if self.estimator.is_some() || self.cameras.is_some() || self.motion_capture.is_some() {
-            let sections = [
-                ("estimator", self.estimator.is_some()),
-                ("cameras", self.cameras.is_some()),
-                ("motion_capture", self.motion_capture.is_some()),
-            ];
-            for (section, _) in sections.into_iter().filter(|(_, is_stated)| *is_stated) {
-                found.add(
-                    Key::root().then(section),
-                    "inertial navigation is the estimator of this flight, and it uses no cameras",
-                    format!("leave `[{section}]` or `[navigation]` out"),
-                );
-            }
+        let sections = [
+            ("estimator", self.estimator.is_some()),
+            ("cameras", self.cameras.is_some()),
+            ("motion_capture", self.motion_capture.is_some()),
+        ];
+        for (section, _) in sections.into_iter().filter(|(_, is_stated)| *is_stated) {
+            found.add(
+                Key::root().then(section),
+                "inertial navigation is the estimator of this flight, and it uses no cameras",
+                format!("leave `[{section}]` or `[navigation]` out"),
+            );
         }
         let Some(flight) = &self.flight else {
             return found.add(
@@ -86,7 +84,6 @@ impl Scenario {
             );
         }
         let healthy = ALIGNMENT + navigation.healthy_for;
-
         if let Some(arm_at) = flight.arm_at.filter(|arm_at| arm_at + ARM_WITHIN < healthy) {
             found.add(
                 Key::root().then("flight").then("arm_at"),
@@ -130,12 +127,8 @@ impl Scenario {
         let others = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField];
         let waiting: f64 = others.map(|topic| horizon / period_of(topic) + 1.0).iter().sum();
         if waiting > STORED_MEASUREMENTS {
-            let shortest = others.map(period_of);
-            let most_often = others
-                .into_iter()
-                .zip(shortest)
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let topic = most_often.map_or(Topic::GnssFix, |(topic, _)| topic);
+            let shortest = |a: &Topic, b: &Topic| period_of(*a).total_cmp(&period_of(*b));
+            let topic = others.into_iter().min_by(shortest).unwrap_or(Topic::GnssFix);
             found.add(
                 key_of(topic),
                 format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS:?}"),
