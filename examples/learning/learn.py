@@ -1,6 +1,6 @@
-"""Learns to hover with the PPO of Stable-Baselines3, on flights side by side.
+"""Learns to hover with the PPO of Stable-Baselines3, on flights side by side, and saves the policy for fly_policy.py.
 
-    learn.py [--steps N] [--envs N] [--threads N] [--seed N]
+    learn.py [--steps N] [--envs N] [--threads N] [--seed N] [--out FILE]
 """
 
 import argparse
@@ -12,9 +12,10 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
+import fly_policy
 import gerono.gym
 
-SCENARIO = Path(__file__).parent / "hover.toml"
+SCENARIO = fly_policy.LEARNED
 
 
 def vary(generator):
@@ -99,12 +100,23 @@ def fly(act, episodes=20):
     print(f"  return {np.mean(returns):.1f}; last second {middle:.3f} m; beyond the box {beyond:.2f} m; lost {losses}")
 
 
+def save(ppo, path):
+    """Save the layers from an observation to the mean of the action, so that a flight needs neither torch nor its start."""
+    network = [*ppo.policy.mlp_extractor.policy_net, ppo.policy.action_net]
+    layers = [layer for layer in network if isinstance(layer, torch.nn.Linear)]
+    numbers = {}
+    for index, layer in enumerate(layers):
+        numbers |= {f"weight{index}": layer.weight.detach().numpy(), f"bias{index}": layer.bias.detach().numpy()}
+    np.savez(path, **numbers)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=300_000)
     parser.add_argument("--envs", type=int, default=32)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=SCENARIO.parent / "policy.npz")
     given = parser.parse_args()
     # Networks of this size are slower on several threads.
     torch.set_num_threads(1)
@@ -132,7 +144,8 @@ def main():
 
     ppo.learn(given.steps, callback=show)
     print(f"trained for {time.monotonic() - began:.0f} s:")
-    fly(lambda seen: ppo.predict(seen, deterministic=True)[0])
+    save(ppo, given.out)
+    fly(fly_policy.load(given.out))
 
 
 if __name__ == "__main__":

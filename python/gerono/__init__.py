@@ -14,6 +14,7 @@ from gerono._gerono import ScenarioError, Snapshot, __version__
 from gerono._samples import DTYPES
 from gerono.controller import FAILSAFE, Controller, Now
 from gerono.flight import Flight, Log
+from gerono.policy import Policy
 from gerono.scenario import Observation, Scenario, Simulation
 from gerono.sweeps import Rate, Sweep, choice, log_uniform, normal, sweep, uniform
 
@@ -25,6 +26,7 @@ __all__ = [
     "Log",
     "Now",
     "Observation",
+    "Policy",
     "Rate",
     "Scenario",
     "ScenarioError",

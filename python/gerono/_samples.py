@@ -49,6 +49,8 @@ _DEFINITIONS = dict(_gerono.definitions())
 DTYPES = {topic: dtype_of(definition) for topic, definition in _DEFINITIONS.items()}
 #: Modes of `control/command`, and their names.
 MODES = {int(mode): name for name, mode in re.findall(r"^uint32 MODE_(\w+)=(\d+)$", _DEFINITIONS["control/command"], re.MULTILINE)}
+#: Phases of `path/reference` by their names.
+PHASES = {name: int(phase) for name, phase in re.findall(r"^uint8 PHASE_(\w+)=(\d+)$", _DEFINITIONS["path/reference"], re.MULTILINE)}
 
 
 def samples_of(topic: str, words: np.ndarray) -> np.ndarray:

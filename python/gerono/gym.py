@@ -12,18 +12,12 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from gerono import _gerono
+from gerono.policy import SCALE, Observe, Scale, checked_actions, checked_scale, commands, largest_action, scenario_of
 from gerono.scenario import Observation, Scenario, Settings, Simulation, refuse_seed, settings_of
-
-# The largest action if the scenario states no limits of its actuators: multiples of the weight, N m, rad/s.
-_THRUST_IN_WEIGHTS, _TORQUE, _RATE = 3.0, 0.1, 10.0
-
-# Values at which the parts of an observation are 1: position error, m; velocity error, m/s; angular velocity, rad/s.
-_SCALE = (2.0, 5.0, 20.0)
 
 # Ticks of a step that are worth a thread: a tick takes 1 µs or more, the start of a thread some tens of them.
 _TICKS_OF_A_THREAD = 200
 
-Observe = Callable[[Observation], np.ndarray]
 Reward = Callable[[Observation, np.ndarray], float]
 Vary = Callable[[np.random.Generator], Settings]
 
@@ -42,22 +36,20 @@ class _Flights:
         set: Settings,  # noqa: A002
         vary: Vary | None,
         time_limit: float | None,
-        scale: tuple[float, float, float],
+        scale: Scale,
         threads: int | None,
     ) -> None:
-        self.scenario = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
+        self.scenario = scenario_of(scenario)
         if time_limit is not None and not time_limit > 0.0:
             raise ValueError(f"`time_limit` is a time above 0 s, not {time_limit}")
-        if len(scale) != 3 or not all(0.0 < value < np.inf for value in scale):
-            raise ValueError(f"`scale` is a distance, m, a speed, m/s, and a rate, rad/s, all above 0, not {scale}")
         self.observe, self.reward, self.vary, self.time_limit = observe, reward, vary, time_limit
-        self.scale = (float(scale[0]), float(scale[1]), float(scale[2]))
+        self.scale = checked_scale(scale)
         self.settings = settings_of(set)
         refuse_seed(self.settings, "`reset(seed=…)` seeds the flights of an environment")
         values = self.scenario.values(self.settings)
         self.has_rates = bool(values["controller"].get("rates"))
         self.threads = threads or _worthwhile_threads(values["schedule"], number)
-        self.largest = _largest(values, self.has_rates)
+        self.largest = largest_action(values, self.has_rates)
         self.prepared = self.scenario._scenario._prepare(self.settings)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float64)
         started = _gerono.start_side_by_side([self.prepared], [0], 1)[0]
@@ -100,9 +92,7 @@ class _Flights:
 
     def fly(self, actions: np.ndarray, flies: np.ndarray) -> None:
         """Fly one period of the controller in the environments that fly."""
-        limited = np.clip(actions, -1.0, 1.0)
-        limited[:, 0] = (limited[:, 0] + 1.0) / 2.0
-        _gerono.step_side_by_side(self.simulations, limited * self.largest, flies, self.has_rates, self.threads)
+        _gerono.step_side_by_side(self.simulations, commands(actions, self.largest), flies, self.has_rates, self.threads)
 
     def view(
         self, actions: np.ndarray | None = None
@@ -128,18 +118,6 @@ class _Flights:
             seen = [self.observe(Simulation(flown, self.has_rates).observe()) for flown in simulations]
             observations = np.stack(seen).astype(self.observation_space.dtype, copy=False)
         return observations, *others  # type: ignore[return-value]
-
-    def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Return actions as numbers; refuse another shape, and what is not finite."""
-        numbers = np.array(actions, dtype=np.float64)
-        if numbers.shape != shape:
-            raise ValueError(f"an action has the shape {shape}, not {numbers.shape}")
-        if not np.isfinite(numbers).all():
-            rows = numbers.reshape(-1, 4)
-            index = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
-            of = f" of environment {index}" if len(shape) > 1 else ""
-            raise ValueError(f"the action{of} is not finite: {rows[index].tolist()}")
-        return numbers
 
 
 class Env(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -170,7 +148,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         observation_space: gymnasium.spaces.Box | None = None,
         vary: Vary | None = None,
         time_limit: float | None = None,
-        scale: tuple[float, float, float] = _SCALE,
+        scale: Scale = SCALE,
     ) -> None:
         self._flights = _Flights(
             1,
@@ -209,7 +187,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Fly one period of the controller."""
         flights = self._flights
-        checked = flights.checked(action, (4,))[np.newaxis]
+        checked = checked_actions(action, (4,))[np.newaxis]
         if flights.has_ended[0]:
             raise RuntimeError("the episode has ended, or none has begun: `reset` the environment")
         flights.fly(checked, np.ones(1, dtype=bool))
@@ -244,7 +222,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         observation_space: gymnasium.spaces.Box | None = None,
         vary: Vary | None = None,
         time_limit: float | None = None,
-        scale: tuple[float, float, float] = _SCALE,
+        scale: Scale = SCALE,
         threads: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
@@ -304,7 +282,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Fly one period of the controller in every environment."""
         self._refuse_closed()
         flights = self._flights
-        checked = flights.checked(actions, (self.num_envs, 4))
+        checked = checked_actions(actions, (self.num_envs, 4))
         ended = flights.has_ended.copy()
         if ended.any() and (self.autoreset_mode != AutoresetMode.NEXT_STEP or None in self._generators):
             index = int(np.flatnonzero(ended)[0])
@@ -372,10 +350,3 @@ def _worthwhile_threads(schedule: Mapping[str, Any], number: int) -> int:
     tick = float(schedule["tick"])
     ticks = number * float((schedule.get("period") or {}).get("controller", tick)) / tick
     return max(1, min(_cores(), int(ticks) // _TICKS_OF_A_THREAD))
-
-
-def _largest(values: Mapping[str, Any], has_rates: bool) -> np.ndarray:
-    actuators = values["vehicle"].get("actuators") or {}
-    thrust = actuators.get("thrust_max", _THRUST_IN_WEIGHTS * 9.81 * values["vehicle"]["mass"])
-    turn = actuators.get("rate_max", (_RATE,) * 3) if has_rates else (_TORQUE,) * 3
-    return np.array((thrust, *turn))

@@ -36,7 +36,9 @@ mod _gerono {
     #[pymodule_export]
     use crate::scenario::Scenario;
     #[pymodule_export]
-    use crate::side_by_side::{PreparedScenario, start_side_by_side, step_side_by_side, view_side_by_side};
+    use crate::side_by_side::{
+        PreparedScenario, observe_samples, start_side_by_side, step_side_by_side, view_side_by_side,
+    };
     #[pymodule_export]
     use crate::simulation::{Simulation, Snapshot};
     #[pymodule_export]

@@ -34,6 +34,16 @@ struct Scale {
     rate: f64,
 }
 
+impl From<(f64, f64, f64)> for Scale {
+    fn from((position, velocity, rate): (f64, f64, f64)) -> Self {
+        Self {
+            position,
+            velocity,
+            rate,
+        }
+    }
+}
+
 /// Observations, rewards, times, whether the flight has ended, and whether the vehicle is lost: one row a flight.
 type Views<'py> = (
     Bound<'py, PyArray2<f64>>,
@@ -139,19 +149,19 @@ pub(crate) fn view_side_by_side<'py>(
     simulations: Vec<Bound<'py, Simulation>>,
     scale: (f64, f64, f64),
 ) -> PyResult<Views<'py>> {
-    let (position, velocity, rate) = scale;
-    let scale = Scale {
-        position,
-        velocity,
-        rate,
-    };
+    let scale = Scale::from(scale);
     let number = simulations.len();
     let mut observations = Vec::with_capacity(number * NUMBERS);
     let (mut rewards, mut times) = (Vec::with_capacity(number), Vec::with_capacity(number));
     let (mut done, mut lost) = (Vec::with_capacity(number), Vec::with_capacity(number));
     for simulation in simulations {
         let mut simulation = simulation.try_borrow_mut()?;
-        let (observation, reward) = observe(&mut simulation, scale);
+        let state: Option<VehicleState> = simulation.newest(Topic::VehicleState).map(read);
+        let reference: Option<PathReference> = simulation.newest(Topic::PathReference).map(read);
+        let (observation, reward) = match (state, reference) {
+            (Some(state), Some(reference)) => observe(&state, &reference, scale),
+            _ => ([0.0; NUMBERS], 0.0),
+        };
         observations.extend_from_slice(&observation);
         rewards.push(reward);
         times.push(simulation.time());
@@ -167,14 +177,21 @@ pub(crate) fn view_side_by_side<'py>(
     ))
 }
 
+/// Returns the observation of the samples of a state and a reference.
+#[pyfunction]
+pub(crate) fn observe_samples<'py>(
+    py: Python<'py>,
+    state: &[u8],
+    reference: &[u8],
+    scale: (f64, f64, f64),
+) -> Bound<'py, PyArray1<f64>> {
+    let (observation, _) = observe(&read(state), &read(reference), scale.into());
+    PyArray1::from_slice(py, &observation)
+}
+
 /// Returns the observation, within ±1, and the reward: 1 on the path, 0 from `scale.position` on.
-fn observe(simulation: &mut Simulation, scale: Scale) -> ([f64; NUMBERS], f64) {
+fn observe(state: &VehicleState, reference: &PathReference, scale: Scale) -> ([f64; NUMBERS], f64) {
     let mut observation = [0.0; NUMBERS];
-    let state: Option<VehicleState> = simulation.newest(Topic::VehicleState).map(read);
-    let reference: Option<PathReference> = simulation.newest(Topic::PathReference).map(read);
-    let (Some(state), Some(reference)) = (state, reference) else {
-        return (observation, 0.0);
-    };
     let velocity_world = state.velocity_world();
     let mut squares = 0.0;
     for axis in 0..3 {
