@@ -13,7 +13,7 @@ use sweep::flight;
 use sweep::plan::Plan;
 
 use crate::common::processes::{await_catching, signal};
-use crate::common::{Place, begin, finish, scenario, succeed};
+use crate::common::{Place, begin, finish, output, scenario, succeed};
 use crate::plugins::{ROOT, compile};
 
 /// Twelve short flights of two laws; one of the vehicles is too heavy for any law.
@@ -206,10 +206,10 @@ fn ctrl_c_ends_the_trial_flights_of_a_plan_with_its_exit_code() {
 }
 
 #[test]
-fn a_flight_that_is_lost_or_cannot_be_flown_is_a_row() {
+fn a_flight_that_fails_or_cannot_be_flown_is_a_row() {
     let place = Place::new();
     // A mass below zero cannot be flown by the scenario's checks, a radius below zero by the sweep's own word, and with
-    // Λw = 1e-6 the vehicle is lost.
+    // Λw = 1e-6 a number is not finite.
     let text = format!(
         "scenario = {:?}\nmethod = \"grid\"\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\nrequire = [\"r > 0\"]\n\
          [vary]\nr = {{ choice = [-1.0, 1.0] }}\n\"vehicle.mass\" = {{ choice = [-0.2, 0.2] }}\n\
@@ -223,14 +223,24 @@ fn a_flight_that_is_lost_or_cannot_be_flown_is_a_row() {
     let report: serde_json::Value = serde_json::from_slice(&merged(&place, "results", "sweep.json")).unwrap();
     let law = &report["laws"][0];
     let counts = ["completed", "lost", "failed", "refused"].map(|name| law[name].as_u64().unwrap());
-    assert_eq!(counts, [1, 1, 0, 6], "{report:#}");
+    assert_eq!(counts, [1, 0, 1, 6], "{report:#}");
     assert_eq!(law["criteria"][0]["flown"], 2);
     // An interval holds for independent samples alone.
     assert!(law["criteria"][0]["wilson"].is_null());
     let logs: Vec<_> = std::fs::read_dir(place.path("results").join("logs"))
         .unwrap()
         .collect();
-    assert_eq!(logs.len(), 1, "the log of the flight that was lost");
+    assert_eq!(logs.len(), 1, "the log of the flight that failed");
+    // `gerono run` has the same word for it.
+    let settings = ["--host", "inprocess", "--set", "controller.lambda_inertia=1e-6"];
+    let flown = output(&mut place.short_flight("flown", 2.0, &settings));
+    assert_eq!(flown.status.code(), Some(3), "{flown:?}");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&merged(&place, "flown", "summary.json")).unwrap();
+    assert_eq!(
+        (&summary["outcome"], &summary["lost"]["reason"]),
+        (&"failed".into(), &"not_finite".into())
+    );
 }
 
 #[test]
@@ -496,13 +506,13 @@ fn a_complete_folder_belongs_to_one_sweep_scenario_and_plug_in() {
 #[test]
 fn criteria_are_met_by_flights_that_were_flown_to_their_end() {
     let place = Place::new();
-    // With Λw = 1e-6 the vehicle is lost within a second; a mass below zero cannot be flown.
+    // A vehicle that follows its rates after a second tips over; a mass below zero cannot be flown.
     let text = format!(
         "scenario = {:?}\nmethod = \"grid\"\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\n\
-         [vary]\n\"vehicle.mass\" = {{ choice = [-0.2, 0.2] }}\n\
-         \"controller.lambda_inertia\" = {{ choice = [1e-10, 1e-6] }}\n\
+         [vary]\n\"vehicle.mass\" = {{ choice = [-0.2, 0.19] }}\nlag = {{ choice = [0.02, 1.0] }}\n\
+         \"vehicle.actuators.rate_lag\" = [\"lag\", \"lag\", 0.02]\n\
          [judge]\nany = \"max < 1e9\"\nchain = \"0 < max < 1e9\"\nlate = \"ended >= 0\"\nwas_lost = \"lost and max > 0\"\n",
-        scenario("fig1")
+        scenario("fig3_6")
     );
     std::fs::write(place.path("grid.toml"), text).unwrap();
     succeed(&mut place.gerono(&["sweep", "run", "grid.toml", "--out", "results"]));

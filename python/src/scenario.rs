@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use flight::failure::FlightFailure;
 use flight::interrupt::Interrupt;
 use flight::recording_sink::RecordingSink;
 use flight::{Outcome, in_process};
-use metrics::summary::{Outcome as SummaryOutcome, RunFacts};
+use metrics::summary::RunFacts;
 use pyo3::prelude::*;
 use scenario::Programs;
 use shared_types::service::ErasedService;
@@ -157,22 +158,16 @@ fn fly(
         return Err(error);
     }
     let ending = ending.map_err(|failure| errors::flight(&failure))?;
-    let mut facts = RunFacts {
+    if let Outcome::Failed(failure) = &ending.outcome
+        && failure.not_finite_at().is_none()
+    {
+        return Err(errors::other(failure));
+    }
+    let facts = RunFacts {
         host: "inprocess".to_owned(),
         wall_seconds: ending.wall_time.as_secs_f64(),
-        ..RunFacts::default()
+        ..ending.outcome.facts(FlightFailure::not_finite_at)
     };
-    match ending.outcome {
-        Outcome::Completed => {}
-        Outcome::Failed(failure) => {
-            facts.not_finite_at = failure.not_finite_at();
-            if facts.not_finite_at.is_none() {
-                return Err(errors::other(&failure));
-            }
-            (facts.outcome, facts.reason) = (SummaryOutcome::Failed, failure.to_string());
-        }
-        Outcome::Interrupted { .. } => facts.outcome = SummaryOutcome::Interrupted,
-    }
     let summary = serde_json::to_string(&summary.finish(facts)).map_err(errors::other)?;
     Ok(Flight::new(scenario, samples, summary))
 }

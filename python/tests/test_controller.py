@@ -364,6 +364,8 @@ def test_numbers_that_are_not_finite_end_the_flight(hover):
     flight = hover.fly(controller=NotFinite())
     assert flight.summary.outcome == "failed"
     assert "control/command" in flight.summary.reason
+    swept = gerono.sweep(hover, {"vehicle.mass": gerono.uniform(0.19, 0.21)}, samples=1, controller=NotFinite)
+    assert swept.to_pandas()["outcome"].tolist() == ["failed"]
 
 
 def test_telemetry_has_the_names_of_the_scenario(hover):

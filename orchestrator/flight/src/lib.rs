@@ -20,6 +20,7 @@ pub mod recording_sink;
 use std::fmt::{Display, Formatter};
 use std::time::Duration;
 
+use metrics::summary::{self, RunFacts};
 use scenario::{Scenario, Unflyable};
 use shared_types::{Schedule, ServiceId};
 
@@ -50,6 +51,25 @@ pub enum Outcome<F> {
     },
     /// It could not go on.
     Failed(F),
+}
+
+impl<F: Display> Outcome<F> {
+    /// Returns the facts of a run with this outcome. Every command and the Python package classify a flight by them.
+    #[must_use]
+    pub fn facts(&self, not_finite_at: fn(&F) -> Option<u64>) -> RunFacts {
+        let mut facts = RunFacts::default();
+        match self {
+            Self::Completed => facts.is_over = true,
+            Self::Interrupted { signal } => {
+                (facts.outcome, facts.reason) = (summary::Outcome::Interrupted, format!("signal {signal}"));
+            }
+            Self::Failed(failure) => {
+                (facts.outcome, facts.reason) = (summary::Outcome::Failed, failure.to_string());
+                facts.not_finite_at = not_finite_at(failure);
+            }
+        }
+        facts
+    }
 }
 
 impl<F: Display> Display for Outcome<F> {

@@ -72,21 +72,9 @@ impl FlightResult<'_> {
     }
 
     fn facts(&self, ending: &Ending) -> RunFacts {
-        let (outcome, reason) = match &ending.outcome {
-            Outcome::Completed => (summary::Outcome::Completed, String::new()),
-            Outcome::Interrupted { signal } => (summary::Outcome::Interrupted, format!("signal {signal}")),
-            Outcome::Failed(failure) => (summary::Outcome::Failed, failure.to_string()),
-        };
         RunFacts {
             scenario: self.name.to_owned(),
             host: self.host.name().to_owned(),
-            outcome,
-            reason,
-            is_over: matches!(ending.outcome, Outcome::Completed),
-            not_finite_at: match &ending.outcome {
-                Outcome::Failed(failure) => failure.not_finite_at(),
-                _ => None,
-            },
             in_log: match &ending.outcome {
                 Outcome::Failed(RunFailure::Flight(FlightFailure::Log(_))) => Some(self.samples_in_log()),
                 _ => None,
@@ -95,6 +83,7 @@ impl FlightResult<'_> {
             restarts: ending.restarts.clone(),
             timing: ending.timing.clone(),
             laboratory: ending.laboratory.clone(),
+            ..ending.outcome.facts(RunFailure::not_finite_at)
         }
     }
 

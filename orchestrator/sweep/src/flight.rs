@@ -9,7 +9,7 @@ use ::flight::interrupt::Interrupt;
 use ::flight::recording_sink::planned_events;
 use ::flight::{Outcome as HostOutcome, in_process};
 use host::in_process::TickSink;
-use metrics::summary::{FlightSummary, Outcome as Verdict, RunFacts};
+use metrics::summary::FlightSummary;
 use metrics::view;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::{GRAVITY, Programs, Scenario};
@@ -271,22 +271,16 @@ fn fly_as(
 }
 
 fn flown(judge: Judge, ending: HostOutcome<FlightFailure>) -> Result<Option<Flown>, SweepError> {
-    let mut facts = RunFacts::default();
-    let (mut outcome, mut reason) = (Outcome::Completed, String::new());
-    match ending {
-        HostOutcome::Completed => {}
+    let facts = match ending {
         HostOutcome::Interrupted { .. } => return Ok(None),
         HostOutcome::Failed(FlightFailure::Log(error)) => return Err(SweepError::not_written(error)),
-        HostOutcome::Failed(failure) => {
-            facts.not_finite_at = failure.not_finite_at();
-            outcome = facts.not_finite_at.map_or(Outcome::Failed, |_| Outcome::Lost);
-            reason = one_line(&failure.to_string());
-        }
-    }
+        ending => ending.facts(FlightFailure::not_finite_at),
+    };
     let summary = judge.summary.finish(facts);
-    // Lost, or killed before it had landed.
-    if outcome == Outcome::Completed && summary.run.outcome != Verdict::Completed {
-        (outcome, reason) = (Outcome::Lost, summary.run.reason.clone());
+    let outcome = Outcome::from(summary.run.outcome);
+    let mut reason = summary.run.reason.clone();
+    if outcome == Outcome::Failed {
+        reason = one_line(&reason);
     }
     Ok(Some(Flown {
         outcome,

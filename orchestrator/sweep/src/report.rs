@@ -12,7 +12,7 @@ use statistics::quantile::{median, quantile, sorted};
 use crate::definition::{Definition, Entry, Method};
 use crate::parts::{self, Parts};
 use crate::plan::Plan;
-use crate::row::{Cell, Kind, Layout, Row};
+use crate::row::{Cell, Kind, Layout, Outcome, Row};
 
 /// Confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
@@ -128,7 +128,7 @@ pub struct Results {
 /// Results of an entry, sample by sample.
 #[derive(Clone, Debug, Default)]
 pub struct EntryResults {
-    /// Number of flights by outcome: completed, lost, failed, refused.
+    /// Number of flights by outcome, in the order of [`Outcome::ALL`].
     pub outcomes: [u64; 4],
     /// By column of the plan, the varied number of each sample; empty for a key that the entry overrides or that is not numeric.
     pub varied: Vec<Vec<f64>>,
@@ -193,9 +193,6 @@ impl Failed {
     }
 }
 
-/// Names of the outcomes, in the order of [`EntryResults::outcomes`].
-const OUTCOMES: [&str; 4] = ["completed", "lost", "failed", "refused"];
-
 impl Results {
     /// Makes empty results.
     ///
@@ -243,9 +240,9 @@ impl Results {
             .min_by_key(|(_, count)| *count)
             .map_or(0, |(index, _)| index);
         let indices = &self.indices;
-        let outcome = OUTCOMES
+        let outcome = Outcome::ALL
             .iter()
-            .position(|name| row[indices.outcome] == Cell::Text((*name).to_owned()));
+            .position(|outcome| row[indices.outcome] == Cell::Text(outcome.name().to_owned()));
         let outcome = outcome.unwrap_or(2);
         self.refused += u64::from(outcome == 3);
         let entry = &mut self.entries[index];

@@ -1,7 +1,7 @@
 //! Rows of a sweep: one for each flight.
 
 use metrics::stretch::Metrics;
-use metrics::summary::{Phase, Summary};
+use metrics::summary::{self, Phase, Summary};
 use serde::{Deserialize, Serialize};
 
 use crate::definition::{Entry, KeptLogs};
@@ -52,15 +52,28 @@ pub type Row = Vec<Cell>;
 pub enum Outcome {
     /// Flown to the end.
     Completed,
-    /// The vehicle was lost.
+    /// The vehicle was lost, or a kill ended the flight before it had landed.
     Lost,
-    /// Ended early for another reason, such as a failure of a plug-in.
+    /// Ended early: by a failure of a plug-in, or by a number that is not finite.
     Failed,
     /// Refused by the scenario's checks or a requirement of the sweep.
     Refused,
 }
 
+impl From<summary::Outcome> for Outcome {
+    fn from(outcome: summary::Outcome) -> Self {
+        match outcome {
+            summary::Outcome::Completed => Self::Completed,
+            summary::Outcome::Lost | summary::Outcome::Killed => Self::Lost,
+            summary::Outcome::Interrupted | summary::Outcome::Failed => Self::Failed,
+        }
+    }
+}
+
 impl Outcome {
+    /// All, in the order in which tables count them.
+    pub const ALL: [Self; 4] = [Self::Completed, Self::Lost, Self::Failed, Self::Refused];
+
     /// Returns the name in the rows.
     #[must_use]
     pub fn name(self) -> &'static str {
