@@ -219,7 +219,12 @@ fn a_flight_that_fails_or_cannot_be_flown_is_a_row() {
     );
     let path = place.path("grid.toml");
     std::fs::write(&path, text).unwrap();
-    succeed(&mut place.gerono(&["sweep", "run", path.to_str().unwrap(), "--out", "results"]));
+    let swept = succeed(&mut place.gerono(&["sweep", "run", path.to_str().unwrap(), "--out", "results"]));
+    let said = String::from_utf8(swept.stderr).unwrap();
+    assert!(
+        said.starts_with("note: 6 flights are refused: `as stated`, sample 0: it does not meet `r > 0`"),
+        "{said}"
+    );
     let report: serde_json::Value = serde_json::from_slice(&merged(&place, "results", "sweep.json")).unwrap();
     let law = &report["laws"][0];
     let counts = ["completed", "lost", "failed", "refused"].map(|name| law[name].as_u64().unwrap());
@@ -275,6 +280,10 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         (
             "[vary]\n\"vehicle.mass\" = { uniform = [-0.2, -0.1] }\n",
             "none of the 3 samples can be flown with `as stated`",
+        ),
+        (
+            "[vary]\n\"vehicle.mass\" = { choice = [0.2, \"heavy\"] }\n",
+            "`vehicle.mass` has the wrong type",
         ),
         (
             "[[compare]]\nname = \"mine\"\nset = [\"plugins.controller=none.so\"]\n",

@@ -7,10 +7,12 @@ mod run;
 use std::path::Path;
 
 use command_line::exit::Exit;
+use flight::interrupt::Interrupt;
 use sweep::definition::Source;
 use sweep::error::SweepError;
 use sweep::merge::merge_folder;
 use sweep::prepared::Prepared;
+use sweep::shard::Shard;
 
 use super::{Failure, note, print, write_latex};
 use crate::cli::{Sweep, SweepCommand, SweepMerge};
@@ -31,6 +33,16 @@ pub fn sweep(arguments: &Sweep) -> Result<Exit, Failure> {
 /// Reads and checks a sweep.
 fn prepared(sweep: &Path) -> Result<Prepared, Failure> {
     Source::read(sweep).and_then(Prepared::new).map_err(failure)
+}
+
+/// Checks the scenarios of a shard, and notes the refused ones.
+fn check_flyable(prepared: &Prepared, shard: Shard, interrupt: &Interrupt) -> Result<(), Failure> {
+    let plan = &prepared.plan;
+    let samples = shard.samples(plan.samples);
+    if let (refused, Some(first)) = plan.check_flyable(samples, interrupt).map_err(failure)? {
+        note(format_args!("{refused} flights are refused: {first}"));
+    }
+    Ok(())
 }
 
 /// Converts the error of a sweep to the failure of the command.

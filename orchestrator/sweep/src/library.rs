@@ -18,10 +18,11 @@ fn prepared(
     scenario_path: PathBuf,
     scenario_text: String,
     folder: &Path,
+    interrupt: &Interrupt,
 ) -> Result<Prepared, SweepError> {
     let source = Source::new(Path::new("sweep"), text, scenario_path, scenario_text)?;
     let prepared = Prepared::new(source)?;
-    prepared.plan.check_flyable()?;
+    prepared.plan.check_flyable(0..prepared.plan.samples, interrupt)?;
     make_folder(folder)?;
     Ok(prepared)
 }
@@ -39,7 +40,7 @@ pub fn run(
     jobs: Option<usize>,
     interrupt: &Interrupt,
 ) -> Result<(), SweepError> {
-    let prepared = prepared(text, scenario_path, scenario_text, folder)?;
+    let prepared = prepared(text, scenario_path, scenario_text, folder, interrupt)?;
     if !is_complete(folder, &prepared.header(Shard::WHOLE))? {
         let threads = jobs.unwrap_or_else(many::cores);
         fly_shard(&prepared, Shard::WHOLE, folder, threads, interrupt, |_, _| ())?;
@@ -62,7 +63,7 @@ pub fn run_with(
     folder: &Path,
     make: &mut dyn FnMut(&Entry) -> Result<Option<OwnController>, SweepError>,
 ) -> Result<(), SweepError> {
-    let prepared = prepared(text, scenario_path, scenario_text, folder)?;
+    let prepared = prepared(text, scenario_path, scenario_text, folder, &Interrupt::never())?;
     let (plan, layout) = (&prepared.plan, &prepared.layout);
     if is_complete(folder, &prepared.header(Shard::WHOLE))? {
         return merge_folder(folder, false).map(drop);

@@ -1,7 +1,10 @@
 //! Samples of a sweep. Sample i is a function of the sweep and of i alone.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
+use ::flight::interrupt::Interrupt;
+use ::flight::many;
 use scenario::{Key, LawKind, Scenario};
 use scenario_file::{ReadFile, ScenarioError, files_of};
 use statistics::design::{Design, sample_seed};
@@ -11,7 +14,7 @@ use crate::definition::{Definition, Entry, Method, Source, Vary};
 use crate::error::SweepError;
 use crate::expression::Expression;
 
-/// Maximum number of samples that are checked for a flyable one.
+/// Maximum number of samples of a sweep in which a law without a flyable one is refused.
 const TRIED: u64 = 10_000;
 
 /// A sweep that is ready to be flown.
@@ -282,33 +285,58 @@ impl Plan {
         Ok(files)
     }
 
-    /// Refuses a law with which no sample can be flown.
+    /// Checks the scenarios of samples before the first flight. Returns the number of refused flights, whose values cannot be
+    /// flown or do not meet a requirement, and the reason of the first one.
     ///
     /// # Errors
-    /// [`SweepError`] with the reason for the first sample.
-    pub fn check_flyable(&self) -> Result<(), SweepError> {
+    /// [`SweepError`] of the first scenario with a wrong key, type or file, or of the first sample of a law with which no
+    /// sample of the sweep can be flown.
+    pub fn check_flyable(
+        &self,
+        samples: Range<u64>,
+        interrupt: &Interrupt,
+    ) -> Result<(u64, Option<String>), SweepError> {
+        let (mut all_refused, mut first) = (0, None);
         for entry in &self.entries {
-            let mut first = None;
-            let is_flyable = (0..self.samples.min(TRIED)).any(|index| {
-                let sample = self.sample(index);
-                let unmet = sample.unmet.as_ref();
-                let unmet = unmet.map(|unmet| format!("it does not meet `{unmet}`"));
-                let refusal = || Some(self.scenario(&sample, entry).err()?.without_positions());
-                let refused = unmet.or_else(refusal);
-                let is_flyable = refused.is_none();
-                first = first.take().or(refused);
-                is_flyable
-            });
-            if !is_flyable && self.samples <= TRIED {
+            let (mut checked, mut refused, mut reason) = (0, 0, None);
+            let check = |index| {
+                let goes_on = interrupt.signal().is_none();
+                goes_on.then(|| self.refusal(&self.sample(index), entry))
+            };
+            many::for_each(samples.clone(), many::cores(), check, |refusal| {
+                if let Some(found) = refusal? {
+                    refused += 1;
+                    reason.get_or_insert_with(|| format!("sample {}: {found}", samples.start + checked));
+                }
+                checked += 1;
+                Ok::<_, ScenarioError>(())
+            })?;
+            let may_fly = |index| matches!(self.refusal(&self.sample(index), entry), Ok(None));
+            let are_all = refused > 0 && refused == samples.end - samples.start;
+            if are_all && self.samples <= TRIED && !(0..self.samples).any(may_fly) {
                 return Err(SweepError::bad_input(format!(
-                    "none of the {} samples can be flown with `{}`; sample 0: {}",
+                    "none of the {} samples can be flown with `{}`; {}",
                     self.samples,
                     entry.name,
-                    first.unwrap_or_default()
+                    reason.unwrap_or_default()
                 )));
             }
+            all_refused += refused;
+            first = first.or(reason.map(|reason| format!("`{}`, {reason}", entry.name)));
         }
-        Ok(())
+        Ok((all_refused, first))
+    }
+
+    /// Returns why a sample is refused with an entry, if its values cannot be flown or do not meet a requirement.
+    fn refusal(&self, sample: &Sample, entry: &Entry) -> Result<Option<String>, ScenarioError> {
+        if let Some(unmet) = &sample.unmet {
+            return Ok(Some(format!("it does not meet `{unmet}`")));
+        }
+        match self.scenario(sample, entry) {
+            Ok(_) => Ok(None),
+            Err(error) if error.is_of_values() => Ok(Some(error.without_positions())),
+            Err(error) => Err(error),
+        }
     }
 
     /// Returns all settings of a sample's flight with an entry.

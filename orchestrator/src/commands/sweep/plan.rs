@@ -7,6 +7,7 @@ use command_line::interrupt;
 use command_line::output::print_as_it_is;
 use sweep::flight::fly;
 use sweep::row::Outcome;
+use sweep::shard::Shard;
 use sweep::slurm::{quoted, script};
 
 use super::failure;
@@ -23,22 +24,21 @@ const TRIED: u64 = 4;
 pub(super) fn plan(arguments: &SweepPlan) -> Result<Exit, Failure> {
     let prepared = super::prepared(&arguments.sweep)?;
     let plan = &prepared.plan;
-    prepared.plan.check_flyable().map_err(failure)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
+    super::check_flyable(&prepared, Shard::WHOLE, &interrupt)?;
     let sweep = quoted(&arguments.sweep.display().to_string());
     if arguments.slurm {
         print_as_it_is(script(&sweep, arguments.shards, arguments.cpus));
         return Ok(Exit::Success);
     }
     let flights = plan.samples * plan.entries.len() as u64;
-    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let begun = Instant::now();
-    let (mut tried, mut refused) = (0, 0);
+    let mut tried = 0;
     for index in (0..plan.samples).take(usize::try_from(TRIED).expect("a few")) {
         for entry in &plan.entries {
             match fly(plan, &plan.sample(index), entry, &interrupt).map_err(failure)? {
                 None => return Ok(ended(&interrupt)),
-                Some(flown) if flown.outcome == Outcome::Refused => refused += 1,
-                Some(_) => tried += 1,
+                Some(flown) => tried += u32::from(flown.outcome != Outcome::Refused),
             }
         }
     }
@@ -46,19 +46,11 @@ pub(super) fn plan(arguments: &SweepPlan) -> Result<Exit, Failure> {
     let seconds = begun.elapsed().as_secs_f64() / f64::from(tried.max(1)) * flights as f64;
     let names: Vec<_> = plan.entries.iter().map(|entry| entry.name.as_str()).collect();
     print(format!(
-        "{} samples of {}, each flown with {}: {flights} flights, about {} on one core\n{}\n",
+        "{} samples of {}, each flown with {}: {flights} flights, about {} on one core\n\n",
         plan.samples,
         plan.source.scenario_path.display(),
         names.join(", "),
-        duration(seconds),
-        if refused > 0 {
-            format!(
-                "{refused} of the first {} flights are refused: their samples cannot be flown\n",
-                tried + refused
-            )
-        } else {
-            String::new()
-        }
+        duration(seconds)
     ));
     let columns: Vec<_> = plan.columns().collect();
     for index in 0..plan.samples.min(5) {

@@ -34,15 +34,15 @@ fn default_folder(sweep: &Path) -> PathBuf {
 /// [`Failure`] if a flight cannot begin or a row cannot be written; a lost flight is a row.
 pub(super) fn run(arguments: &SweepRun) -> Result<Exit, Failure> {
     let prepared = super::prepared(&arguments.sweep)?;
-    prepared.plan.check_flyable().map_err(failure)?;
+    let interrupt = interrupt::install().map_err(Failure::trouble)?;
+    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
+    super::check_flyable(&prepared, shard, &interrupt)?;
     let folder = arguments
         .out
         .clone()
         .unwrap_or_else(|| default_folder(&arguments.sweep));
     make_folder(&folder).map_err(failure)?;
-    let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let threads = arguments.jobs.map_or_else(many::cores, usize::from);
-    let shard = arguments.shard.unwrap_or(Shard::WHOLE);
     if is_complete(&folder, &prepared.header(shard)).map_err(failure)? {
         note(format_args!(
             "{} is complete already, nothing was flown",
