@@ -563,6 +563,7 @@ fn what_a_log_or_a_scenario_says_does_not_reach_the_terminal_as_it_is() {
         assert!(!said.contains(hidden), "{said:?}");
     }
     let said = String::from_utf8(info.stdout).unwrap();
+    assert!(said.contains("\ncontrol law: adaptive\n"), "{said}");
     assert!(
         said.contains(r"\u001b[2J") && said.contains(r"\u000acomplete"),
         "{said}"

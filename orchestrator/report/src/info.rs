@@ -8,7 +8,7 @@ use std::path::Path;
 use scenario::{Recorded, Scenario};
 use serde::Serialize;
 use serde_json::Value;
-use shared_types::{Header, Topic};
+use shared_types::{Header, ServiceId, Topic};
 
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
@@ -42,6 +42,8 @@ pub struct Info {
     pub chunks: u64,
     /// The scenario of the flight.
     pub scenario: Scenario,
+    /// The control law: its name in scenarios, or the plug-in or the program in its place.
+    pub control_law: String,
     /// Samples read.
     pub samples: u64,
     /// Tick of the first sample.
@@ -202,6 +204,7 @@ impl Info {
                 .zip(tallies)
                 .filter_map(|(topic, tally)| Some(tally?.finish(topic)))
                 .collect(),
+            control_law: control_law(&scenario),
             faults: planned_faults(&scenario),
             judged: judge.map(|judge| Judged::from_summary(judge.finish(RunFacts::default()))),
             scenario,
@@ -259,6 +262,30 @@ fn seconds_between(first: Header, last: Header) -> f64 {
     last.stamp_ns.saturating_sub(first.stamp_ns) as f64 * 1e-9
 }
 
+/// Returns the program with its arguments, or the plug-in, that flies in place of a service.
+#[must_use]
+pub fn replacement(scenario: &Scenario, service: ServiceId) -> Option<String> {
+    if let Some(words) = scenario.program_of(service) {
+        return Some(words.join(" "));
+    }
+    let library = scenario.plugins.as_ref()?.library_of(service)?;
+    Some(library.display().to_string())
+}
+
+/// Returns the control law that flies, as the scenario names it.
+fn control_law(scenario: &Scenario) -> String {
+    match replacement(scenario, ServiceId::Controller) {
+        Some(library) if scenario.has_plugin(ServiceId::Controller) => format!("the plug-in {library}"),
+        Some(words) => format!("the program {words}"),
+        None => {
+            let law = serde_json::to_value(scenario.controller.law);
+            law.ok()
+                .and_then(|law| Some(law.as_str()?.to_owned()))
+                .unwrap_or_default()
+        }
+    }
+}
+
 fn planned_faults(scenario: &Scenario) -> Vec<String> {
     let words = |fault: &scenario::Fault| {
         let lasts = fault
@@ -280,4 +307,28 @@ fn host_beside(log: &Path) -> Option<HostInfo> {
         samples: inspect(&path).map_or_else(|_| BTreeMap::new(), |found| found.samples),
         log: path.display().to_string(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use scenario::{LawKind, Plugins, Programs};
+
+    use super::*;
+
+    #[test]
+    fn the_control_law_is_named_as_in_the_scenario_or_by_what_flies_in_its_place() {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/fig1.toml"));
+        let mut scenario = scenario_file::load(path, &[], None).unwrap();
+        assert_eq!(control_law(&scenario), "adaptive");
+        scenario.controller.law = LawKind::NfConstant;
+        assert_eq!(control_law(&scenario), "nf_constant");
+        scenario.programs = Some(Programs::own_controller("mine.Hover".to_owned()));
+        assert_eq!(control_law(&scenario), "the program mine.Hover");
+        scenario.programs = None;
+        scenario.plugins = Some(Plugins {
+            controller: Some("libpid.so".into()),
+            ..Plugins::default()
+        });
+        assert_eq!(control_law(&scenario), "the plug-in libpid.so");
+    }
 }

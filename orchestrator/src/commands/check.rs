@@ -1,6 +1,7 @@
 //! `gerono check`: the resolved schedule and wiring of a scenario.
 
 use comfy_table::{Table, presets};
+use report::info::replacement;
 use scenario::Scenario;
 use scenario_file::gain_rules::{self, digits};
 use shared_types::service::seconds;
@@ -131,18 +132,12 @@ fn warnings(scenario: &Scenario) -> String {
 
 /// Lists the programs and plug-ins that replace services, a line each.
 fn programs(scenario: &Scenario) -> String {
-    let replacement = |service| match scenario.program_of(service) {
-        Some(words) => Some(words.join(" ")),
-        None => Some(
-            scenario
-                .plugins
-                .as_ref()?
-                .library_of(service)?
-                .display()
-                .to_string(),
-        ),
+    let line = |service| {
+        Some(format!(
+            "in place of {service}: {}\n",
+            replacement(scenario, service)?
+        ))
     };
-    let line = |service| Some(format!("in place of {service}: {}\n", replacement(service)?));
     ServiceId::ALL.into_iter().filter_map(line).collect()
 }
 

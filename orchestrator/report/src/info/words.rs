@@ -71,8 +71,9 @@ impl Info {
         let scenario = &self.scenario;
         writeln!(
             formatter,
-            "\n{}\nseed {}, tick {} s, planned {} s",
+            "\n{}\ncontrol law: {}\nseed {}, tick {} s, planned {} s",
             printable(&scenario.description),
+            printable(&self.control_law),
             scenario.seed,
             scenario.schedule.tick,
             scenario.duration
