@@ -16,7 +16,7 @@ use common::processes::{
     await_process, await_reserved_descriptors, await_successor, free_the_descriptors_of, is_alive,
     processes_of, services_of, shared_memory_of, signal, use_up_the_descriptors_of,
 };
-use common::{Begun, Place, begin, complaint, finish, output, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, scenario, succeed, until};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use runtime::process::SPARE;
@@ -230,6 +230,35 @@ fn with_own_memory(size: &str, mut flight: Command) -> Option<Command> {
     }
     flight.stdin(std::process::Stdio::null());
     Some(command)
+}
+
+#[test]
+fn a_flight_whose_log_does_not_fit_on_its_disk_is_refused_with_both_sizes() {
+    let place = Place::new();
+    let fig1 = scenario("fig1");
+    for host in ["lockstep", "inprocess", "realtime"] {
+        let flight = place.gerono(&[
+            "run",
+            fig1.to_str().unwrap(),
+            "--host",
+            host,
+            "--out",
+            "/dev/shm/runs/1",
+        ]);
+        let Some(mut flight) = with_own_memory("90m", flight) else {
+            return;
+        };
+        let refused = output(&mut flight);
+        let said = complaint(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{said}");
+        let words = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        for piece in [
+            "the log of 60 s needs 10",
+            "MiB, and 90.0 MiB are free for /dev/shm;",
+        ] {
+            assert!(words.contains(piece), "no `{piece}` in {words}");
+        }
+    }
 }
 
 /// Fills the /dev/shm of a process to the last page.

@@ -91,7 +91,7 @@ fn service_of(orchestrator: u32, service: ServiceId) -> u32 {
 fn take_off(place: &Place) -> Begun {
     let flight = ["--host", "realtime", "--quiet", "--restarts", "1000000"];
     // Beside the load of other tests; where the system refuses it, the flight says so and is only later.
-    let child = begin(&mut place.rig_flight("out", 100_000.0, &[&flight[..], &["--fifo"]].concat()));
+    let child = begin(&mut place.rig_flight("out", 10_000.0, &[&flight[..], &["--fifo"]].concat()));
     until("all services", || {
         (services_of(child.id()).len() == ServiceId::ALL.len()).then_some(())
     });
@@ -253,7 +253,7 @@ fn whatever_stops_or_dies_in_any_phase_of_its_life_is_replaced_within_its_limit(
 fn a_service_that_closes_its_control_channel_and_lives_is_replaced() {
     for host in ["lockstep", "realtime"] {
         let place = Place::new();
-        let child = begin(&mut place.rig_flight("out", 100_000.0, &["--host", host, "--quiet"]));
+        let child = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
         let orchestrator = child.id();
         place.await_log("out", 200_000);
         let deaf = service_of(orchestrator, ServiceId::Controller);
@@ -321,7 +321,7 @@ fn a_plant_that_is_late_or_restarted_never_falls_freely() {
 fn a_standby_process_that_does_not_answer_is_replaced() {
     for host in ["lockstep", "realtime"] {
         let place = Place::new();
-        let child = begin(&mut place.rig_flight("out", 100_000.0, &["--host", host, "--quiet"]));
+        let child = begin(&mut place.rig_flight("out", 10_000.0, &["--host", host, "--quiet"]));
         place.await_log("out", 200_000);
         let stopped = standby_of(child.id());
         send(stopped, Signal::STOP);

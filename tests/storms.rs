@@ -152,7 +152,7 @@ fn a_storm_in_simulated_time_leaves_no_trace_in_the_log_nor_anything_behind() {
 fn a_flight_in_real_time_goes_on_in_a_storm_and_leaves_nothing_behind() {
     let place = Place::new();
     let settings = ["--host", "realtime", "--quiet", "--restarts", "1000000"];
-    let mut run = begin(&mut place.rig_flight("out", 100_000.0, &settings));
+    let mut run = begin(&mut place.rig_flight("out", 10_000.0, &settings));
     let orchestrator = run.id();
     place.await_log("out", 20_000);
     let mut storm = Storm {

@@ -59,6 +59,23 @@ pub fn space(host: &HostFacts, folder: &Path, needs: &Needs) -> Check {
     }
 }
 
+/// Returns why the log of a flight does not fit into a folder, with the fix. `None` also if the free space is unknown: the flight
+/// is allowed to try.
+#[must_use]
+pub fn shortage(host: &HostFacts, folder: &Path, needs: &Needs) -> Option<String> {
+    let Space { total, free } = host.space(folder).ok()?;
+    (total > 0 && free < needs.log_bytes).then(|| {
+        format!(
+            "the log of {} s needs {}, and {} are free for {}; remove old runs, name a folder on another disk with `--out`, \
+             compress (`--compression lz4`), record less (`record.every`, `record.leave_out`), or state a shorter `duration`",
+            needs.duration,
+            bytes(needs.log_bytes),
+            bytes(free),
+            folder.display()
+        )
+    })
+}
+
 /// Checks whether the log of a flight in real time can be written as fast as it grows.
 #[must_use]
 pub fn speed(measured: &io::Result<f64>, needs: &Needs) -> Check {
@@ -162,6 +179,26 @@ mod tests {
         }
         let (_folder, host) = fake(&[], None);
         assert_eq!(space(&host, Path::new("runs"), &needs).verdict, Red);
+    }
+
+    #[test]
+    fn a_log_that_does_not_fit_is_refused_with_the_numbers() {
+        let needs = Needs::ordinary();
+        let with = |total, free| {
+            let (_folder, host) = fake(&[], Some(Space { total, free }));
+            shortage(&host, Path::new("runs"), &needs)
+        };
+        assert_eq!(with(1 << 40, needs.log_bytes), None);
+        assert_eq!(with(0, 0), None, "a file system that does not tell");
+        assert_eq!(shortage(&fake(&[], None).1, Path::new("runs"), &needs), None);
+        let told = with(1 << 40, 3 << 20).unwrap();
+        for piece in [
+            "of 60 s needs ",
+            " MiB, and 3.0 MiB are free for runs; ",
+            "`--out`",
+        ] {
+            assert!(told.contains(piece), "no `{piece}` in {told}");
+        }
     }
 
     #[test]

@@ -47,7 +47,7 @@ impl Needs {
             lock_memory: uses.iter().any(|settings| settings.lock_memory == Some(true)),
             highest_priority: highest_priority.copied().unwrap_or_default(),
             duration: scenario.duration,
-            log_bytes: predicted_bytes(schedule),
+            log_bytes: predicted_bytes(scenario, schedule),
             shared_memory: reserve::needed(),
             grace: scenario.real_time.unwrap_or_default().grace,
         }

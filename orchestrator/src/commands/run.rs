@@ -1,5 +1,6 @@
 //! `gerono run`: flies a scenario, records it and prints the results.
 
+use std::path::Path;
 use std::time::Duration;
 
 use runtime::deployment::Scheduler;
@@ -15,10 +16,11 @@ use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress::Progress;
 use decisions::restart_policy::{PerService, RestartPolicy};
+use doctor::{HostFacts, Needs, disk};
 use flight::in_process;
 use flight::recording_sink::RecordingSink;
-use run_log::Manifest;
 use run_log::run_folder::RunFolder;
+use run_log::{Compression, Manifest};
 use supervisor::deployment::{Deployment, Placement};
 use supervisor::real_time::Clients;
 use supervisor::{Ending, Outcome, RunFailure, lock_step, real_time};
@@ -63,6 +65,7 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         )));
     }
     refuse_crashes(&scenario, &schedule, &arguments.deployment.crash)?;
+    refuse_full_disk(arguments, &scenario, &schedule)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = scenario_name(&arguments.scenario.scenario);
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
@@ -88,6 +91,21 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         quiet: arguments.quiet,
     };
     flown.conclude(sink, &mut progress, ending)
+}
+
+/// Refuses a flight whose log would not fit on the disk. The size of a compressed log is unknown, and files of a split log may be
+/// moved in flight.
+fn refuse_full_disk(arguments: &Run, scenario: &Scenario, schedule: &Schedule) -> Result<(), Failure> {
+    let is_split = scenario
+        .record
+        .as_ref()
+        .is_some_and(|record| record.split.is_some());
+    if is_split || arguments.recording.compression != Compression::None {
+        return Ok(());
+    }
+    let folder = disk::nearest_folder(arguments.out.as_deref().unwrap_or(Path::new("runs")));
+    let shortage = disk::shortage(&HostFacts::this(), &folder, &Needs::of(scenario, schedule));
+    shortage.map_or(Ok(()), |shortage| Err(Failure::trouble(shortage)))
 }
 
 /// Refuses crashes that would never happen.
