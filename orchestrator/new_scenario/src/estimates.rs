@@ -23,6 +23,13 @@ const THRUST_TO_WEIGHT: [f64; 2] = [2.0, 6.0];
 /// Range of the estimate, over the weight, beyond which one of the numbers is wrong.
 const PLAUSIBLE: [f64; 2] = [0.5, 20.0];
 
+/// Thrust that the firmware of a Crazyflie makes of the largest of its packets, N: four motors of 0.12 N with the propellers of the
+/// 2.1+.
+const CRAZYFLIE_THRUST: f64 = 0.48;
+
+/// Least ratio of it to the weight of a Crazyflie. A heavier vehicle has other motors.
+const CRAZYFLIE_RATIO: f64 = 1.3;
+
 /// Time constant of the thrust per inch of the propeller, s: geometrically similar propellers with equal tip speeds follow
 /// after times in proportion to their diameters. The paper's vehicle has 0.03 s with 5.5 inches.
 const LAG_PER_INCH: f64 = 0.005;
@@ -49,6 +56,8 @@ pub struct Estimates {
     pub thrust_max: f64,
     /// Maximum thrust by propellers and cells alone, over the weight, if it is outside of the limits.
     pub limited: Option<f64>,
+    /// `true` if the maximum thrust is that of a Crazyflie's firmware.
+    pub by_firmware: bool,
     /// Time constant of the thrust, s.
     pub thrust_lag: f64,
     /// Time constant of the body rates, s.
@@ -112,6 +121,7 @@ impl Estimates {
             inertia: body.inertia(),
             thrust_max: stated_ratio * weight,
             limited: (stated_ratio != ratio).then_some(ratio),
+            by_firmware: false,
             thrust_lag,
             rate_lag: (RATE_LAG[0] * thrust_lag).max(RATE_LAG[1]),
             rate_max: if size > LARGE {
@@ -120,6 +130,19 @@ impl Estimates {
                 [19.0, 19.0, 8.0]
             },
         })
+    }
+
+    /// Takes the maximum thrust of a Crazyflie's firmware, if it lifts a vehicle of this mass, kg, with a reserve.
+    #[must_use]
+    pub fn of_a_crazyflie(self, mass: f64) -> Self {
+        if CRAZYFLIE_THRUST < CRAZYFLIE_RATIO * mass * GRAVITY {
+            return self;
+        }
+        Self {
+            thrust_max: CRAZYFLIE_THRUST,
+            by_firmware: true,
+            ..self
+        }
     }
 }
 
@@ -133,7 +156,7 @@ pub fn table() -> String {
         "| estimate | rule | from | it may be wrong by |\n\
          | --- | --- | --- | --- |\n\
          | inertia | a cuboid of the mass, {width} d × {width} d × {height} d | Crazyflie, X500, a 260 mm racer, Hummingbird, the paper's vehicle | a factor of 1.4 |\n\
-         | largest thrust | 4 · {THRUST_PER_CELL} N/m² · cells · D², but {lowest} to {highest} times the weight | Crazyflie 69, X500 33, the paper's 35, Hummingbird 40 N/m² | a factor of 1.6; racers have three times as much |\n\
+         | largest thrust | 4 · {THRUST_PER_CELL} N/m² · cells · D², but {lowest} to {highest} times the weight; with `--radio crazyflie` {CRAZYFLIE_THRUST} N, if that is {CRAZYFLIE_RATIO} times the weight | Crazyflie 69, X500 33, the paper's 35, Hummingbird 40 N/m² | a factor of 1.6; racers have three times as much |\n\
          | lag of the thrust | {LAG_PER_INCH} s per inch; {LAG_OF_CORELESS} s with one cell | the paper's vehicle; Crazyflie (Förster 2015) | a factor of 2 |\n\
          | lag of the body rates | {rate_share} times that of the thrust, at least {rate_least} s | the paper's vehicle | a factor of 2 |\n"
     )

@@ -49,6 +49,16 @@ pub enum Surroundings {
     },
 }
 
+impl Surroundings {
+    /// Returns the radio link of a laboratory.
+    fn radio(self) -> Option<RadioProtocol> {
+        match self {
+            Self::Simulated => None,
+            Self::Laboratory { radio, .. } => Some(radio),
+        }
+    }
+}
+
 /// Reason why no vehicle has the stated properties.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}; {fix}")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use scenario::Scenario;
+use scenario::{GRAVITY, Scenario};
 
 use scenario_file::gain_rules;
 
@@ -114,6 +114,33 @@ const fn airframe(mass: f64, size: f64, propeller: f64, cells: u32) -> Airframe 
         size,
         propeller,
         cells,
+    }
+}
+
+#[test]
+fn a_crazyflie_has_the_thrust_of_its_firmware_unless_it_is_too_heavy_for_it() {
+    let written = |mass, radio| {
+        let surroundings = Surroundings::Laboratory {
+            cameras: CaptureSystem::Vrpn,
+            radio,
+        };
+        let scenario = read(&text(&airframe(mass, 0.092, 1.8, 1), surroundings, "new.toml").unwrap());
+        let thrust_max = scenario.vehicle.actuators.unwrap().thrust_max;
+        (scenario.rc_output.unwrap(), thrust_max)
+    };
+    let (link, thrust_max) = written(0.031, RadioProtocol::Crazyflie);
+    assert_eq!(
+        (link.thrust_offset, link.thrust_slope, thrust_max),
+        (0.24, 0.24, 0.48)
+    );
+    assert_eq!(link.resolution, 16);
+    assert_eq!(link.battery.unwrap().lowest, Some(3.2));
+    for (mass, radio) in [(0.04, RadioProtocol::Crazyflie), (0.031, RadioProtocol::Crsf)] {
+        let (_, thrust_max) = written(mass, radio);
+        assert!(
+            (thrust_max / (2.0 * mass * GRAVITY) - 1.0).abs() < 0.01,
+            "{thrust_max}"
+        );
     }
 }
 

@@ -13,7 +13,10 @@ use scenario_file::gain_rules::Gains;
 /// # Errors
 /// [`Implausible`] if no vehicle has the stated properties.
 pub fn text(airframe: &Airframe, surroundings: Surroundings, file: &str) -> Result<String, Implausible> {
-    let estimates = Estimates::of(airframe)?;
+    let mut estimates = Estimates::of(airframe)?;
+    if surroundings.radio() == Some(RadioProtocol::Crazyflie) {
+        estimates = estimates.of_a_crazyflie(airframe.mass);
+    }
     let parts = [
         beginning(airframe, surroundings, file),
         match surroundings {
@@ -245,51 +248,66 @@ fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) 
         cells,
         ..
     } = airframe;
-    let cells = in_words(*cells);
+    let battery = in_words(*cells);
     let half = number(estimates.thrust_max / 2.0);
     let ratio = estimates.thrust_max / (mass * GRAVITY);
     let [roll, pitch, yaw] = estimates.rate_max;
     let origin = match estimates.limited {
+        _ if estimates.by_firmware => format!(
+            "# The thrust is what a Crazyflie's firmware makes of its largest packet with the propellers of the 2.1+,\n\
+             # {ratio:.1} times the weight; docs/crazyflie.md has other motors. Better: a thrust stand; or `gerono rc identify`"
+        ),
         Some(by_propellers) if (by_propellers - ratio).abs() >= 0.1 => {
             let end = if by_propellers < ratio { "least" } else { "most" };
-            format!(
-                "{ratio:.1} times the weight, the {end} that is assumed: four propellers of {propeller} inch with {cells}\n\
+            estimated(&format!(
+                "{ratio:.1} times the weight, the {end} that is assumed: four propellers of {propeller} inch with {battery}\n\
                  # have {by_propellers:.1} times the weight by the rule"
-            )
+            ))
         }
-        _ => format!("{ratio:.1} times the weight by {propeller} inch and {cells}"),
+        _ => estimated(&format!(
+            "{ratio:.1} times the weight by {propeller} inch and {battery}"
+        )),
     };
-    let bits = match surroundings {
-        Surroundings::Laboratory {
-            radio: RadioProtocol::Msp,
-            ..
-        } => 10,
-        _ => 11,
+    let estimate = if estimates.by_firmware { "" } else { ": estimate" };
+    let set = format!(
+        "set {:.0}, {:.0} and {:.0} °/s in the flight controller, linear; `gerono rc identify` checks it",
+        roll.to_degrees(),
+        pitch.to_degrees(),
+        yaw.to_degrees()
+    );
+    let (bits, rates) = match surroundings.radio() {
+        Some(RadioProtocol::Crazyflie) => (16, "where the sticks end; the packet has no limits".to_owned()),
+        Some(RadioProtocol::Msp) => (10, set),
+        _ => (11, set),
     };
     let mut text = format!(
         "\n# --- The radio link: what the ends of its channels mean ---------------------------------------------------------------\n\
-         # The thrust is an estimate, {origin}; a factor of 1.6 either way\n\
-         # is usual, and racers have more. Rather state too much than too little. Better: a thrust stand; or `gerono rc identify`\n\
+         {origin}\n\
          # after a flight of 40 s along a path that moves the thrust. A hover does not; the command says which path does.\n\
          [rc_output]\n\
-         thrust_offset = {half}            # N at a thrust channel of 0: estimate\n\
-         thrust_slope = {half}             # N per unit of the channel, so 0 N to {}: estimate\n\
-         rate_slope = [{roll:?}, {:?}, {yaw:?}]  # rad/s per unit: set {:.0}, {:.0} and {:.0} °/s in the flight controller, linear; `gerono rc identify` checks it\n\
+         thrust_offset = {half}            # N at a thrust channel of 0{estimate}\n\
+         thrust_slope = {half}             # N per unit of the channel, so 0 N to {}{estimate}\n\
+         rate_slope = [{roll:?}, {:?}, {yaw:?}]  # rad/s per unit: {rates}\n\
          thrust_range = [-1.0, 1.0]\n\
          resolution = {bits}                 # bits from −1 to 1\n",
         newtons(estimates.thrust_max),
         -pitch,
-        roll.to_degrees(),
-        pitch.to_degrees(),
-        yaw.to_degrees(),
     );
-    if let Surroundings::Laboratory { radio, .. } = surroundings {
-        text += &transmitter(radio);
+    if let Some(radio) = surroundings.radio() {
+        text += &transmitter(radio, *cells);
     }
     text
 }
 
-fn transmitter(radio: RadioProtocol) -> String {
+/// Says from what a thrust is estimated, and how to do better.
+fn estimated(origin: &str) -> String {
+    format!(
+        "# The thrust is an estimate, {origin}; a factor of 1.6 either way\n\
+         # is usual, and racers have more. Rather state too much than too little. Better: a thrust stand; or `gerono rc identify`"
+    )
+}
+
+fn transmitter(radio: RadioProtocol, cells: u32) -> String {
     let name = radio.name();
     let (destination, channels) = match radio {
         RadioProtocol::Msp => (
@@ -315,7 +333,16 @@ fn transmitter(radio: RadioProtocol) -> String {
     } else {
         ""
     };
-    format!("link = \"{name}\"\n\n[rc_output.transmitter]\n{destination}\n{channels}")
+    // Whether another vehicle sends its voltage depends on its receiver.
+    let battery = if radio == RadioProtocol::Crazyflie {
+        format!(
+            "\n[rc_output.battery]\nlowest = {}                   # V, under load: 3.2 V a cell, as in its firmware\n",
+            number(3.2 * f64::from(cells))
+        )
+    } else {
+        String::new()
+    };
+    format!("link = \"{name}\"\n\n[rc_output.transmitter]\n{destination}\n{channels}{battery}")
 }
 
 fn model(airframe: &Airframe, estimates: &Estimates) -> String {
@@ -409,7 +436,7 @@ fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surrounding
          [vehicle.actuators]\n\
          thrust_lag = {}              # s: estimate\n\
          rate_lag = [{lag}, {lag}, {lag}]  # s: estimate\n\
-         thrust_max = {}               # N: estimate\n\
+         thrust_max = {}               # N{}\n\
          rate_max = {}  # rad/s\n\
          {initial_thrust}\
          \n\
@@ -423,6 +450,7 @@ fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surrounding
         vector(estimates.inertia),
         number(estimates.thrust_lag),
         number(estimates.thrust_max),
+        if estimates.by_firmware { "" } else { ": estimate" },
         vector(estimates.rate_max),
     )
 }
