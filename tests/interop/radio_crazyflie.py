@@ -1,7 +1,8 @@
 """Sends packets with the Crazyflie's own library: radio_crazyflie.py READER COUNT, of the example `crazyflie_packets`.
 
 Its driver finds the reader as it finds a simulator; what its users ask for must be what the reader understands, and packets
-that ask for anything else than body rates must be refused. Its users state roll right, pitch nose down and yaw
+that ask for anything else than body rates, arming and the emergency stop must be refused. Of requests to the supervisor the
+reader sends the very bytes, by the protocol of firmware before its release 2026.04 and since. Its users state roll right, pitch nose down and yaw
 counter-clockwise as positive, in degrees per second."""
 
 import math
@@ -9,22 +10,27 @@ import random
 import socket
 import subprocess
 import sys
+import warnings
 
 from cflib.crazyflie.commander import Commander
+from cflib.crazyflie.supervisor import Supervisor
 from cflib.crtp.udpdriver import UdpDriver
 
 
 class Vehicle:
-    """As much of a vehicle as its commander uses."""
+    """As much of a vehicle as its commander and its supervisor use."""
 
-    class Platform:
-        def get_protocol_version(self):
-            return 9
+    def __init__(self, driver, version=9):
+        self.driver = driver
+        self.platform = self
+        self.get_protocol_version = lambda: version
 
-    platform = Platform()
+    def add_port_callback(self, port, callback):
+        pass
 
-    def __init__(self, driver):
-        self.send_packet = driver.send_packet
+    def send_packet(self, packet):
+        self.bytes = bytes([packet.get_header(), *packet.data])
+        self.driver.send_packet(packet)
 
 
 def main(path, count):
@@ -55,7 +61,21 @@ def main(path, count):
     assert understood() == ["stop"]
     commander.send_notify_setpoint_stop(250)
     assert understood() == ["end", "250"]
+    warnings.simplefilter("ignore")
+    # The versions of the releases 2025.09 and 2026.04.
+    for version in (10, 12):
+        vehicle = Vehicle(driver, version)
+        supervisor = Supervisor(vehicle)
+        for send, meant in [
+            (lambda: supervisor.send_arming_request(True), "Arm(true)"),
+            (lambda: supervisor.send_arming_request(False), "Arm(false)"),
+            (supervisor.send_emergency_stop, "EmergencyStop"),
+        ]:
+            send()
+            assert understood() == ["supervisor", meant, vehicle.bytes.hex()]
     others = [
+        supervisor.send_emergency_stop_watchdog,
+        supervisor.send_crash_recovery_request,
         lambda: commander.send_setpoint_manual(1, 2, 3, 50, False),
         lambda: commander.send_setpoint(1, 2, 3, 40000),
         lambda: commander.send_hover_setpoint(0, 0, 0, 1),

@@ -2,10 +2,14 @@
 //!
 //! In flight a vehicle without a new setpoint for [`LEVELS_AFTER_NS`] flies level with the last thrust, and after
 //! [`STOPS_AFTER_NS`] it stops its motors and locks until it is restarted. It counts as flying for
-//! [`FLIES_AFTER_NS`] after its motors turned; on the ground missing setpoints do nothing.
+//! [`FLIES_AFTER_NS`] after its motors turned; on the ground missing setpoints do nothing. An emergency stop stops its motors and
+//! locks it at once.
 //!
-//! Not simulated: tumbling, crashes, and arming (a Crazyflie 2.x arms by itself).
+//! A Crazyflie 2.x arms by itself; another turns its motors only between requests to arm and to disarm.
+//!
+//! Not simulated: tumbling, crashes, the time in which motors spin up, and those after which a vehicle disarms itself.
 
+use radio_link::crazyflie::supervisor::SupervisorRequest;
 use shared_types::samples::{RcFrame, VehicleTruth};
 
 /// Age of a setpoint after which the vehicle flies level, ns.
@@ -29,6 +33,9 @@ pub struct Supervisor {
     /// Gravity's direction in {B}.
     down_body: [f64; 3],
     losses: u64,
+    requires_arming: bool,
+    is_armed: bool,
+    is_emergency: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,10 +57,29 @@ impl Supervisor {
         self.down_body = [x, y, z];
     }
 
+    /// Does not turn the motors before a request to arm.
+    pub fn require_arming(&mut self) {
+        self.requires_arming = true;
+    }
+
+    /// Handles a request.
+    pub fn request(&mut self, request: SupervisorRequest) {
+        match request {
+            SupervisorRequest::Arm(arm) => self.is_armed = arm,
+            SupervisorRequest::EmergencyStop => self.is_emergency = true,
+        }
+    }
+
     /// Returns the frame that begins to act at a time, ns: `newest`, or what the vehicle does by itself.
     pub fn acting(&mut self, newest: Option<RcFrame>, at_ns: u64) -> Option<RcFrame> {
         if self.state == State::Locked {
             return None;
+        }
+        if self.requires_arming && !self.is_armed {
+            self.state = State::Ready;
+            self.turned_ns = None;
+            let last = self.setpoint.take().map(|(frame, _)| frame);
+            return newest.or(last).map(|frame| stopped(&frame));
         }
         self.setpoint = newest.map(|frame| (frame, at_ns)).or(self.setpoint);
         let (setpoint, since_ns) = self.setpoint.as_ref()?;
@@ -66,6 +92,7 @@ impl Supervisor {
             .is_some_and(|turned| at_ns.saturating_sub(turned) < FLIES_AFTER_NS);
         let before = self.state;
         self.state = match before {
+            _ if self.is_emergency => State::Locked,
             State::Flying | State::Level if age_ns > STOPS_AFTER_NS => State::Locked,
             State::Flying | State::Level if age_ns > LEVELS_AFTER_NS => State::Level,
             State::Level => State::Flying,
@@ -79,12 +106,7 @@ impl Supervisor {
                 self.losses += u64::from(before != State::Level);
                 Some(self.level(setpoint))
             }
-            State::Locked => Some(RcFrame {
-                thrust: 0.0,
-                rates_body: [0.0; 3],
-                failsafe: true.into(),
-                ..*setpoint
-            }),
+            State::Locked => Some(stopped(setpoint)),
         }
     }
 
@@ -103,6 +125,16 @@ impl Supervisor {
             rates_body: [-LEVEL_GAIN * roll, -LEVEL_GAIN * pitch, 0.0],
             ..*setpoint
         }
+    }
+}
+
+/// Returns a frame with the motors off.
+fn stopped(frame: &RcFrame) -> RcFrame {
+    RcFrame {
+        thrust: 0.0,
+        rates_body: [0.0; 3],
+        failsafe: true.into(),
+        ..*frame
     }
 }
 
@@ -155,6 +187,29 @@ mod tests {
                 .is_none()
         );
         assert_eq!(supervisor.losses(), 1);
+    }
+
+    #[test]
+    fn an_emergency_stop_stops_and_locks_the_vehicle_at_once() {
+        let mut supervisor = Supervisor::default();
+        assert!(supervisor.acting(Some(setpoint(0.3)), 0).is_some());
+        supervisor.request(SupervisorRequest::EmergencyStop);
+        let stopped = supervisor.acting(None, MS).unwrap();
+        assert!(stopped.failsafe.is_set() && stopped.thrust == 0.0);
+        assert!(supervisor.acting(Some(setpoint(0.3)), 2 * MS).is_none());
+    }
+
+    #[test]
+    fn a_vehicle_that_requires_arming_turns_its_motors_only_while_it_is_armed() {
+        let mut supervisor = Supervisor::default();
+        supervisor.require_arming();
+        let thrust = |frame: Option<RcFrame>| frame.map(|frame| frame.thrust);
+        assert_eq!(thrust(supervisor.acting(Some(setpoint(0.3)), 0)), Some(0.0));
+        supervisor.request(SupervisorRequest::Arm(true));
+        assert_eq!(thrust(supervisor.acting(Some(setpoint(0.3)), MS)), Some(0.3));
+        supervisor.request(SupervisorRequest::Arm(false));
+        assert_eq!(thrust(supervisor.acting(None, 2 * MS)), Some(0.0));
+        assert_eq!(thrust(supervisor.acting(None, 3 * MS)), None);
     }
 
     #[test]

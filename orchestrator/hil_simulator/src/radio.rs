@@ -8,6 +8,7 @@
 
 use std::collections::VecDeque;
 
+use radio_link::crazyflie::{self, CrazyfliePacket};
 use radio_link::receiver::{Command, ReceivedCommands, Receiver};
 use scenario::{RadioProtocol, RcLink, Transmitter};
 use shared_types::samples::{RcFrame, VehicleTruth};
@@ -96,7 +97,16 @@ impl Radio {
         })
     }
 
-    /// Receives bytes that have arrived by now.
+    /// Does not turn the motors of a Crazyflie before a request to arm.
+    #[must_use]
+    pub fn requiring_arming(mut self) -> Self {
+        if let Loss::Crazyflie(supervisor) = &mut self.loss {
+            supervisor.require_arming();
+        }
+        self
+    }
+
+    /// Receives bytes that have arrived by now. Requests to the supervisor of a Crazyflie act at once.
     pub fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         let Self {
             link,
@@ -107,6 +117,11 @@ impl Radio {
             switch,
             count,
         } = self;
+        if let Loss::Crazyflie(supervisor) = loss
+            && let Ok(CrazyfliePacket::Supervisor(request, _)) = crazyflie::decode(bytes)
+        {
+            supervisor.request(request);
+        }
         receiver.push(bytes, &mut |command| {
             if let Loss::Stops(timer) = loss {
                 timer.restart(now_ns);

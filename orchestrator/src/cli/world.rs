@@ -38,6 +38,9 @@ pub struct HilSimulator {
     /// it as well.
     #[arg(long)]
     pub by_hand: bool,
+    /// Do not turn the motors of a Crazyflie before a request to arm, as a Bolt or a Brushless.
+    #[arg(long, conflicts_with = "betaflight")]
+    pub require_arming: bool,
     /// Run the simulator under SCHED_FIFO, above all ordinary processes; refused if it is not permitted.
     #[arg(long)]
     pub fifo: bool,

@@ -143,6 +143,15 @@ fn onboard(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
         let links = RadioProtocol::ALL.map(RadioProtocol::name);
         return Err(refused(key, reason, &format!("state {}", one_of(&links))));
     };
+    let radio = match radio.protocol() {
+        RadioProtocol::Crazyflie if arguments.require_arming => radio.requiring_arming(),
+        _ if arguments.require_arming => {
+            return Err(Failure::bad_input(
+                "only a Crazyflie is armed by a request; leave out --require-arming",
+            ));
+        }
+        _ => radio,
+    };
     let line = ReceiverInput::open(&target).map_err(Failure::trouble)?;
     Ok(Autopilot::RateLoop(line, Box::new(radio)))
 }

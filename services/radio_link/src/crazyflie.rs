@@ -1,4 +1,4 @@
-//! CRTP, the packets of a Crazyflie: setpoints of body rates and thrust, and stop.
+//! CRTP, the packets of a Crazyflie: setpoints of body rates and thrust, stop, and requests to its supervisor.
 //!
 //! A header of `port << 4 | 0b11 << 2 | channel`, then up to 30 bytes. A packet states no length and has no checksum:
 //! each is one datagram, or one packet on the air. Numbers are little-endian.
@@ -19,9 +19,11 @@
 //! manual setpoint since its release 2025.09. The thrust of this packet is not locked, unlike that of the older one of
 //! port 3.
 //!
-//! The battery's voltage comes back in a log block ([`log`]).
+//! Requests for arming and the emergency stop go out beside the setpoints ([`supervisor`]). The battery's voltage comes back in
+//! a log block ([`log`]).
 
 pub mod log;
+pub mod supervisor;
 
 use std::f64::consts::PI;
 
@@ -34,6 +36,7 @@ use crate::frame::Frame;
 use crate::sticks::Sticks;
 use crate::telemetry::Reply;
 use log::LogClient;
+use supervisor::{SupervisorClient, SupervisorPort, SupervisorRequest};
 
 /// Length of the longest packet, bytes: a manual setpoint.
 pub const LONGEST: usize = 17;
@@ -66,8 +69,21 @@ pub enum CrazyfliePacket {
     Stop,
     /// Setpoints end, and the last one remains valid for a time, ms.
     NotifySetpointsEnd(u32),
+    /// Requests arming, or an emergency stop.
+    Supervisor(SupervisorRequest, SupervisorPort),
     /// Requests an answer, and commands nothing.
     Null,
+}
+
+impl CrazyfliePacket {
+    /// Returns whether the packet stops the motors.
+    #[must_use]
+    pub fn stops(&self) -> bool {
+        matches!(
+            self,
+            Self::Stop | Self::Supervisor(SupervisorRequest::EmergencyStop, _)
+        )
+    }
 }
 
 /// Setpoint of body rates and thrust, in the firmware's signs and units.
@@ -127,6 +143,7 @@ pub fn encode(packet: &CrazyfliePacket, frame: &mut Frame) {
             frame.push(&[META_COMMANDS, NOTIFY_SETPOINTS_END]);
             frame.push(&milliseconds.to_le_bytes());
         }
+        CrazyfliePacket::Supervisor(request, port) => supervisor::encode(*request, *port, frame),
         CrazyfliePacket::Null => frame.push(&[NULL]),
     }
 }
@@ -147,6 +164,9 @@ pub fn decode(bytes: &[u8]) -> Result<CrazyfliePacket, DecodeError> {
     if first == NULL {
         // A link sends its own commands to the same port, with a payload.
         return has_length(bytes, 1).map(|()| CrazyfliePacket::Null);
+    }
+    if let Some((request, port)) = supervisor::decode(first, &bytes[1..]) {
+        return Ok(CrazyfliePacket::Supervisor(request, port));
     }
     if first != SETPOINTS && first != META_COMMANDS {
         return Err(unexpected(0, first));
@@ -199,6 +219,7 @@ fn unexpected(offset: usize, found: u8) -> DecodeError {
 pub(crate) struct Crazyflie {
     /// Body rates per unit of travel, rad/s.
     rate_slope: [f64; 3],
+    supervisor: SupervisorClient,
     log: LogClient,
 }
 
@@ -206,6 +227,7 @@ impl Crazyflie {
     pub(crate) fn new(link: &RcLink) -> Self {
         Self {
             rate_slope: link.rate_slope,
+            supervisor: SupervisorClient::default(),
             log: LogClient::default(),
         }
     }
@@ -246,11 +268,16 @@ impl Format for Crazyflie {
             Ok(CrazyfliePacket::Rates(setpoint)) => {
                 Decoded::Rates(bytes.len(), setpoint.rates_body(), setpoint.thrust_share())
             }
-            Ok(CrazyfliePacket::Stop) => Decoded::Stop(bytes.len()),
-            Ok(CrazyfliePacket::NotifySetpointsEnd(_) | CrazyfliePacket::Null) => Decoded::Other(bytes.len()),
+            Ok(packet) if packet.stops() => Decoded::Stop(bytes.len()),
+            Ok(_) => Decoded::Other(bytes.len()),
             Err(DecodeError::Length { expected, found }) if found < expected => Decoded::Incomplete,
             Err(_) => Decoded::Noise,
         }
+    }
+
+    fn request(&mut self, map: &ChannelMap, sticks: &Sticks, frame: &mut Frame) {
+        let has_thrust = sticks.codes.is_some() && map.thrust_share(sticks) > 0.0;
+        self.supervisor.request(sticks, has_thrust, frame);
     }
 
     fn read_reply(&mut self, bytes: &[u8]) -> Reply {

@@ -41,6 +41,13 @@ impl Encoder {
         self.format.encode(&content, frame);
     }
 
+    /// Encodes the request that is due beside the frame of these sticks, if any.
+    #[inline]
+    pub fn request(&mut self, sticks: &Sticks, frame: &mut Frame) {
+        frame.clear();
+        self.format.request(&self.map, sticks, frame);
+    }
+
     /// Returns the format of the frames.
     pub(crate) fn format(&mut self) -> &mut dyn Format {
         &mut *self.format

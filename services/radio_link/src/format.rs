@@ -24,6 +24,9 @@ pub trait Format: Debug + Send {
     /// Decodes the frame at the start of the bytes.
     fn decode(&self, bytes: &[u8]) -> Decoded;
 
+    /// Appends a request that is due beside the frame of these sticks, if any. Does not allocate.
+    fn request(&mut self, _map: &ChannelMap, _sticks: &Sticks, _frame: &mut Frame) {}
+
     /// Reads the start of what the vehicle sends back, for the battery's voltage. Does not allocate.
     fn read_reply(&mut self, bytes: &[u8]) -> Reply {
         Reply::Other(bytes.len())

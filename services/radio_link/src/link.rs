@@ -62,7 +62,11 @@ impl Loss {
         if now_ns.saturating_sub(written_at_ns) > self.silence_after_ns {
             self.since_ns.get_or_insert(written_at_ns);
             return LinkAssessment {
-                sticks: Sticks::MOTORS_OFF,
+                sticks: Sticks {
+                    is_lost: true,
+                    is_killed: sticks.is_killed,
+                    ..Sticks::MOTORS_OFF
+                },
                 link_failsafe: true,
             };
         }
@@ -151,9 +155,7 @@ impl RadioLink {
             &mut self.frame,
         );
         let sent = self.port.send(self.frame.bytes(), now_ns);
-        if self.battery.asks() {
-            self.request_voltage(assessment.sticks.codes.is_none(), now_ns);
-        }
+        self.send_request(&assessment.sticks, now_ns);
         Some(sent)
     }
 
@@ -171,13 +173,15 @@ impl RadioLink {
         }
     }
 
-    /// Sends the format's request for the battery's voltage, if one is due.
-    fn request_voltage(&mut self, are_motors_off: bool, now_ns: u64) {
+    /// Sends the format's request that is due beside a frame, if any: to the vehicle first, then for its battery's voltage.
+    fn send_request(&mut self, sticks: &Sticks, now_ns: u64) {
         let frame_length = self.frame.bytes().len();
-        self.frame.clear();
-        self.encoder
-            .format()
-            .request_voltage(now_ns, are_motors_off, &mut self.frame);
+        self.encoder.request(sticks, &mut self.frame);
+        if self.frame.bytes().is_empty() && self.battery.asks() {
+            self.encoder
+                .format()
+                .request_voltage(now_ns, sticks.codes.is_none(), &mut self.frame);
+        }
         if !self.frame.bytes().is_empty() {
             self.port.request(self.frame.bytes(), frame_length);
         }
@@ -272,10 +276,12 @@ mod tests {
         let mut assess = |ms: u64| loss.assess(Some((FLYING, 0)), ms * MS);
         assert_eq!(assess(500).sticks, FLYING);
         let assessment = assess(501);
-        assert_eq!(
-            (assessment.sticks, assessment.link_failsafe),
-            (Sticks::MOTORS_OFF, true)
-        );
+        assert_eq!((assessment.sticks, assessment.link_failsafe), (LOST, true));
+        let killed = Sticks {
+            is_killed: true,
+            ..Sticks::MOTORS_OFF
+        };
+        assert!(loss.assess(Some((killed, 0)), 501 * MS).sticks.is_killed);
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub struct Sticks {
     pub is_lost: bool,
     /// `true` to keep the arming switch off, also with codes: for tests on the ground.
     pub disarmed: bool,
+    /// `true` if the motors stop until the end of the run.
+    pub is_killed: bool,
 }
 
 impl Sticks {
@@ -25,6 +27,7 @@ impl Sticks {
         codes: None,
         is_lost: false,
         disarmed: true,
+        is_killed: false,
     };
 
     /// Returns armed sticks with these codes.
@@ -34,6 +37,7 @@ impl Sticks {
             codes: Some(codes),
             is_lost: false,
             disarmed: false,
+            is_killed: false,
         }
     }
 
@@ -48,6 +52,7 @@ impl Sticks {
             // The frames of a disarmed vehicle are failsafe frames too, but its inputs are not lost.
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
+            is_killed: failsafe && frame.action == RcFrame::ACTION_KILL,
         }
     }
 }
@@ -121,7 +126,12 @@ impl SticksCell {
             .rev()
             .fold(0, |word, &code| word << 16 | u64::from(code));
         self.codes.store(word, Ordering::Relaxed);
-        let flags = [sticks.codes.is_none(), sticks.is_lost, sticks.disarmed];
+        let flags = [
+            sticks.codes.is_none(),
+            sticks.is_lost,
+            sticks.disarmed,
+            sticks.is_killed,
+        ];
         let flags = flags
             .iter()
             .rev()
@@ -155,6 +165,7 @@ impl SticksCell {
                 codes: (flags & 1 == 0).then(|| [0, 1, 2, 3].map(code)),
                 is_lost: flags & 2 != 0,
                 disarmed: flags & 4 != 0,
+                is_killed: flags & 8 != 0,
             };
             (sticks, written_at_ns)
         })
@@ -174,6 +185,7 @@ mod tests {
             codes: Some([1, 0xffff, 3, 0x8000]),
             is_lost: true,
             disarmed: false,
+            is_killed: true,
         };
         cell.write(&Sticks::MOTORS_OFF, 1);
         cell.write(&sticks, 2);
@@ -193,6 +205,7 @@ mod tests {
                         codes: (now_ns % 2 != 0).then_some(codes),
                         is_lost: now_ns % 3 == 0,
                         disarmed: now_ns % 5 == 0,
+                        is_killed: now_ns % 7 == 0,
                     };
                     cell.write(&sticks, now_ns);
                 }
@@ -206,8 +219,8 @@ mod tests {
                 newest = now_ns;
                 let code = u16::from_le_bytes([now_ns.to_le_bytes()[0], now_ns.to_le_bytes()[1]]);
                 assert_eq!(sticks.codes, (now_ns % 2 != 0).then_some([code; 4]));
-                let flags = [sticks.is_lost, sticks.disarmed];
-                assert_eq!(flags, [3, 5].map(|divisor| now_ns % divisor == 0));
+                let flags = [sticks.is_lost, sticks.disarmed, sticks.is_killed];
+                assert_eq!(flags, [3, 5, 7].map(|divisor| now_ns % divisor == 0));
             }
         });
     }
@@ -222,7 +235,10 @@ mod tests {
             ..RcFrame::new_zeroed()
         };
         let disarmed = Sticks::from_frame(&frame);
-        assert!(disarmed.codes.is_none() && disarmed.disarmed && !disarmed.is_lost);
+        assert_eq!(disarmed, Sticks::MOTORS_OFF);
+        frame.action = RcFrame::ACTION_KILL;
+        assert!(Sticks::from_frame(&frame).is_killed);
+        frame.action = RcFrame::ACTION_NONE;
         frame.inputs_fresh = false.into();
         assert!(Sticks::from_frame(&frame).is_lost);
         frame.failsafe = false.into();

@@ -12,7 +12,7 @@ use rustix::io::Errno;
 use scenario::{RadioAddress, RadioRate};
 
 use super::{OpenError, Sent};
-use crate::crazyflie::{CrazyfliePacket, decode};
+use crate::crazyflie::decode;
 
 /// Folder of the USB devices of a machine that has any.
 const USB_DEVICES: &str = "/dev/bus/usb";
@@ -72,7 +72,7 @@ impl Dongle {
     /// # Errors
     /// [`Errno::IO`] if the dongle does not work, or does not answer within a second.
     pub(super) fn send(&mut self, frame: &[u8]) -> Result<Sent, Errno> {
-        let attempts = if matches!(decode(frame), Ok(CrazyfliePacket::Stop)) {
+        let attempts = if decode(frame).is_ok_and(|packet| packet.stops()) {
             STOPS
         } else {
             1

@@ -1,6 +1,7 @@
 //! Frames of every link: what is decoded is what was encoded, and no bytes do harm.
 
 use proptest::prelude::*;
+use radio_link::crazyflie::supervisor::{SupervisorPort, SupervisorRequest};
 use radio_link::crazyflie::{self, CrazyfliePacket, RateSetpoint};
 use radio_link::frame::Frame;
 use radio_link::mavlink::{AttitudeTarget, MavlinkPacket, Sender};
@@ -54,7 +55,17 @@ fn crazyflie_packet() -> impl Strategy<Value = CrazyfliePacket> {
         Just(CrazyfliePacket::Stop),
         any::<u32>().prop_map(CrazyfliePacket::NotifySetpointsEnd),
         Just(CrazyfliePacket::Null),
+        supervisor_packet(),
     ]
+}
+
+fn supervisor_packet() -> impl Strategy<Value = CrazyfliePacket> {
+    let request = prop_oneof![
+        any::<bool>().prop_map(SupervisorRequest::Arm),
+        Just(SupervisorRequest::EmergencyStop)
+    ];
+    let port = prop_oneof![Just(SupervisorPort::Own), Just(SupervisorPort::Older)];
+    (request, port).prop_map(|(request, port)| CrazyfliePacket::Supervisor(request, port))
 }
 
 fn crazyflie_frame(packet: &CrazyfliePacket) -> Frame {

@@ -335,6 +335,55 @@ fn a_crazyflie_whose_command_is_lost_gets_stop_for_as_long_as_the_sender_lives()
     assert_eq!(report.silent, 0);
 }
 
+/// What cflib 0.1.34 sends to disarm, to arm and as an emergency stop, by protocol version 12 and before.
+const CFLIB: [[&[u8]; 2]; 3] = [
+    [&[0x9d, 1, 0], &[0xdc, 1, 0]],
+    [&[0x9d, 1, 1], &[0xdc, 1, 1]],
+    [&[0x9d, 3], &[0x6d, 3]],
+];
+
+#[test]
+fn a_crazyflie_is_disarmed_armed_and_stopped_beside_its_setpoints() {
+    let server = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let link = RcLink {
+        link: RadioProtocol::Crazyflie,
+        transmitter: Some(Transmitter {
+            uri: Some(format!("udp://{}", server.local_addr().unwrap())),
+            ..Transmitter::default()
+        }),
+        ..RcLink::default()
+    };
+    let answering = answering_once(server);
+    let mut opened = RadioLink::open(&link).unwrap().unwrap();
+    let server = answering.join().unwrap();
+    let killed = Sticks {
+        is_killed: true,
+        ..Sticks::MOTORS_OFF
+    };
+    let all = [
+        Sticks::MOTORS_OFF,
+        Sticks::flying([1500, 1000, 1000, 1000]),
+        killed,
+    ];
+    for (sticks, requests) in all.into_iter().zip(CFLIB) {
+        for request in requests {
+            opened.transmit(Some((sticks, 0)), 0).unwrap();
+            let setpoint = packet_at(&server);
+            assert_eq!(setpoint[..2], [0x7c, if sticks.codes.is_some() { 11 } else { 0 }]);
+            assert_eq!(packet_at(&server), request);
+        }
+    }
+    // Its inputs are gone too.
+    let lost = Sticks {
+        is_lost: true,
+        ..killed
+    };
+    opened.transmit(Some((lost, 0)), 10_000_000_000).unwrap();
+    assert_eq!(packet_at(&server), [0x7c, 0]);
+    assert_eq!(packet_at(&server), CFLIB[2][0]);
+    assert_eq!(opened.port().counts().sent, 7, "requests are no frames");
+}
+
 fn crsf_link(path: &Path) -> RcLink {
     RcLink {
         link: RadioProtocol::Crsf,
