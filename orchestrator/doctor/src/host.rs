@@ -43,6 +43,21 @@ impl HostFacts {
         Some(text.trim().to_owned())
     }
 
+    /// Returns the sorted names of a folder's contents; none if it cannot be read.
+    pub(super) fn names(&self, path: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.root.join(path)).into_iter().flatten();
+        let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        let mut names: Vec<_> = names.collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Returns whether this user may read and write a file.
+    pub(super) fn may_open(&self, path: &str) -> bool {
+        let path = self.root.join(path);
+        rustix::fs::access(path, rustix::fs::Access::READ_OK | rustix::fs::Access::WRITE_OK).is_ok()
+    }
+
     /// Returns the space of the file system that holds a path.
     ///
     /// # Errors

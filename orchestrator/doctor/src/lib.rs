@@ -7,6 +7,7 @@
 //! * [`memory`]: shared memory, locked memory, huge pages;
 //! * [`scheduling`]: real-time priority and throttling;
 //! * [`processor`]: cores and their isolation, governor, clock source;
+//! * [`dongle`]: USB dongle of a Crazyflie;
 //! * [`disk`], [`runs`], [`wake_up`]: disk of the results, other runs, wake-up latency;
 //! * [`report`]: the report as text and JSON.
 //!
@@ -14,6 +15,7 @@
 
 pub mod check;
 pub mod disk;
+pub mod dongle;
 pub mod host;
 pub mod memory;
 pub mod needs;

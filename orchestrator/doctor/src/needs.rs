@@ -1,6 +1,6 @@
 //! Requirements of a flight.
 
-use scenario::{Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
+use scenario::{CrazyflieUri, Curve, Hover, Path, Scenario, ServiceDeployment, Vehicle};
 use shared_types::{Schedule, ServiceId};
 
 use run_log::predicted_bytes;
@@ -26,6 +26,8 @@ pub struct Needs {
     /// Predicted size of the log, bytes.
     pub log_bytes: u64,
     pub shared_memory: u64,
+    /// Index of the USB dongle that reaches a Crazyflie.
+    pub dongle: Option<usize>,
     /// Timeout of a step for inputs that are due, s.
     pub grace: f64,
 }
@@ -49,6 +51,7 @@ impl Needs {
             duration: scenario.duration,
             log_bytes: predicted_bytes(scenario, schedule),
             shared_memory: reserve::needed(),
+            dongle: dongle(scenario),
             grace: scenario.real_time.unwrap_or_default().grace,
         }
     }
@@ -76,6 +79,14 @@ impl Needs {
     #[must_use]
     pub fn log_rate(&self) -> f64 {
         self.log_bytes as f64 / self.duration.max(f64::MIN_POSITIVE)
+    }
+}
+
+fn dongle(scenario: &Scenario) -> Option<usize> {
+    let uri = scenario.rc_output.as_ref()?.transmitter.as_ref()?.uri.as_ref()?;
+    match uri.parse().ok()? {
+        CrazyflieUri::Radio(address) => Some(address.dongle),
+        CrazyflieUri::Udp(_) => None,
     }
 }
 
@@ -113,6 +124,18 @@ mod tests {
         assert!((long.log_rate() / short.log_rate() - 1.0).abs() < 0.01);
         assert_eq!(long.shared_memory, short.shared_memory);
         assert_eq!(long.priority, None);
+    }
+
+    #[test]
+    fn only_a_crazyflie_on_the_air_needs_a_dongle() {
+        let [air, simulator] = ["radio://2/80", "udp://127.0.0.1:19850"].map(|uri| {
+            let crazyflie = "../../scenarios/laboratory_crazyflie.toml";
+            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(crazyflie);
+            let sets = [format!("rc_output.transmitter.uri={uri:?}")];
+            let scenario = scenario_file::load(&path, &sets, None).unwrap();
+            Needs::of(&scenario, &scenario.schedule().unwrap()).dongle
+        });
+        assert_eq!((air, simulator), (Some(2), None));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use command_line::exit::Exit;
 use command_line::interrupt;
 use command_line::progress;
 use doctor::report::MachineReport;
-use doctor::{CheckOutcome, HostFacts, Needs, disk, examine, runs, wake_up};
+use doctor::{CheckOutcome, HostFacts, Needs, disk, dongle, examine, runs, wake_up};
 use flight::interrupt::Interrupt;
 use run_client::run_root;
 
@@ -55,6 +55,7 @@ fn report(arguments: &Doctor, needs: &Needs, interrupt: &Interrupt) -> Option<Ma
     let host = HostFacts::this();
     let stopped = || interrupt.signal().is_some();
     let mut checks = examine(&host, needs);
+    checks.extend(dongle::check(&host, needs, cfg!(feature = "crazyradio")));
     checks.extend([
         runs::live(&run_client::runs::all()),
         runs::dead(&run_root::find()),

@@ -131,7 +131,7 @@ pub enum OpenError {
     },
     /// The dongle does not work.
     #[error(
-        "cannot use the Crazyradio dongle {index}: {reason}; with `Access` it needs the udev rule of docs/radio_links.md, with \
+        "cannot use the Crazyradio dongle {index}: {reason}; with `Access` it needs the udev rule of docs/crazyflie.md, with \
          `Busy` end the program that uses it, and otherwise plug it in again"
     )]
     Dongle {
