@@ -59,7 +59,7 @@ class Policy(Controller):
 
     def step(self, now: Now, state: Any, reference: Any, command: Any, errors: Any) -> None:
         """Command what the policy does, as the phase of the flight permits."""
-        if state is None or reference is None or not state["tracked"] or reference["phase"] == PHASES["DISARMED"]:
+        if state is None or reference is None or reference["phase"] == PHASES["DISARMED"]:
             command["mode"] = FAILSAFE
         elif reference["phase"] != PHASES["ARMED"]:
             thrust, *turn = self._command_of(state, reference)
