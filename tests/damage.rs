@@ -236,7 +236,7 @@ fn with_own_memory(size: &str, mut flight: Command) -> Option<Command> {
 fn a_flight_whose_log_does_not_fit_on_its_disk_is_refused_with_both_sizes() {
     let place = Place::new();
     let fig1 = scenario("fig1");
-    for host in ["lockstep", "inprocess", "realtime"] {
+    for host in ["lockstep", "inprocess"] {
         let flight = place.gerono(&[
             "run",
             fig1.to_str().unwrap(),

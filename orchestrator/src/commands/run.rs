@@ -93,14 +93,15 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
     flown.conclude(sink, &mut progress, ending)
 }
 
-/// Refuses a flight whose log would not fit on the disk. The size of a compressed log is unknown, and files of a split log may be
-/// moved in flight.
+/// Refuses a flight whose log would not fit on the disk. The size of a compressed log is unknown, files of a split log may be
+/// moved in flight, and a flight in real time is ended by its operator.
 fn refuse_full_disk(arguments: &Run, scenario: &Scenario, schedule: &Schedule) -> Result<(), Failure> {
     let is_split = scenario
         .record
         .as_ref()
         .is_some_and(|record| record.split.is_some());
-    if is_split || arguments.recording.compression != Compression::None {
+    let ends_early = arguments.host == Host::Realtime;
+    if is_split || ends_early || arguments.recording.compression != Compression::None {
         return Ok(());
     }
     let folder = disk::nearest_folder(arguments.out.as_deref().unwrap_or(Path::new("runs")));
