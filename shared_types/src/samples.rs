@@ -81,11 +81,8 @@ crate::sample! {
         pub tracked: Flag,
         /// `true` if due captures are missing, so that the state is predicted further than usual.
         pub coasting: Flag,
-        /// `true` while an inertial measurement unit measures the motion: of a state that coasts, attitude, height and
-        /// velocity are known for some time.
-        pub inertial: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 1],
+        pub pad0: [u8; 2],
     }
 
     /// Reference: the point of the path, its γ-derivatives and the timing law's terms.

@@ -25,6 +25,8 @@ pub struct Safety {
     max_age_ns: u64,
     /// Oldest age of the state without faults, ns.
     ordinary_age_ns: u64,
+    /// `true` if a state that coasts rests on inertial sensors: its attitude, height and velocity are measured.
+    measures_motion: bool,
     dead_reckoning: DeadReckoning,
     leveller: Leveler,
     /// State from step to step.
@@ -63,6 +65,7 @@ impl Safety {
             recover_ns: stated.recover_ns(),
             max_age_ns: nanoseconds(stated.max_age),
             ordinary_age_ns: edge.map_or(0, |edge| scenario.ordinary_age_ns(edge)),
+            measures_motion: scenario.navigation.is_some(),
             dead_reckoning,
             leveller: Leveler::new(dead_reckoning.inertia, scenario.command_hold()),
             state: SafetyState::INITIAL,
@@ -71,8 +74,7 @@ impl Safety {
 
     /// Returns the stage for the age of the state. Without a last command to hold, the vehicle levels out instead.
     pub fn stage(&mut self, now: &Now, input: &ControlInput<'_>, last: Option<&Commanded>) -> FailsafeStage {
-        let is_unseen = input.state.coasting.is_set() && !input.state.inertial.is_set();
-        self.state.unseen_ns = if is_unseen {
+        self.state.unseen_ns = if input.state.coasting.is_set() && !self.measures_motion {
             self.state.unseen_ns.saturating_add(now.elapsed_ns)
         } else {
             0

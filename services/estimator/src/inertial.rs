@@ -27,8 +27,7 @@ use inertial_navigation::{
     Source, SourceStatus,
 };
 use nalgebra::Vector3;
-use scenario::{GRAVITY, Key, Model, Navigation, Problem, Scenario};
-use shared_types::flight_phase::UNLOADED;
+use scenario::{Datum, GRAVITY, Imu, Key, Model, Navigation, Problem, Scenario};
 use shared_types::geodesy::{Geodetic, LocalFrame};
 use shared_types::gnss::FixKind;
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
@@ -51,6 +50,9 @@ const LARGEST_FORCE: f64 = 2000.0;
 const LARGEST_VELOCITY: f64 = 600.0;
 const LARGEST_HEIGHT: f64 = 50_000.0;
 const LARGEST_FIELD: f64 = 20.0;
+
+/// Lowest frequency at which a vibration may appear in the samples, Hz: below it the vehicle follows.
+const LOWEST_VIBRATION: f64 = 25.0;
 
 /// Time without a fused fix above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
@@ -154,6 +156,8 @@ pub struct InertialEstimatorService {
     frame: LocalFrame,
     vehicle: VehicleModel,
     mass: f64,
+    /// Minimum thrust of a flying vehicle, N: half of the weight of the lightest one, because a thrust may be calibrated wrong.
+    airborne_thrust: f64,
     radio_latency_ns: u64,
     push: Lag,
     ramp: f64,
@@ -186,11 +190,17 @@ impl InertialEstimatorService {
         let navigation = scenario.navigation.clone().unwrap_or_default();
         let model = scenario.model.clone().unwrap_or_default();
         let datum = scenario.datum_or_default();
-        check_times(&navigation, &model, &schedule_of(scenario)?)?;
+        let schedule = schedule_of(scenario)?;
+        check_times(&navigation, &model, &schedule)?;
+        if let Some(sensors) = &scenario.sensors {
+            check_vibration(&sensors.imu, &schedule)?;
+        }
+        check_field(&datum)?;
         Ok(Self {
             frame: datum.frame(),
             vehicle: VehicleModel::new(&model),
             mass: model.mass,
+            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
             radio_latency_ns: nanoseconds(model.radio_latency),
             push: Lag::new(1.0 / navigation.push_bandwidth),
             ramp: navigation.ramp,
@@ -228,7 +238,7 @@ impl InertialEstimatorService {
         }
         self.history.push(self.history.command_of(acts_from_ns, frame));
         self.motors_turn = !frame.failsafe.is_set();
-        let carries = self.motors_turn && frame.thrust > UNLOADED * self.mass * GRAVITY;
+        let carries = self.motors_turn && frame.thrust >= self.airborne_thrust;
         self.filter.set_motors(now.time_ns, self.motors_turn, carries);
     }
 
@@ -431,7 +441,6 @@ impl Service for InertialEstimatorService {
             self.last.write(state);
             state.tracked = tracked.into();
             state.coasting = coasting.into();
-            state.inertial = (self.filter.motion().is_some() && self.measures_motion(now)).into();
             state.captures_refused = self.refused();
         }
         if let Some(innovations) = outputs.innovations.due() {
@@ -564,6 +573,39 @@ fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
         horizon: navigation.horizon,
         reset_after: navigation.reset_after,
     }
+}
+
+/// Checks that the vibration of the rotors does not look like a motion: a sampled frequency above half the rate appears below it.
+fn check_vibration(imu: &Imu, schedule: &Schedule) -> Result<(), Problem> {
+    let rate = 1.0 / seconds(schedule.time_ns(schedule.topic_rate(Topic::ImuSample).period));
+    for (times, _) in (1..).zip(imu.vibration).filter(|(_, amplitude)| *amplitude > 0.0) {
+        let frequency = f64::from(times) * imu.rotor_frequency;
+        let apparent = (frequency - libm::round(frequency / rate) * rate).abs();
+        if apparent < LOWEST_VIBRATION {
+            return Err(Problem::new(
+                Key::root().then("sensors").then("imu").then("rotor_frequency"),
+                format!(
+                    "the vehicle would follow its own vibration: in samples at {rate:.0} Hz, {frequency} Hz look like \
+                     {apparent:.1} Hz"
+                ),
+                "give `imu/sample` another period, or state another frequency, or no `vibration`",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that a field is that of the earth, which is nowhere outside of 0.2 to 0.7 G.
+fn check_field(datum: &Datum) -> Result<(), Problem> {
+    let field = Vector3::from(datum.field_world()).norm();
+    if (0.15..0.75).contains(&field) {
+        return Ok(());
+    }
+    Err(Problem::new(
+        Key::root().then("datum").then("field"),
+        format!("{field:.3} G is not the field of the earth, which has 0.2 to 0.7 G"),
+        "give it in gauss: 1 µT are 0.01 G, and 1000 nT too",
+    ))
 }
 
 /// Checks the times between measurements and frames: with these the state is tracked while all samples arrive.

@@ -10,10 +10,10 @@
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
 //!   motion that was not measured;
 //! * without fixes the motion is that of the inertial measurement unit, with a covariance that grows;
-//! * near the ground, while the motors turn, an altitude that is too low says nothing: the air below the rotors is compressed;
+//! * near the ground, while the motors turn, an altitude that is too low says next to nothing: the air below the rotors is compressed;
 //! * when motors start, the field of the vehicle may change;
-//! * while their thrust could carry the vehicle, there is no alignment: a filter that begins in the air gives no state;
-//! * while it could not, and the vehicle is seen to be still, its velocity is zero and the gyroscope measures its bias.
+//! * while they turn, there is no alignment: a filter that begins in the air gives no state;
+//! * while their thrust could not carry the vehicle, and it is seen to be still, its velocity is zero and the gyroscope measures its bias.
 
 use nalgebra::Vector3;
 use shared_types::gnss::{FixErrors, FixKind};
@@ -424,10 +424,10 @@ impl InertialFilter {
         self.predict(is_corrected)
     }
 
-    /// Aligns a vehicle that its motors have not carried for long enough: in hover the specific force shows no tilt.
+    /// Aligns a vehicle whose motors have been stopped for long enough: in hover the specific force shows no tilt.
     fn align(&mut self, sample: &ImuSample, h: f64) {
         let memory = &mut self.memory;
-        if memory.rest.until_ns != u64::MAX || sample.time_ns < memory.rest.from_ns {
+        if memory.motors_turn || sample.time_ns < memory.rest.from_ns {
             memory.alignment = Alignment::new_zeroed();
             return;
         }
@@ -582,7 +582,9 @@ impl InertialFilter {
         if !is_still {
             return false;
         }
-        self.memory.rest.ground_z = horizon.kinematics.position_world.z;
+        if !self.memory.motors_turn {
+            self.memory.rest.ground_z = horizon.kinematics.position_world.z;
+        }
         horizon.carry(&self.parameters, self.fix_errors());
         let time_ns = horizon.time_ns;
         let velocity = measurement::zero_velocity(&horizon.kinematics, REST_DEVIATION);
@@ -690,13 +692,12 @@ impl InertialFilter {
     }
 
     fn fuse_altitude(&mut self, horizon: &mut Horizon, sample: &Altitude) -> bool {
-        let altitude = measurement::altitude(sample, &horizon.kinematics, &horizon.biases, &self.parameters);
-        let effect = -self.parameters.altitude_ground_effect..0.0;
-        if self.memory.motors_turn
-            && self.is_near_the_ground(horizon)
-            && effect.contains(&altitude.residual.x)
-        {
-            return false;
+        let mut altitude =
+            measurement::altitude(sample, &horizon.kinematics, &horizon.biases, &self.parameters);
+        let effect = self.parameters.altitude_ground_effect;
+        let is_within = (-effect..0.0).contains(&altitude.residual.x);
+        if is_within && self.memory.motors_turn && self.is_near_the_ground(horizon) {
+            altitude.noise.x += (10.0 * effect) * (10.0 * effect);
         }
         let verdict = self.fuse(horizon, Source::Altitude, sample.time_ns, &altitude);
         if verdict == Verdict::Overdue {
@@ -709,7 +710,7 @@ impl InertialFilter {
     fn is_near_the_ground(&self, horizon: &Horizon) -> bool {
         let z = POSITION + 2;
         let height = self.memory.rest.ground_z - horizon.kinematics.position_world.z;
-        height < NEAR_THE_GROUND + horizon.covariance[(z, z)].max(0.0).sqrt()
+        height < NEAR_THE_GROUND * (1.0 + horizon.covariance[(z, z)].max(0.0).sqrt().min(0.5))
     }
 
     /// Corrects the horizon by a measurement within its gate, if it has one.
@@ -721,6 +722,7 @@ impl InertialFilter {
         measured: &Linearized<M>,
     ) -> Verdict {
         let innovation = horizon.innovation(measured);
+        let motors_turn = self.memory.motors_turn;
         let status = &mut self.memory.sources[source as usize];
         status.innovation[..M].copy_from_slice(measured.residual.as_slice());
         status.variance[..M].copy_from_slice(innovation.variances().as_slice());
@@ -729,6 +731,8 @@ impl InertialFilter {
         let gate = match source {
             Source::Altitude => GATES[0],
             Source::FixPosition | Source::FixVelocity | Source::Field => GATES[1],
+            // Motors that turn may carry a vehicle that is lighter than stated.
+            Source::ZeroVelocity | Source::RestingRate if motors_turn => GATES[1],
             Source::ZeroVelocity | Source::RestingRate => f64::MAX,
         };
         if status.squared_distance <= gate && horizon.correct(&innovation) {

@@ -154,11 +154,10 @@ typedef struct {
     uint32_t captures_refused;          /* Captures refused as outliers since the start of the flight. */
     uint8_t tracked;                    /* `true` if the state is based on a measurement of the body that is recent enough. */
     uint8_t coasting;                   /* `true` if due captures are missing, so that the state is predicted further than usual. */
-    uint8_t inertial;                   /* `true` while an inertial measurement unit measures the motion: of a state that coasts, attitude, height and velocity are known for some time. */
-    uint8_t pad0[1];                    /* Explicit padding. */
+    uint8_t pad0[2];                    /* Explicit padding. */
 } gerono_vehicle_state;
 GERONO_ASSERT(sizeof(gerono_vehicle_state) == 224, "another layout of gerono_vehicle_state");
-#define GERONO_VEHICLE_STATE_LAYOUT "90f1c0449c39d28925633dfb1d975500"
+#define GERONO_VEHICLE_STATE_LAYOUT "6590b045e30f1356f304c7efbe1e71af"
 
 /* A sample of `path/reference`. */
 typedef struct {

@@ -46,7 +46,7 @@ const GOLDEN: [(&str, &[&str], &str); 6] = [
     (
         "outdoor_rtk",
         TAKES_OFF,
-        "113a7da9fdb5553f1fb4dedab41eb9ed02f20ecd08d4cf1db3f3ccef1f598900",
+        "1cdaa5a58781cd355cefd81443cfc7a02040c19a1e3c4ceeac02e030bfadcb12",
     ),
 ];
 

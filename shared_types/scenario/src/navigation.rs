@@ -165,7 +165,7 @@ impl Default for Navigation {
             reset_after: 7.0,
             ramp: 1.0,
             healthy_for: 10.0,
-            coast: 30.0,
+            coast: 120.0,
             push_bandwidth: 30.0,
         }
     }

@@ -136,7 +136,10 @@ impl Flight {
 
     /// Returns the parameters of a filter that fits these sensors.
     pub fn parameters(&self) -> Parameters {
-        let mut parameters = Parameters::default();
+        let mut parameters = Parameters {
+            altitude_ground_effect: self.barometer.ground_effect,
+            ..Parameters::default()
+        };
         for (assumed, triad) in [
             (&mut parameters.gyroscope, &self.imu.gyroscope),
             (&mut parameters.accelerometer, &self.imu.accelerometer),

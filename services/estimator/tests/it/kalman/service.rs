@@ -103,7 +103,6 @@ fn the_service_publishes_the_filters_estimate() {
             VehicleState {
                 tracked: false.into(),
                 coasting: false.into(),
-                inertial: false.into(),
                 captures_refused: 0,
                 ..state
             },
