@@ -31,6 +31,8 @@ pub struct Radio {
     loss: Loss,
     /// `None` for a vehicle without one.
     switch: Option<Switch>,
+    /// Number of frames of a Crazyflie that have acted: the sequence number of the next one.
+    acted: u64,
     /// Number of frames so far: the sequence number of the next one.
     count: u64,
 }
@@ -93,6 +95,7 @@ impl Radio {
                 .arming_channel
                 .filter(|_| link.link != RadioProtocol::Crazyflie)
                 .map(|_| Switch::Off),
+            acted: 0,
             count: 0,
         })
     }
@@ -116,6 +119,7 @@ impl Radio {
             loss,
             switch,
             count,
+            ..
         } = self;
         if let Loss::Crazyflie(supervisor) = loss
             && let Ok(CrazyfliePacket::Supervisor(request, _)) = crazyflie::decode(bytes)
@@ -151,9 +155,11 @@ impl Radio {
                 Some(self.numbered(stopped_frame(0)))
             }
             Loss::Crazyflie(supervisor) => {
-                let is_command = newest.is_some();
-                let acting = supervisor.acting(newest, at_ns)?;
-                Some(if is_command { acting } else { self.numbered(acting) })
+                let mut acting = supervisor.acting(newest, at_ns)?;
+                // A frame of the vehicle's own may have acted while a command was under way.
+                acting.header.seq = self.acted;
+                self.acted += 1;
+                Some(acting)
             }
         }
     }
