@@ -50,7 +50,7 @@ impl Needs {
             highest_priority: highest_priority.copied().unwrap_or_default(),
             duration: scenario.duration,
             log_bytes: predicted_bytes(scenario, schedule),
-            shared_memory: reserve::needed(),
+            shared_memory: reserve::needed(schedule),
             dongle: dongle(scenario),
             grace: scenario.real_time.unwrap_or_default().grace,
         }

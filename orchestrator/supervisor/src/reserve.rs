@@ -15,7 +15,7 @@ use runtime::ports::{self, RECORDER_BUFFER};
 use runtime::shared_memory;
 use rustix::fs::{FallocateFlags, OFlags, fallocate, ftruncate};
 use rustix::io::Errno;
-use shared_types::Topic;
+use shared_types::{Schedule, Topic};
 
 /// Unit of block counts in `stat`, bytes.
 const BLOCK: u64 = 512;
@@ -46,6 +46,8 @@ pub struct Reserve {
     prefix: String,
     path: PathBuf,
     file: File,
+    /// Upper bound of the segments' size, bytes.
+    estimate: u64,
     /// Reserved bytes.
     held: u64,
     /// `true` if segments may lack pages, or less is reserved than needed.
@@ -54,12 +56,12 @@ pub struct Reserve {
     again_at: Instant,
 }
 
-/// Checks that there is room for a run, before anything is created.
+/// Checks that there is room for a run on this schedule, before anything is created.
 ///
 /// # Errors
 /// [`Shortage`] if there is not.
-pub fn check() -> Result<(), Shortage> {
-    let needed = needed();
+pub fn check(schedule: &Schedule) -> Result<(), Shortage> {
+    let needed = needed(schedule);
     // If the free size is unknown, the run is allowed to try.
     let free = shared_memory::free_bytes().unwrap_or(u64::MAX);
     if free < needed {
@@ -70,13 +72,16 @@ pub fn check() -> Result<(), Shortage> {
 
 /// Returns the size that a run needs, bytes: that of its segments, twice for restarts.
 #[must_use]
-pub fn needed() -> u64 {
-    2 * estimate()
+pub fn needed(schedule: &Schedule) -> u64 {
+    2 * estimate(schedule)
 }
 
 /// Returns an upper bound of the segments' size, bytes.
-fn estimate() -> u64 {
-    let published = Topic::ALL.into_iter().filter(|topic| topic.publisher().is_some());
+#[must_use]
+pub fn estimate(schedule: &Schedule) -> u64 {
+    let published = Topic::ALL
+        .into_iter()
+        .filter(|&topic| topic.publisher().is_some() && schedule.has_topic(topic));
     let of_topic = |topic: Topic| {
         let receivers = ports::max_subscribers(topic) as u64;
         let samples =
@@ -87,12 +92,12 @@ fn estimate() -> u64 {
 }
 
 impl Reserve {
-    /// Creates an empty reserve for the run whose segments have this prefix.
+    /// Creates an empty reserve for the run whose segments have this prefix, and this size at most, bytes.
     ///
     /// # Errors
     /// If the file cannot be created.
     #[expect(clippy::disallowed_methods, reason = "it is memory of the run, not a result")]
-    pub fn new(prefix: &str) -> io::Result<Self> {
+    pub fn new(prefix: &str, estimate: u64) -> io::Result<Self> {
         let path = Path::new(shared_memory::FOLDER).join(format!("{prefix}reserve"));
         // Left by an earlier orchestrator of the run.
         let _ = std::fs::remove_file(&path);
@@ -106,6 +111,7 @@ impl Reserve {
             prefix: prefix.to_owned(),
             file,
             path,
+            estimate,
             held: 0,
             is_unsettled: true,
             again_at: Instant::now(),
@@ -156,7 +162,7 @@ impl Reserve {
     fn shortage(&self, missing: u64) -> Shortage {
         let free = shared_memory::free_bytes().unwrap_or_default();
         Shortage {
-            needed: 2 * estimate().max(missing),
+            needed: 2 * self.estimate.max(missing),
             free,
         }
     }
@@ -210,7 +216,7 @@ mod tests {
         let segment = File::create(&path).unwrap();
         segment.set_len(1_000_000).unwrap();
         let allocated = || segment.metadata().unwrap().blocks() * BLOCK;
-        let mut reserve = Reserve::new(&prefix).unwrap();
+        let mut reserve = Reserve::new(&prefix, 0).unwrap();
         assert_eq!(allocated(), 0);
         reserve.settle().unwrap();
         let held = reserve.file.metadata().unwrap();

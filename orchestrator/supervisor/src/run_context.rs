@@ -36,7 +36,7 @@ impl RunContext {
         let schedule = flight::schedule_of(scenario)?;
         let root = RunRoot::create().map_err(RunFailure::setup)?;
         // Leftovers of dead runs have been removed by now.
-        reserve::check().map_err(RunFailure::setup)?;
+        reserve::check(&schedule).map_err(RunFailure::setup)?;
         let scenario = deployment.override_deployment(scenario);
         let cores = Cores::choose(deployment.placement, &scenario);
         cores.leave_service_cores();
@@ -148,7 +148,7 @@ impl RunContext {
         let supervisor = Supervisor::adopt(&self.node, lock, &self.schedule, start, shared, survivors)?;
         self.root.own();
         let mut supervisor = supervisor;
-        if let Ok(mut reserve) = Reserve::new(self.root.prefix()) {
+        if let Ok(mut reserve) = Reserve::new(self.root.prefix(), reserve::estimate(&self.schedule)) {
             // The flight is under way: if memory is missing now, it is requested again later.
             reserve.refill();
             supervisor.keep_reserve(reserve);
@@ -175,7 +175,8 @@ impl RunContext {
     /// supervisor's failure.
     pub(super) fn await_ready(&self, supervisor: &mut Supervisor<'_>) -> Result<Vec<String>, RunFailure> {
         let refusals = supervisor.await_ready()?;
-        let mut reserve = Reserve::new(self.root.prefix()).map_err(RunFailure::setup)?;
+        let mut reserve =
+            Reserve::new(self.root.prefix(), reserve::estimate(&self.schedule)).map_err(RunFailure::setup)?;
         reserve.settle().map_err(RunFailure::setup)?;
         supervisor.keep_reserve(reserve);
         let is_strict = self

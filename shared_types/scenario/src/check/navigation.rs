@@ -3,7 +3,7 @@
 use super::Findings;
 use super::events::Events;
 use super::six_digits;
-use crate::{Key, Scenario, Sensors};
+use crate::{FixChange, Key, Scenario, Sensors};
 use shared_types::flight_phase::ARM_WITHIN;
 use shared_types::gnss::FixKind;
 use shared_types::schedule::Schedule;
@@ -67,11 +67,9 @@ impl Scenario {
                 "add `[flight]` with `arm_at`, or leave `[navigation]` out",
             );
         };
-        let armed_at = flight.arm_at.unwrap_or(0.0);
-        let mut changes = sensors.gnss.change.iter().rev();
-        let kind = changes
-            .find(|change| change.at <= armed_at)
-            .map_or(sensors.gnss.kind, |change| change.kind);
+        let is_before = |change: &&FixChange| change.at <= flight.arm_at.unwrap_or(0.0);
+        let last = sensors.gnss.change.iter().rfind(is_before);
+        let kind = last.map_or(sensors.gnss.kind, |change| change.kind);
         let attainable = navigation.attainable_sigma(kind.into());
         if flight.position_sigma_max <= attainable {
             found.add(
