@@ -28,7 +28,7 @@ const PLAUSIBLE: [f64; 2] = [0.5, 20.0];
 const CRAZYFLIE_THRUST: f64 = 0.48;
 
 /// Least ratio of it to the weight of a Crazyflie. A heavier vehicle has other motors.
-const CRAZYFLIE_RATIO: f64 = 1.3;
+const CRAZYFLIE_RATIO: f64 = 1.2;
 
 /// Time constant of the thrust per inch of the propeller, s: geometrically similar propellers with equal tip speeds follow
 /// after times in proportion to their diameters. The paper's vehicle has 0.03 s with 5.5 inches.
