@@ -25,6 +25,14 @@ pub const GROUNDED_AFTER: f64 = 2.0;
 pub const SINKING: f64 = 0.25;
 /// Ratio of thrust to weight below which something else carries the vehicle.
 pub const UNLOADED: f64 = 0.75;
+
+/// Returns the minimum thrust of a flying vehicle, N: half of the weight of the lightest one (kg), because a thrust may be
+/// calibrated wrong.
+#[must_use]
+pub const fn airborne_thrust(mass_min: f64) -> f64 {
+    0.5 * mass_min * crate::GRAVITY
+}
+
 /// Time for which the vehicle neither sinks nor is carried by its thrust until it counts as touched down, s.
 pub const STANDING: f64 = 0.4;
 

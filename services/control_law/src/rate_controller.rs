@@ -1,7 +1,8 @@
 //! Rate controller: commands of thrust and body rates, from hold to hold, by the roll-out and the yaw law.
 
 use nalgebra::Vector3;
-use scenario::{GRAVITY, Scenario, Vector};
+use scenario::{Scenario, Vector};
+use shared_types::flight_phase::airborne_thrust;
 use zerocopy::FromZeros;
 
 use crate::law::{LawOutput, Moment, RollOutLaw};
@@ -43,7 +44,7 @@ impl RateController {
             roll_out: RollOut::new(&rates, &model, scenario.command_hold()),
             yaw: YawLaw::new(&rates, rate_limits[2]),
             thrust_limits,
-            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+            airborne_thrust: airborne_thrust(scenario.controller.bounds.mass_min),
             state: RateControllerState::new_zeroed(),
         }
     }

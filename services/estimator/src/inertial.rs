@@ -27,7 +27,8 @@ use inertial_navigation::{
     Source, SourceStatus,
 };
 use nalgebra::Vector3;
-use scenario::{Datum, GRAVITY, Imu, Key, Model, Navigation, Problem, Scenario};
+use scenario::{Datum, Imu, Key, Model, Navigation, Problem, Scenario};
+use shared_types::flight_phase::airborne_thrust;
 use shared_types::geodesy::{Geodetic, LocalFrame};
 use shared_types::gnss::FixKind;
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
@@ -156,7 +157,7 @@ pub struct InertialEstimatorService {
     frame: LocalFrame,
     vehicle: VehicleModel,
     mass: f64,
-    /// Minimum thrust of a flying vehicle, N: half of the weight of the lightest one, because a thrust may be calibrated wrong.
+    /// Minimum thrust of a flying vehicle, N.
     airborne_thrust: f64,
     radio_latency_ns: u64,
     push: Lag,
@@ -185,7 +186,8 @@ impl InertialEstimatorService {
     /// Makes the estimator of a checked scenario with inertial navigation.
     ///
     /// # Errors
-    /// If its times make that it can never be tracked, or if more frames are under way than it stores.
+    /// If its times make that it can never be tracked, if more frames are under way than it stores, if the vibration of the
+    /// rotors looks like a motion, or if the field is not that of the earth.
     pub fn new(scenario: &Scenario) -> Result<Self, Problem> {
         let navigation = scenario.navigation.clone().unwrap_or_default();
         let model = scenario.model.clone().unwrap_or_default();
@@ -200,7 +202,7 @@ impl InertialEstimatorService {
             frame: datum.frame(),
             vehicle: VehicleModel::new(&model),
             mass: model.mass,
-            airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+            airborne_thrust: airborne_thrust(scenario.controller.bounds.mass_min),
             radio_latency_ns: nanoseconds(model.radio_latency),
             push: Lag::new(1.0 / navigation.push_bandwidth),
             ramp: navigation.ramp,

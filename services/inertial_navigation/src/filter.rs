@@ -85,9 +85,9 @@ pub enum Source {
     FixVelocity = 1,
     Field = 2,
     Altitude = 3,
-    /// Velocity of a vehicle at rest, without a gate.
+    /// Velocity of a vehicle at rest, without a gate while the motors are stopped.
     ZeroVelocity = 4,
-    /// Rate of a vehicle at rest, without a gate.
+    /// Rate of a vehicle at rest, without a gate while the motors are stopped.
     RestingRate = 5,
 }
 

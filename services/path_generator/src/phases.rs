@@ -30,9 +30,10 @@
 //! the operator must arm again.
 
 use nalgebra::Vector3;
-use scenario::{GRAVITY, Scenario};
+use scenario::Scenario;
 use shared_types::flight_phase::{
     ARM_WITHIN, Cause, Conditions, FlightPhase, NotReady, ReadyLimits, Row, SINKING, STANDING, UNLOADED,
+    airborne_thrust,
 };
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER, Coasted, Stop};
 use shared_types::sample::Flag;
@@ -213,7 +214,7 @@ impl Phases {
             .map(|(stated, limits)| Self {
                 stated: stated.clone(),
                 limits,
-                airborne_thrust: 0.5 * scenario.controller.bounds.mass_min * GRAVITY,
+                airborne_thrust: airborne_thrust(scenario.controller.bounds.mass_min),
                 first_tick: first_tick(scenario),
                 persistent: PhasesMemory::new_zeroed(),
             })
