@@ -133,7 +133,7 @@ def check_row(sweep, row):
     require(is_refused == (not sweep.is_wanted(row)), f"sample {row['sample']} is {row['outcome']}")
     for name, compute in sweep.criteria.items():
         expected = None if is_refused else compute(row)
-        if row["outcome"] == "lost" and name != "lives_or_not":
+        if row["outcome"] in ("lost", "failed") and name != "lives_or_not":
             expected = False
         require(row[name] is expected, f"sample {row['sample']}, {row['law']}: {name} is {row[name]}, not {expected}")
     require(row["survived"] is (None if is_refused else row["outcome"] == "completed"), f"survived: {row}")
