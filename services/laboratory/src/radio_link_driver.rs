@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use radio_link::link::RadioLink;
 use radio_link::sender::{Condition, LinkReport, Sender, monotonic_ns};
-use radio_link::sticks::{Sticks, ThrustRest};
+use radio_link::sticks::{Sticks, StoppedMotors, ThrustRest};
 use runtime::shared_page::SharedPage;
 use scenario::RcLink;
 use shared_types::battery::BatteryReading;
@@ -28,6 +28,7 @@ pub(super) struct RadioLinkDriver {
     /// `None` after it was stopped.
     sender: Option<Sender>,
     rest: ThrustRest,
+    stopped: StoppedMotors,
     page: Arc<SharedPage>,
 }
 
@@ -64,6 +65,7 @@ impl RadioLinkDriver {
             service,
             sender: Some(sender),
             rest: ThrustRest::new(link),
+            stopped: StoppedMotors::default(),
             page,
         };
         transmitter.write_status(&figures);
@@ -87,7 +89,9 @@ impl ErasedService for RadioLinkDriver {
         if let Some(frame) = outputs.frame.due() {
             // A frame that is not finite is not published either.
             if frame.is_finite() {
-                sender.set(&self.rest.sticks(frame));
+                let mut sticks = self.rest.sticks(frame);
+                self.stopped.mark(now, &mut sticks);
+                sender.set(&sticks);
             }
         }
         self.write_status(&in_flight(&sender.condition()));

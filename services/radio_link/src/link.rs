@@ -65,6 +65,7 @@ impl Loss {
                 sticks: Sticks {
                     is_lost: true,
                     is_killed: sticks.is_killed,
+                    rests: sticks.rests,
                     ..Sticks::MOTORS_OFF
                 },
                 link_failsafe: true,
@@ -234,6 +235,7 @@ mod tests {
     const FLYING: Sticks = Sticks::flying([1000; 4]);
     const LOST: Sticks = Sticks {
         is_lost: true,
+        rests: false,
         ..Sticks::MOTORS_OFF
     };
 

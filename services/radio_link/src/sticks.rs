@@ -3,7 +3,10 @@
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use scenario::RcLink;
+use shared_types::Now;
+use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::samples::RcFrame;
+use shared_types::service::nanoseconds;
 
 use crate::channel_map::largest_code;
 
@@ -19,6 +22,10 @@ pub struct Sticks {
     pub disarmed: bool,
     /// `true` if the motors stop until the end of the run.
     pub is_killed: bool,
+    /// `true` if the vehicle is to be disarmed: the operator has not armed it, or its motors have stopped for longer than a fall
+    /// takes. A command that stops the motors in the air, because it is lost or because the law has lost its inputs, may be
+    /// followed by others.
+    pub rests: bool,
 }
 
 impl Sticks {
@@ -28,6 +35,7 @@ impl Sticks {
         is_lost: false,
         disarmed: true,
         is_killed: false,
+        rests: true,
     };
 
     /// Returns armed sticks with these codes.
@@ -38,6 +46,7 @@ impl Sticks {
             is_lost: false,
             disarmed: false,
             is_killed: false,
+            rests: false,
         }
     }
 
@@ -53,6 +62,7 @@ impl Sticks {
             is_lost: failsafe && !frame.inputs_fresh.is_set(),
             disarmed: failsafe,
             is_killed: failsafe && frame.action == RcFrame::ACTION_KILL,
+            rests: false,
         }
     }
 }
@@ -98,6 +108,31 @@ impl ThrustRest {
     }
 }
 
+/// Time after which stopped motors are those of a vehicle at rest, s: a fall from 11 m. A flight with phases ends
+/// [`GROUNDED_AFTER`] after the landing, and the request to disarm needs the frames before.
+const RESTS_AFTER: f64 = 0.75 * GROUNDED_AFTER;
+
+/// Motors that have stopped, and whether the vehicle is at rest with them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StoppedMotors {
+    since_ns: Option<u64>,
+}
+
+impl StoppedMotors {
+    /// Marks sticks as those of a vehicle at rest: it is not armed by the operator, or the motors have stopped for
+    /// three quarters of [`GROUNDED_AFTER`] without a break.
+    #[inline]
+    pub fn mark(&mut self, now: &Now, sticks: &mut Sticks) {
+        if sticks.codes.is_some() {
+            self.since_ns = None;
+            return;
+        }
+        let since_ns = *self.since_ns.get_or_insert(now.time_ns);
+        sticks.rests =
+            !now.operator.armed || now.time_ns.saturating_sub(since_ns) >= nanoseconds(RESTS_AFTER);
+    }
+}
+
 /// Lock-free cell of the newest sticks, with one writer and one reader.
 ///
 /// A sequence lock: its count is odd during a write. The writer never waits. A read during a write returns `None`, and
@@ -131,6 +166,7 @@ impl SticksCell {
             sticks.is_lost,
             sticks.disarmed,
             sticks.is_killed,
+            sticks.rests,
         ];
         let flags = flags
             .iter()
@@ -166,6 +202,7 @@ impl SticksCell {
                 is_lost: flags & 2 != 0,
                 disarmed: flags & 4 != 0,
                 is_killed: flags & 8 != 0,
+                rests: flags & 16 != 0,
             };
             (sticks, written_at_ns)
         })
@@ -175,6 +212,7 @@ impl SticksCell {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::service::Operator;
     use zerocopy::FromZeros;
 
     #[test]
@@ -186,6 +224,7 @@ mod tests {
             is_lost: true,
             disarmed: false,
             is_killed: true,
+            rests: true,
         };
         cell.write(&Sticks::MOTORS_OFF, 1);
         cell.write(&sticks, 2);
@@ -206,6 +245,7 @@ mod tests {
                         is_lost: now_ns % 3 == 0,
                         disarmed: now_ns % 5 == 0,
                         is_killed: now_ns % 7 == 0,
+                        rests: now_ns % 11 == 0,
                     };
                     cell.write(&sticks, now_ns);
                 }
@@ -219,8 +259,8 @@ mod tests {
                 newest = now_ns;
                 let code = u16::from_le_bytes([now_ns.to_le_bytes()[0], now_ns.to_le_bytes()[1]]);
                 assert_eq!(sticks.codes, (now_ns % 2 != 0).then_some([code; 4]));
-                let flags = [sticks.is_lost, sticks.disarmed, sticks.is_killed];
-                assert_eq!(flags, [3, 5, 7].map(|divisor| now_ns % divisor == 0));
+                let flags = [sticks.is_lost, sticks.disarmed, sticks.is_killed, sticks.rests];
+                assert_eq!(flags, [3, 5, 7, 11].map(|divisor| now_ns % divisor == 0));
             }
         });
     }
@@ -234,8 +274,11 @@ mod tests {
             inputs_fresh: true.into(),
             ..RcFrame::new_zeroed()
         };
-        let disarmed = Sticks::from_frame(&frame);
-        assert_eq!(disarmed, Sticks::MOTORS_OFF);
+        let stopped = Sticks {
+            rests: false,
+            ..Sticks::MOTORS_OFF
+        };
+        assert_eq!(Sticks::from_frame(&frame), stopped);
         frame.action = RcFrame::ACTION_KILL;
         assert!(Sticks::from_frame(&frame).is_killed);
         frame.action = RcFrame::ACTION_NONE;
@@ -273,6 +316,38 @@ mod tests {
             assert_eq!(thrust_stick(frame(0.5, 434)), 434);
             assert_eq!(thrust_stick(frame(0.0, 271)), 271, "in flight");
         }
+    }
+
+    #[test]
+    fn motors_that_stop_for_less_than_a_fall_takes_disarm_only_at_the_operators_request() {
+        let at = |seconds: f64, operator| Now {
+            tick: 0,
+            time_ns: nanoseconds(seconds),
+            elapsed_ns: 0,
+            operator,
+        };
+        let disarmed = Operator {
+            armed: false,
+            ..Operator::FLYING
+        };
+        let stopped = Sticks {
+            rests: false,
+            ..Sticks::MOTORS_OFF
+        };
+        let mut motors = StoppedMotors::default();
+        let mut rests = |seconds, operator, mut sticks| {
+            motors.mark(&at(seconds, operator), &mut sticks);
+            sticks.rests
+        };
+        assert!(rests(0.0, disarmed, stopped));
+        assert!(!rests(1.0, Operator::FLYING, Sticks::flying([0; 4])));
+        assert!(!rests(2.0, Operator::FLYING, stopped));
+        assert!(!rests(3.4, Operator::FLYING, stopped));
+        assert!(!rests(3.45, Operator::FLYING, Sticks::flying([0; 4])));
+        assert!(!rests(4.0, Operator::FLYING, stopped));
+        assert!(!rests(5.4, Operator::FLYING, stopped));
+        assert!(rests(5.41, disarmed, stopped));
+        assert!(rests(5.5, Operator::FLYING, stopped), "longer than a fall takes");
     }
 
     #[test]

@@ -88,8 +88,8 @@ impl SupervisorClient {
     pub(crate) fn request(&mut self, sticks: &Sticks, has_thrust: bool, frame: &mut Frame) {
         let wanted = match sticks.codes {
             _ if sticks.is_killed => SupervisorRequest::EmergencyStop,
-            // A command that is lost may come back in the air, and sticks without arming test the link.
-            None if sticks.is_lost => return,
+            // Motors that stop in the air may turn again there, and sticks without arming test the link.
+            None if !sticks.rests => return,
             Some(_) if sticks.disarmed => return,
             codes => SupervisorRequest::Arm(codes.is_some()),
         };
@@ -127,6 +127,11 @@ mod tests {
     };
     const LOST: Sticks = Sticks {
         is_lost: true,
+        rests: false,
+        ..Sticks::MOTORS_OFF
+    };
+    const STOPPED_IN_THE_AIR: Sticks = Sticks {
+        rests: false,
         ..Sticks::MOTORS_OFF
     };
     const FLYING: Sticks = Sticks::flying([0; 4]);
@@ -167,7 +172,11 @@ mod tests {
         assert_eq!(of(&FLYING, false, 160), (in_turn(arm, 20), 140));
         assert_eq!(of(&FLYING, true, 160), (vec![], 160));
         assert_eq!(of(&FLYING, false, 160), (vec![], 160), "in flight");
-        assert_eq!(of(&Sticks::MOTORS_OFF, false, 1), (in_turn(disarm, 1), 0));
+        let lost_at_rest = Sticks {
+            is_lost: true,
+            ..Sticks::MOTORS_OFF
+        };
+        assert_eq!(of(&lost_at_rest, false, 1), (in_turn(disarm, 1), 0));
     }
 
     #[test]
@@ -184,13 +193,21 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_command_a_test_of_the_link_and_a_process_that_takes_over_in_flight_request_nothing() {
+    fn motors_that_stop_in_the_air_a_test_of_the_link_and_a_process_that_takes_over_in_flight_request_nothing()
+     {
         let probed = Sticks {
             disarmed: true,
             ..FLYING
         };
         let mut client = SupervisorClient::default();
-        for (sticks, has_thrust) in [(probed, true), (FLYING, true), (LOST, false), (FLYING, true)] {
+        for (sticks, has_thrust) in [
+            (probed, true),
+            (FLYING, true),
+            (LOST, false),
+            (FLYING, true),
+            (STOPPED_IN_THE_AIR, false),
+            (FLYING, true),
+        ] {
             assert_eq!(
                 requests(&mut client, &sticks, has_thrust, 100),
                 (vec![], 100),

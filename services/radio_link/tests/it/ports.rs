@@ -323,6 +323,7 @@ fn a_crazyflie_whose_command_is_lost_gets_stop_for_as_long_as_the_sender_lives()
     while packet_at(&server)[1] != 11 {}
     let sticks = Sticks {
         is_lost: true,
+        rests: false,
         ..Sticks::MOTORS_OFF
     };
     sender.set(&sticks);
