@@ -3,6 +3,10 @@
 //! From the lift-off on, the rotation between two captures is compared with that of the commanded body rates, which act after
 //! the modelled latency and lag. With c and m the commanded and measured rotations about x and y as complex numbers, a right
 //! vehicle has m = c; a body that was created turned by β has m = exp(iβ) c; a reversed axis or exchanged axes m = q c*.
+//!
+//! A right vehicle whose commands act later than modelled, on a busy machine or over a link with an unknown delay, can look like each
+//! of the others in the few blocks of a take-off. So it is wrong only if it explains the rotations better than a right one does at
+//! any lateness.
 
 use std::collections::VecDeque;
 
@@ -31,8 +35,11 @@ const BLOCKS: [u32; 2] = [3, 20];
 /// Sum of squared commanded rotations about an axis from which it was moved, rad².
 const MOVED: f64 = 1.5e-3;
 
-/// Share of the measured rotations that a wrong response must explain.
+/// Least share of the measured rotations that a wrong response must explain.
 const EXPLAINS: f64 = 0.6;
+
+/// By how much this share must exceed that of a right vehicle that answers late.
+const BETTER: f64 = 0.03;
 
 /// Least ratio of measured and commanded rotation.
 const RESPONDS: f64 = 0.3;
@@ -49,6 +56,12 @@ const REVERSED: f64 = 2.36;
 
 /// Largest difference of the yaw on the ground from what an explanation expects, rad.
 const SAME_YAW: f64 = 0.4;
+
+/// Times by which commands may act later than modelled, ns.
+const LATENESS_NS: [u64; 6] = [0, 20_000_000, 40_000_000, 60_000_000, 80_000_000, 100_000_000];
+
+/// Time for which the rotations by the commands are stored, ns: more than two blocks and the largest lateness.
+const COMMANDED_NS: u64 = 250_000_000;
 
 /// Stored frames.
 const FRAMES: usize = 64;
@@ -72,9 +85,11 @@ pub struct ResponseWatch {
     is_off: bool,
     /// Start of the block: time, attitude.
     block: Option<(u64, Matrix3<f64>)>,
-    commanded: Vector3<f64>,
+    /// Rotation by the commands until the times of the last captures, rad.
+    commanded: VecDeque<(u64, Vector3<f64>)>,
     blocks: u32,
-    sums: Sums,
+    /// By the lateness of the commands.
+    sums: [Sums; LATENESS_NS.len()],
     verdict: Option<String>,
 }
 
@@ -109,9 +124,9 @@ impl ResponseWatch {
             ground: None,
             is_off: false,
             block: None,
-            commanded: Vector3::zeros(),
+            commanded: VecDeque::new(),
             blocks: 0,
-            sums: Sums::default(),
+            sums: Default::default(),
             verdict: None,
         }
     }
@@ -140,7 +155,8 @@ impl ResponseWatch {
         if self.phase == FlightPhase::TakeOff && before != FlightPhase::TakeOff {
             (self.ground, self.is_off, self.block) = (None, false, None);
             let is_from_the_ground = before == FlightPhase::Armed;
-            (self.blocks, self.sums) = (if is_from_the_ground { 0 } else { BLOCKS[1] }, Sums::default());
+            self.blocks = if is_from_the_ground { 0 } else { BLOCKS[1] };
+            self.sums = Default::default();
         }
     }
 
@@ -175,7 +191,7 @@ impl ResponseWatch {
             self.block = None;
             return None;
         }
-        let commanded = self.turn_until(at_ns);
+        self.turn_until(at_ns);
         let is_watched =
             self.phase == FlightPhase::TakeOff && self.verdict.is_none() && self.blocks < BLOCKS[1];
         if !is_watched {
@@ -190,32 +206,52 @@ impl ResponseWatch {
             return None;
         }
         let Some((began_ns, began)) = self.block else {
-            (self.block, self.commanded) = (Some((at_ns, attitude)), Vector3::zeros());
+            self.block = Some((at_ns, attitude));
             return None;
         };
-        self.commanded += commanded;
         if at_ns - began_ns < BLOCK_NS {
             return None;
         }
         let turned = turn(&began, &attitude);
         // After a gap, or a turn that no vehicle makes, nothing can be said.
-        let is_possible = turned.norm() < MOST_RESPONDS * self.commanded.norm() + JUMP;
+        let commanded = LATENESS_NS.map(|late_ns| {
+            self.commanded_until(at_ns.saturating_sub(late_ns))
+                - self.commanded_until(began_ns.saturating_sub(late_ns))
+        });
+        let is_possible = turned.norm() < MOST_RESPONDS * commanded[0].norm() + JUMP;
         if at_ns - began_ns < 2 * BLOCK_NS && is_possible {
-            self.sums.add(&turned, &self.commanded);
+            for (sums, commanded) in self.sums.iter_mut().zip(&commanded) {
+                sums.add(&turned, commanded);
+            }
             self.blocks += 1;
         }
-        (self.block, self.commanded) = (Some((at_ns, attitude)), Vector3::zeros());
+        self.block = Some((at_ns, attitude));
         if self.blocks < BLOCKS[0] {
             return None;
         }
         let [_, _, yaw] = roll_pitch_yaw(&level);
-        self.verdict = self.sums.verdict(yaw);
+        self.verdict = verdict(&self.sums, yaw);
         self.verdict.as_deref()
     }
 
-    /// Returns the rotation (rad) that the commands cause from the last pose to a time.
-    fn turn_until(&mut self, at_ns: u64) -> Vector3<f64> {
-        let mut turned = Vector3::zeros();
+    /// Returns the rotation by the commands until a time, rad, between those of captures.
+    fn commanded_until(&self, at_ns: u64) -> Vector3<f64> {
+        let after = self.commanded.partition_point(|(time_ns, _)| *time_ns < at_ns);
+        let at = |index: usize| self.commanded.get(index).copied();
+        match (after.checked_sub(1).and_then(at), at(after)) {
+            (Some((from_ns, from)), Some((to_ns, to))) => {
+                from + (to - from) * ((at_ns - from_ns) as f64 / (to_ns - from_ns) as f64)
+            }
+            (before, after) => before.or(after).map_or_else(Vector3::zeros, |(_, turned)| turned),
+        }
+    }
+
+    /// Turns the model of the vehicle by the commands from the last pose to a time.
+    fn turn_until(&mut self, at_ns: u64) {
+        let mut turned = self
+            .commanded
+            .back()
+            .map_or_else(Vector3::zeros, |(_, turned)| *turned);
         if self.modelled_until_ns + 1_000_000_000 < at_ns {
             self.modelled_until_ns = at_ns - 1_000_000_000;
         }
@@ -232,7 +268,14 @@ impl ResponseWatch {
             turned += self.rates * step;
             self.modelled_until_ns += step_ns;
         }
-        turned
+        while self
+            .commanded
+            .front()
+            .is_some_and(|(time_ns, _)| time_ns + COMMANDED_NS < at_ns)
+        {
+            self.commanded.pop_front();
+        }
+        self.commanded.push_back((at_ns, turned));
     }
 }
 
@@ -246,6 +289,22 @@ fn turn(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Vector3<f64> {
     )
 }
 
+/// Returns what is wrong, if so, from the sums by lateness. `yaw` is that on the ground, rad.
+fn verdict(sums: &[Sums; LATENESS_NS.len()], yaw: f64) -> Option<String> {
+    let [in_time, ..] = sums;
+    // The share from which a wrong response is no late right one.
+    let needed = |axes: &[usize]| {
+        let late = sums.iter().map(|late| late.right(axes));
+        late.fold(EXPLAINS, |share, late| share.max(late + BETTER))
+    };
+    let pitch = sums.iter().map(|late| late.products[(1, 1)]).fold(0.0, f64::max);
+    let horizontal = in_time.horizontal(needed(&[0, 1]), yaw);
+    let by_pitch = || in_time.pitch_turns_yaw(pitch);
+    horizontal
+        .or_else(by_pitch)
+        .or_else(|| in_time.vertical(needed(&[2])))
+}
+
 impl Sums {
     fn add(&mut self, measured: &Vector3<f64>, commanded: &Vector3<f64>) {
         self.products += measured * commanded.transpose();
@@ -253,12 +312,20 @@ impl Sums {
         self.measured += measured.component_mul(measured);
     }
 
-    /// Returns what is wrong, if so. `yaw` is that on the ground, rad.
-    fn verdict(&self, yaw: f64) -> Option<String> {
-        self.horizontal(yaw).or_else(|| self.vertical())
+    /// Returns the share of the measured rotations about the axes that a right vehicle explains, 0 if it hardly answers.
+    fn right(&self, axes: &[usize]) -> f64 {
+        let sum = |of: &dyn Fn(usize) -> f64| axes.iter().map(|&axis| of(axis)).sum::<f64>();
+        let product = sum(&|axis| self.products[(axis, axis)]);
+        let [commanded, measured] =
+            [&self.commanded, &self.measured].map(|squares| sum(&|axis| squares[axis]));
+        if product > RESPONDS * commanded {
+            product * product / (commanded * measured).max(f64::MIN_POSITIVE)
+        } else {
+            0.0
+        }
     }
 
-    fn horizontal(&self, yaw: f64) -> Option<String> {
+    fn horizontal(&self, needed: f64, yaw: f64) -> Option<String> {
         let moved = self.commanded.xy().map(|squares| squares > MOVED);
         if !moved.x && !moved.y {
             return None;
@@ -274,8 +341,7 @@ impl Sums {
         let explained = |pair| size(pair) * size(pair) / (commanded * measured).max(f64::MIN_POSITIVE);
         let responds = |pair| size(pair) > RESPONDS * commanded;
         let angle = libm::atan2(turned[1], turned[0]);
-        if moved.x && moved.y && explained(reflected) > EXPLAINS.max(explained(turned)) && responds(reflected)
-        {
+        if moved.x && moved.y && explained(reflected) > needed.max(explained(turned)) && responds(reflected) {
             let angle = libm::atan2(reflected[1], reflected[0]);
             return Some(if angle.abs() > REVERSED {
                 wrong_sign("roll")
@@ -286,8 +352,8 @@ impl Sums {
                     .to_owned()
             });
         }
-        if explained(turned) <= EXPLAINS || !responds(turned) || angle.abs() < TURNED {
-            return self.pitch_turns_yaw(moved.y);
+        if explained(turned) <= needed || !responds(turned) || angle.abs() < TURNED {
+            return None;
         }
         if angle.abs() > REVERSED {
             return Some(match (moved.x, moved.y) {
@@ -302,10 +368,12 @@ impl Sums {
     }
 
     /// Returns that commands about y turn the vehicle about z, as with another up axis.
-    fn pitch_turns_yaw(&self, is_moved: bool) -> Option<String> {
+    /// `pitch` is the largest product with the rotation about y itself, at any lateness.
+    fn pitch_turns_yaw(&self, pitch: f64) -> Option<String> {
+        let is_moved = self.commanded.y > MOVED;
         let response = self.products[(2, 1)].abs();
         let explained = response * response / (self.commanded.y * self.measured.z).max(f64::MIN_POSITIVE);
-        let is_other = self.products[(1, 1)].abs() < 0.5 * response;
+        let is_other = self.products[(1, 1)].abs().max(pitch) < 0.5 * response;
         (is_moved && is_other && explained > EXPLAINS && response > RESPONDS * self.commanded.y).then(|| {
             "commands of pitch turn the measured yaw: the up axis of the camera system is another one than \
              `motion_capture.world_from_capture` says"
@@ -313,10 +381,10 @@ impl Sums {
         })
     }
 
-    fn vertical(&self) -> Option<String> {
+    fn vertical(&self, needed: f64) -> Option<String> {
         let response = self.products[(2, 2)];
         let explained = response * response / (self.commanded.z * self.measured.z).max(f64::MIN_POSITIVE);
-        let is_reversed = -response > RESPONDS * self.commanded.z && explained > EXPLAINS;
+        let is_reversed = -response > RESPONDS * self.commanded.z && explained > needed;
         (self.commanded.z > MOVED && is_reversed).then(|| wrong_sign("yaw"))
     }
 }
@@ -350,6 +418,8 @@ fn turned_axes(angle: f64, yaw: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use proptest::array::uniform2;
+    use proptest::prelude::*;
     use shared_types::rotation::{exp, to_row_major};
     use zerocopy::FromZeros;
 
@@ -357,6 +427,24 @@ mod tests {
 
     /// Takes off with commands of roll and pitch that swing, and a vehicle that turns by `response` of what is commanded.
     fn fly(response: Matrix3<f64>, yaw: f64, amplitude: Vector3<f64>) -> Option<(f64, String)> {
+        let command = |time: f64| {
+            let swing = [
+                libm::sin(9.0 * time),
+                libm::cos(7.0 * time),
+                libm::sin(5.0 * time),
+            ];
+            amplitude.component_mul(&Vector3::from(swing))
+        };
+        fly_commands(response, yaw, 5, command)
+    }
+
+    /// As [`fly`], for commands by time that act after a latency, ms.
+    fn fly_commands(
+        response: Matrix3<f64>,
+        yaw: f64,
+        latency: usize,
+        command: impl Fn(f64) -> Vector3<f64>,
+    ) -> Option<(f64, String)> {
         let mut watch = ResponseWatch::with(5_000_000, 0.02);
         let mut reference = PathReference::new_zeroed();
         for phase in [FlightPhase::Armed, FlightPhase::TakeOff] {
@@ -365,18 +453,14 @@ mod tests {
         }
         let mut attitude = exp(&Vector3::new(0.0, 0.0, yaw));
         let (mut rates, mut target) = (Vector3::zeros(), Vector3::zeros());
-        let mut targets = VecDeque::from(vec![Vector3::zeros(); 5]);
+        let mut targets = VecDeque::from(vec![Vector3::zeros(); latency]);
         for tick in 1..1500_u64 {
             let time = 1e-3 * tick as f64;
             if tick % 22 == 0 {
                 let mut frame = RcFrame::new_zeroed();
                 frame.header.stamp_ns = tick * 1_000_000;
                 frame.mode = RcFrame::MODE_RATES;
-                target = amplitude.component_mul(&Vector3::new(
-                    libm::sin(9.0 * time),
-                    libm::cos(7.0 * time),
-                    libm::sin(5.0 * time),
-                ));
+                target = command(time);
                 frame.rates_body = target.into();
                 watch.observe_frame(&frame);
             }
@@ -470,6 +554,92 @@ mod tests {
         }
         let (_, found) = fly(diagonal(1.0, 1.0, -1.0), 0.0, Vector3::new(0.0, 0.0, 1.5)).unwrap();
         assert!(found.starts_with("yaw answers with the wrong sign"), "{found}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
+        /// A busy machine, or a link with an unknown delay.
+        #[test]
+        fn a_vehicle_that_answers_late_is_not_accused(
+            latency in 0..100_usize,
+            frequency in uniform2(2.0..20.0f64),
+            phase in uniform2(0.0..6.3f64),
+            amplitude in uniform2(0.2..3.0f64),
+            gain in 0.5..1.5f64,
+        ) {
+            let swing = |axis: usize, time: f64| amplitude[axis] * libm::sin(frequency[axis] * time + phase[axis]);
+            let command = |time: f64| Vector3::new(swing(0, time), swing(1, time), 0.0);
+            prop_assert_eq!(fly_commands(Matrix3::identity() * gain, 0.0, latency, command), None);
+        }
+    }
+
+    /// Angle to which a vehicle tips before its wrong response is found, whose rates are commanded against its tilt (gain in 1/s) by
+    /// poses of an age (ms), over a link with the modelled latency; at most 2 rad.
+    fn tips_over(response: Matrix3<f64>, gain: f64, age: u64) -> f64 {
+        let mut watch = ResponseWatch::with(5_000_000, 0.02);
+        let mut reference = PathReference::new_zeroed();
+        for phase in [FlightPhase::Armed, FlightPhase::TakeOff] {
+            reference.phase = phase.code();
+            watch.observe_reference(&reference);
+        }
+        // The tilt that the ground and the air begin with, and those before.
+        let mut tilt = Vector3::new(0.02, -0.01, 0.0);
+        let (mut rates, mut target) = (Vector3::zeros(), Vector3::zeros());
+        let mut seen = VecDeque::from(vec![tilt; age as usize + 1]);
+        let mut targets = VecDeque::from(vec![Vector3::zeros(); 5]);
+        for tick in 1..3000_u64 {
+            let measured = seen.pop_front().unwrap();
+            seen.push_back(tilt);
+            if tick % 20 == 0 {
+                let mut frame = RcFrame::new_zeroed();
+                frame.header.stamp_ns = tick * 1_000_000;
+                frame.mode = RcFrame::MODE_RATES;
+                target = (-gain * measured).map(|rate: f64| rate.clamp(-10.0, 10.0));
+                frame.rates_body = target.into();
+                watch.observe_frame(&frame);
+            }
+            targets.push_back(target);
+            let acting = targets.pop_front().unwrap();
+            rates += (acting - rates) * (1e-3 / 0.021);
+            tilt += response * rates * 1e-3;
+            if tilt.norm() > 2.0 {
+                break;
+            }
+            if tick % 10 == 0 {
+                let mut pose = MocapPose::new_zeroed();
+                pose.capture_time_ns = tick * 1_000_000;
+                pose.tracked = true.into();
+                pose.position_world[2] = -1e-3 * tick as f64;
+                pose.world_from_body = to_row_major(&exp(&tilt));
+                if watch.observe_pose(&pose).is_some() {
+                    return tilt.norm();
+                }
+            }
+        }
+        tilt.norm()
+    }
+
+    #[test]
+    fn a_body_that_was_created_turned_is_found_before_it_has_tipped_over() {
+        for degrees in [60.0_f64, 90.0, 120.0, 180.0, -60.0, -90.0] {
+            for gain in [10.0, 15.0, 20.0, 30.0, 39.0] {
+                for age in [5, 10, 25] {
+                    let tipped = tips_over(about_z(degrees.to_radians()), gain, age);
+                    assert!(
+                        tipped < 0.5,
+                        "{degrees}°, gain {gain}, poses {age} ms old: {tipped:.2} rad"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_wrong_sign_beside_an_axis_that_moves_more_is_named() {
+        let reversed = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, 1.0));
+        let (_, found) = fly(reversed, 0.0, Vector3::new(0.9, 2.7, 0.0)).unwrap();
+        assert!(found.starts_with("roll answers"), "{found}");
     }
 
     #[test]
