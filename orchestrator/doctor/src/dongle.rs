@@ -9,7 +9,8 @@ const NAME: &str = "Crazyradio dongle";
 const DEVICES: &str = "sys/bus/usb/devices";
 const IDENTITY: [(&str, &str); 2] = [("idVendor", "1915"), ("idProduct", "7777")];
 
-const BUILD: &str = "cargo build --release --features crazyradio";
+const BUILD: &str = "cargo build --release --features crazyradio; an installed program: cargo install --path orchestrator \
+                     --features crazyradio";
 const UDEV_RULE: &str = "echo 'SUBSYSTEM==\"usb\", ATTRS{idVendor}==\"1915\", ATTRS{idProduct}==\"7777\", MODE=\"0660\", \
                          GROUP=\"plugdev\"' | sudo tee /etc/udev/rules.d/99-crazyradio.rules; sudo usermod -aG plugdev $USER; \
                          then log in again and plug it in again";

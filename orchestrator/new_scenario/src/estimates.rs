@@ -23,11 +23,14 @@ const THRUST_TO_WEIGHT: [f64; 2] = [2.0, 6.0];
 /// Range of the estimate, over the weight, beyond which one of the numbers is wrong.
 const PLAUSIBLE: [f64; 2] = [0.5, 20.0];
 
-/// Thrust that the firmware of a Crazyflie makes of the largest of its packets, N: four motors of 0.12 N with the propellers of the
-/// 2.1+.
-const CRAZYFLIE_THRUST: f64 = 0.48;
+/// Thrusts that the firmware of a Crazyflie makes of the largest of its packets, N, by its motors.
+const CRAZYFLIE_THRUSTS: [(f64, &str); 3] = [
+    (0.48, "the propellers of the 2.1+"),
+    (0.72, "the thrust upgrade kit"),
+    (0.8, "the motors of a Brushless"),
+];
 
-/// Least ratio of it to the weight of a Crazyflie. A heavier vehicle has other motors.
+/// Least ratio of the thrust to the weight of a Crazyflie. A heavier vehicle has other motors.
 const CRAZYFLIE_RATIO: f64 = 1.2;
 
 /// Time constant of the thrust per inch of the propeller, s: geometrically similar propellers with equal tip speeds follow
@@ -56,8 +59,8 @@ pub struct Estimates {
     pub thrust_max: f64,
     /// Maximum thrust by propellers and cells alone, over the weight, if it is outside of the limits.
     pub limited: Option<f64>,
-    /// `true` if the maximum thrust is that of a Crazyflie's firmware.
-    pub by_firmware: bool,
+    /// Motors of a Crazyflie, if the maximum thrust is that of its firmware with them.
+    pub of_crazyflie: Option<&'static str>,
     /// Time constant of the thrust, s.
     pub thrust_lag: f64,
     /// Time constant of the body rates, s.
@@ -121,7 +124,7 @@ impl Estimates {
             inertia: body.inertia(),
             thrust_max: stated_ratio * weight,
             limited: (stated_ratio != ratio).then_some(ratio),
-            by_firmware: false,
+            of_crazyflie: None,
             thrust_lag,
             rate_lag: (RATE_LAG[0] * thrust_lag).max(RATE_LAG[1]),
             rate_max: if size > LARGE {
@@ -132,17 +135,18 @@ impl Estimates {
         })
     }
 
-    /// Takes the maximum thrust of a Crazyflie's firmware, if it lifts a vehicle of this mass, kg, with a reserve.
+    /// Takes the least maximum thrust of a Crazyflie's firmware that lifts a vehicle of this mass, kg, with a reserve, if one does.
     #[must_use]
     pub fn of_a_crazyflie(self, mass: f64) -> Self {
-        if CRAZYFLIE_THRUST < CRAZYFLIE_RATIO * mass * GRAVITY {
-            return self;
-        }
-        Self {
-            thrust_max: CRAZYFLIE_THRUST,
-            by_firmware: true,
-            ..self
-        }
+        let lifts = |(thrust, _): &&(f64, &str)| *thrust >= CRAZYFLIE_RATIO * mass * GRAVITY;
+        CRAZYFLIE_THRUSTS
+            .iter()
+            .find(lifts)
+            .map_or(self, |&(thrust_max, motors)| Self {
+                thrust_max,
+                of_crazyflie: Some(motors),
+                ..self
+            })
     }
 }
 
@@ -152,11 +156,13 @@ pub fn table() -> String {
     let [width, _, height] = CUBOID;
     let [lowest, highest] = THRUST_TO_WEIGHT;
     let [rate_share, rate_least] = RATE_LAG;
+    let of_crazyflies = CRAZYFLIE_THRUSTS.map(|(thrust, motors)| format!("{thrust} N ({motors})"));
+    let of_crazyflies = of_crazyflies.join(", ");
     format!(
         "| estimate | rule | from | it may be wrong by |\n\
          | --- | --- | --- | --- |\n\
          | inertia | a cuboid of the mass, {width} d × {width} d × {height} d | Crazyflie, X500, a 260 mm racer, Hummingbird, the paper's vehicle | a factor of 1.4 |\n\
-         | largest thrust | 4 · {THRUST_PER_CELL} N/m² · cells · D², but {lowest} to {highest} times the weight; with `--radio crazyflie` {CRAZYFLIE_THRUST} N, if that is {CRAZYFLIE_RATIO} times the weight | Crazyflie 69, X500 33, the paper's 35, Hummingbird 40 N/m² | a factor of 1.6; racers have three times as much |\n\
+         | largest thrust | 4 · {THRUST_PER_CELL} N/m² · cells · D², but {lowest} to {highest} times the weight; with `--radio crazyflie` the first of {of_crazyflies} that is {CRAZYFLIE_RATIO} times the weight | Crazyflie 69, X500 33, the paper's 35, Hummingbird 40 N/m² | a factor of 1.6; racers have three times as much |\n\
          | lag of the thrust | {LAG_PER_INCH} s per inch; {LAG_OF_CORELESS} s with one cell | the paper's vehicle; Crazyflie (Förster 2015) | a factor of 2 |\n\
          | lag of the body rates | {rate_share} times that of the thrust, at least {rate_least} s | the paper's vehicle | a factor of 2 |\n"
     )

@@ -134,10 +134,12 @@ fn a_crazyflie_has_the_thrust_of_its_firmware_unless_it_is_too_heavy_for_it() {
         (0.24, 0.24, 0.48)
     );
     // With a deck.
-    assert_eq!(written(0.04, RadioProtocol::Crazyflie).1, 0.48);
+    for (mass, thrust) in [(0.04, 0.48), (0.042, 0.72), (0.061, 0.72), (0.062, 0.8)] {
+        assert_eq!(written(mass, RadioProtocol::Crazyflie).1, thrust, "{mass}");
+    }
     assert_eq!(link.resolution, 16);
     assert_eq!(link.battery.unwrap().lowest, Some(3.2));
-    for (mass, radio) in [(0.042, RadioProtocol::Crazyflie), (0.031, RadioProtocol::Crsf)] {
+    for (mass, radio) in [(0.07, RadioProtocol::Crazyflie), (0.031, RadioProtocol::Crsf)] {
         let (_, thrust_max) = written(mass, radio);
         assert!(
             (thrust_max / (2.0 * mass * GRAVITY) - 1.0).abs() < 0.01,

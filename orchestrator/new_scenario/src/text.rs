@@ -69,14 +69,15 @@ fn beginning(airframe: &Airframe, surroundings: Surroundings, file: &str) -> Str
             "#     gerono check {file}\n\
              #     gerono run {file} --set motion_capture.source=simulated --set flight.arm_at=2.0 --set flight.land_at=60.0\n\
              #\n\
-             # Then against a simulated laboratory, in three terminals (docs/simulated_laboratory.md):\n\
+             # Then against a simulated laboratory, in three terminals (docs/simulated_laboratory.md), with the addresses that this file\n\
+             # has now, which are this machine's; keep a copy of it for later rehearsals:\n\
              #\n\
              #     gerono world {file} --out runs/world\n\
              #     gerono run {file} --host realtime --out runs/flight\n\
              #     gerono arm\n\
              #\n\
              # and only then, with the addresses of your laboratory in `[motion_capture]` and `[rc_output.transmitter]`, with the\n\
-             # vehicle: propellers off first. docs/radio_links.md and docs/motion_capture.md say what to check.\n"
+             # vehicle: propellers off first. docs/first_flight.md says what to check.\n"
         ),
     };
     format!(
@@ -134,6 +135,11 @@ action = "land"
 [envelope.estimate]
 position_sigma = 0.05           # m
 action = "warn"
+
+# A kill switch at this machine: `gerono operator probe DEVICE` prints the two lines; docs/kill_switch.md.
+# [operator]
+# kill_device = "/dev/input/by-id/..."
+# kill_key = 57
 
 [safety."vehicle/state -> controller"]
 max_age = 0.2                   # s
@@ -252,12 +258,12 @@ fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) 
     let half = number(estimates.thrust_max / 2.0);
     let ratio = estimates.thrust_max / (mass * GRAVITY);
     let [roll, pitch, yaw] = estimates.rate_max;
-    let origin = match estimates.limited {
-        _ if estimates.by_firmware => format!(
-            "# The thrust is what a Crazyflie's firmware makes of its largest packet with the propellers of the 2.1+,\n\
+    let origin = match (estimates.of_crazyflie, estimates.limited) {
+        (Some(motors), _) => format!(
+            "# The thrust is what a Crazyflie's firmware makes of its largest packet with {motors},\n\
              # {ratio:.1} times the weight; docs/crazyflie.md has other motors. Better: a thrust stand; or `gerono rc identify`"
         ),
-        Some(by_propellers) if (by_propellers - ratio).abs() >= 0.1 => {
+        (None, Some(by_propellers)) if (by_propellers - ratio).abs() >= 0.1 => {
             let end = if by_propellers < ratio { "least" } else { "most" };
             estimated(&format!(
                 "{ratio:.1} times the weight, the {end} that is assumed: four propellers of {propeller} inch with {battery}\n\
@@ -268,7 +274,11 @@ fn link(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) 
             "{ratio:.1} times the weight by {propeller} inch and {battery}"
         )),
     };
-    let estimate = if estimates.by_firmware { "" } else { ": estimate" };
+    let estimate = if estimates.of_crazyflie.is_some() {
+        ""
+    } else {
+        ": estimate"
+    };
     let set = format!(
         "set {:.0}, {:.0} and {:.0} °/s in the flight controller, linear; `gerono rc identify` checks it",
         roll.to_degrees(),
@@ -428,7 +438,7 @@ fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surrounding
     };
     format!(
         "\n# --- The vehicle of a simulation; a flight in a laboratory reads none of this ------------------------------------------\n\
-         # Here the estimates are true. Make them wrong, and see whether it flies: docs/tuning.md.\n\
+         # Here the estimates are true{}. Make them wrong, and see whether it flies: docs/tuning.md.\n\
          [vehicle]\n\
          mass = {mass:?}                     # kg\n\
          inertia = {}  # kg m²: estimate\n\
@@ -447,10 +457,19 @@ fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surrounding
          [cameras]\n\
          position_deviation = 3e-4       # m\n\
          attitude_deviation = 2e-3       # rad\n",
+        match surroundings {
+            Surroundings::Simulated => "",
+            Surroundings::Laboratory { .. } =>
+                "; in simulated time cameras and radio have no latency, in `gerono world` the stated ones",
+        },
         vector(estimates.inertia),
         number(estimates.thrust_lag),
         number(estimates.thrust_max),
-        if estimates.by_firmware { "" } else { ": estimate" },
+        if estimates.of_crazyflie.is_some() {
+            ""
+        } else {
+            ": estimate"
+        },
         vector(estimates.rate_max),
     )
 }

@@ -25,6 +25,7 @@ pub enum PoseSource {
     /// A VRPN server.
     Vrpn,
     /// OptiTrack Motive's NatNet stream.
+    #[serde(alias = "optitrack")]
     Natnet,
     /// The captures of a recorded flight, at their recorded times.
     Replay,
@@ -216,7 +217,7 @@ impl CaptureSystem {
             Self::Natnet => &CaptureProperties {
                 source: PoseSource::Natnet,
                 name: "natnet",
-                aliases: &[],
+                aliases: &["optitrack"],
                 title: "Motive's NatNet",
                 port: 1510,
                 // Motive stamps exposure and transmission: only the network delay remains.
