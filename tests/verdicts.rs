@@ -289,6 +289,12 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
         "{said_of_laboratory}"
     );
 
+    let heavier = check("laboratory", "model.mass=0.4");
+    assert!(
+        heavier.contains("the law starts with 0.2 kg, and the estimator believes 0.4 kg"),
+        "{heavier}"
+    );
+
     let flown = run(
         &place,
         "takeoff_and_land",

@@ -209,20 +209,37 @@ fn good_lambda_disturbance(velocity_rate: f64) -> f64 {
     velocity_rate * velocity_rate / 2.0
 }
 
-fn thrust_reserve(scenario: &Scenario) -> Option<Finding> {
-    let actuators = scenario.vehicle.actuators.as_ref()?;
-    let heaviest = masses(scenario).fold(0.0, f64::max) * GRAVITY;
+/// Checks the thrust of the simulated motors with the masses of the simulation, and that of the radio link also with the mass that
+/// the estimator believes: a laboratory has nothing else of its vehicle.
+fn thrust_reserve(scenario: &Scenario) -> impl Iterator<Item = Finding> {
     let limit = 1.1;
-    Some(Finding {
+    let finding = |key: Key, thrust: f64, mass: f64, fix: &str| Finding {
         rule: Rule::ThrustReserve,
-        key: Key::root().then("vehicle").then("actuators").then("thrust_max"),
-        value: actuators.thrust_max / heaviest,
+        key,
+        value: thrust / (mass * GRAVITY),
         limit,
         fix: format!(
-            "fly with motors of at least {} N, or a lighter load",
-            digits(limit * heaviest)
+            "{fix} of at least {} N, or a lighter load",
+            digits(limit * mass * GRAVITY)
         ),
-    })
+    };
+    let heaviest = masses(scenario).fold(0.0, f64::max);
+    let of_motors = scenario.vehicle.actuators.as_ref().map(|actuators| {
+        let key = ["vehicle", "actuators", "thrust_max"].into_iter().collect();
+        finding(key, actuators.thrust_max, heaviest, "fly with motors")
+    });
+    let of_link = scenario.rc_output.as_ref().map(|link| {
+        let believed = scenario.model.as_ref().map_or(0.0, |model| model.mass);
+        let [_, thrust] = link.thrust_limits();
+        let key = Key::root().then("rc_output").then("thrust_slope");
+        finding(
+            key,
+            thrust,
+            heaviest.max(believed),
+            "state a calibration with a thrust",
+        )
+    });
+    of_motors.into_iter().chain(of_link)
 }
 
 fn attitude_rate(scenario: &Scenario) -> f64 {

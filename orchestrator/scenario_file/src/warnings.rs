@@ -15,7 +15,24 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(duration_warning(scenario, path))
         .chain(landing_warning(scenario, path))
         .chain(tracking_loss_warning(scenario))
+        .chain(mass_warning(scenario))
         .collect()
+}
+
+/// Ratio of two believed masses of a vehicle above which one of them is probably another vehicle's.
+const MASSES_DIFFER: f64 = 1.2;
+
+/// Warns of a laboratory in which estimator and law believe in different masses. The unknown mass of a simulation is an experiment.
+fn mass_warning(scenario: &Scenario) -> Option<Problem> {
+    scenario.capture_system()?;
+    let (law, estimator) = (scenario.controller.initial.mass, scenario.model.as_ref()?.mass);
+    (law.max(estimator) > MASSES_DIFFER * law.min(estimator)).then(|| {
+        let reason = format!(
+            "the law starts with {law:?} kg, and the estimator believes {estimator:?} kg (`model.mass`)"
+        );
+        let at = ["controller", "initial", "mass"].into_iter().collect();
+        Problem::new(at, reason, "state the weighed mass in both")
+    })
 }
 
 /// Fix for points below the ground, which often have the sign of another frame.

@@ -116,6 +116,7 @@ fn quantity(scenario: &Scenario, finding: &gain_rules::Finding) -> String {
                 |change| format!("{name}, from {:?} s", change.at),
             )
         }
+        ["rc_output", ..] => format!("{name}, of the radio link"),
         _ => name.to_owned(),
     }
 }

@@ -157,6 +157,17 @@ fn motors_that_hardly_lift_the_load_are_named() {
 }
 
 #[test]
+fn a_radio_link_that_hardly_lifts_the_believed_mass_is_named() {
+    assert_broken(
+        "laboratory_simulated",
+        &["model.mass=0.6"],
+        "rc_output.thrust_slope",
+        "thrust over weight is ",
+        "state a calibration with a thrust of at least 6.47 N",
+    );
+}
+
+#[test]
 fn the_gains_of_an_external_controller_are_not_judged() {
     let sets = [
         "controller.lambda_inertia=1e-8",
