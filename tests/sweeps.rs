@@ -290,7 +290,14 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
             "none.so",
         ),
         ("[judge]\ngood = \"rms < 1\"\n", "there is no value `rms`"),
-        ("[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n", "k9"),
+        (
+            "[[compare]]\nname = \"x\"\nset = [\"controller.k9=1.0\"]\n",
+            "settings of the sweep with `x`:1:12",
+        ),
+        (
+            "[[compare]]\nname = \"x\"\n[[compare]]\nname = \"y\"\n",
+            "`compare.1` flies the same as `compare.0`",
+        ),
         ("rank = \"rms\"\n", "`rank`: a row has no `rms`"),
         (
             "set = [\"vehicle.mass=0.25\"]\n[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n",
@@ -345,6 +352,16 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         assert!(refusal.contains(words), "{more}: {refusal}");
     }
     assert!(refused("scenario = \"nowhere.toml\"\nsamples = 1\n").contains("cannot read"));
+    let flight = std::fs::read_to_string(scenario("fig1")).unwrap();
+    assert!(refused(&flight).contains("this is a scenario, not a sweep: `gerono run bad.toml` flies it"));
+    std::fs::write(place.path("sweep.toml"), &head).unwrap();
+    let checked = place.gerono(&["check", "sweep.toml"]).output().unwrap();
+    let said = String::from_utf8(checked.stderr).unwrap();
+    assert_eq!(checked.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("this is a sweep, not a scenario") && said.contains("gerono sweep run sweep.toml"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -375,11 +392,11 @@ fn a_law_is_ranked_over_those_values_alone_that_it_flew() {
 #[test]
 fn a_law_that_loses_its_vehicles_is_compared_by_them_and_is_best_nowhere() {
     let place = Place::new();
-    // With Λw = 1e-6 the vehicle is lost in some seconds; two laws are one under two names.
+    // With Λw = 1e-6 the vehicle is lost in some seconds; the first two laws fly the same.
     let text = format!(
         "scenario = {:?}\nsamples = 12\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\nrank = \"settling_time\"\n\
          [vary]\n\"vehicle.mass\" = {{ choice = [0.18, 0.2, 0.22] }}\n\
-         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"again\"\n\
+         [[compare]]\nname = \"paper\"\n[[compare]]\nname = \"again\"\nset = [\"description=again\"]\n\
          [[compare]]\nname = \"lost\"\nset = [\"controller.lambda_inertia=1e-6\"]\n",
         scenario("fig1")
     );

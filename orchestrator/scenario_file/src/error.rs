@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use miette::{Diagnostic, LabeledSpan, SourceCode};
 
 use super::snippet::Snippet;
+use super::sources::Sources;
 use crate::printable::printable;
 
 /// Reason why a scenario is not flown. Displayed as one line, or with `{:#}` as one line per finding.
@@ -55,6 +56,17 @@ impl ScenarioError {
     #[must_use]
     pub fn is_of_values(&self) -> bool {
         matches!(self, Self::Refused { findings, .. } if findings.iter().all(|finding| finding.is_of_values))
+    }
+
+    /// Names the settings as `name` instead of `--set`, for those that stand in a file.
+    #[must_use]
+    pub fn with_settings_named(mut self, name: &str) -> Self {
+        if let Self::Refused { findings, .. } = &mut self {
+            for finding in findings {
+                finding.snippet.rename(Sources::ARGUMENT, &printable(name));
+            }
+        }
+        self
     }
 
     /// Returns the error in one line without positions: each finding with its reason and fix.

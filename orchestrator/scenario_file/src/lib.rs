@@ -218,6 +218,16 @@ fn slip_on_line(text: &str, offset: usize) -> Option<String> {
     slips::advice(value.split('#').next()?, None)
 }
 
+/// Returns the finding about the definition of a sweep, which has no key of a scenario that must be stated.
+fn sweep_finding(name: &str, sources: &Sources, document: &DeTable<'_>) -> Option<Finding> {
+    let (key, _) = document
+        .get_key_value("scenario")
+        .filter(|_| !document.contains_key("vehicle"))?;
+    let fix = format!("gerono sweep run {name}");
+    let reason = "a sweep names the scenario of its flights here";
+    Some(sources.finding(key.span(), "this is a sweep, not a scenario", reason, fix))
+}
+
 /// Reads a scenario from a text, and the file of its path relative to `folder`. `further` are problems beside its own. With `note` as
 /// [`load_shortened`].
 fn scenario_from_text(
@@ -237,6 +247,9 @@ fn scenario_from_text(
         });
         vec![sources.finding(span, "this is not TOML", error.message(), fix)]
     })?;
+    if let Some(finding) = sweep_finding(name, &sources, document.get_ref()) {
+        return Err(vec![finding]);
+    }
     setting::apply_all(&sources, &values, document.get_mut())?;
     if let Some(note) = note {
         *note = beyond_end::remove(&sources, &mut document);

@@ -35,6 +35,15 @@ pub(super) struct Snippet {
     is_truncated: bool,
 }
 
+impl Snippet {
+    /// Renames the text, if it has this name.
+    pub(super) fn rename(&mut self, from: &str, to: &str) {
+        if self.name == from {
+            to.clone_into(&mut self.name);
+        }
+    }
+}
+
 impl Lines {
     pub(super) fn new(text: &str) -> Self {
         let newlines = text.match_indices('\n').map(|(offset, _)| offset + 1);

@@ -16,8 +16,13 @@ pub(super) struct Sources {
 }
 
 impl Sources {
+    /// Name of an argument.
+    pub(super) const ARGUMENT: &str = "--set";
+
     pub(super) fn new(file_name: &str, file: &str, arguments: &[String]) -> Self {
-        let argument_names = arguments.iter().map(|argument| ("--set", argument.as_str()));
+        let argument_names = arguments
+            .iter()
+            .map(|argument| (Self::ARGUMENT, argument.as_str()));
         let mut start = 0;
         let texts = std::iter::once((file_name, file))
             .chain(argument_names)

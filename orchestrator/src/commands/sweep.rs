@@ -42,6 +42,11 @@ fn check_flyable(prepared: &Prepared, shard: Shard, interrupt: &Interrupt) -> Re
     if let (refused, Some(first)) = plan.check_flyable(samples, interrupt).map_err(failure)? {
         note(format_args!("{refused} flights are refused: {first}"));
     }
+    for entry in &plan.entries {
+        if let Some(warning) = plan.broken_rule(entry) {
+            note(format_args!("`{}`, sample 0: {warning}", entry.name));
+        }
+    }
     Ok(())
 }
 

@@ -255,6 +255,15 @@ impl Definition {
     /// Parses the text of a sweep and makes the checks that do not need its scenario.
     fn parse(text: &str, path: &Path) -> Result<Self, SweepError> {
         let refused = |reason: String| SweepError::bad_input(format!("{}: {reason}", path.display()));
+        let is_scenario = text
+            .parse::<Table>()
+            .is_ok_and(|table| table.contains_key("vehicle"));
+        if is_scenario {
+            let run = format!("`gerono run {}`", path.display());
+            return Err(refused(format!(
+                "this is a scenario, not a sweep: {run} flies it, and a sweep names it in `scenario`"
+            )));
+        }
         let mut definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
         definition.check().map_err(refused)?;
         let map_values = definition.map.iter_mut().map(|map| &mut map.value);
@@ -310,6 +319,13 @@ impl Definition {
             }
             let checked = entry.check(&self.compare[..index]);
             checked.map_err(|reason| format!("`compare.{index}`: {reason}"))?;
+            let flies_as =
+                |other: &Entry| other.set == entry.set && entry.own.is_none() && other.own.is_none();
+            if let Some(same) = self.compare[..index].iter().position(flies_as) {
+                return Err(format!(
+                    "`compare.{index}` flies the same as `compare.{same}`: change its `set`, or remove it"
+                ));
+            }
         }
         if let Some(name) = self.judge.keys().find(|name| !is_name(name)) {
             return Err(format!("`judge.{name}` is no name: use letters, digits and `_`"));

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use ::flight::interrupt::Interrupt;
 use ::flight::many;
-use scenario::{Key, LawKind, Scenario};
-use scenario_file::{ReadFile, ScenarioError, files_of};
+use scenario::{Key, LawKind, Problem, Scenario};
+use scenario_file::{ReadFile, ScenarioError, files_of, gain_rules};
 use statistics::design::{Design, sample_seed};
 use toml::Value;
 
@@ -114,7 +114,8 @@ impl Plan {
         for entry in &plan.entries {
             let settings = [plan.source.definition.set.as_slice(), entry.set.as_slice()].concat();
             let (path, text) = (&plan.source.scenario_path, &plan.source.scenario_text);
-            let scenario = scenario_file::load_from(path, text, &settings, Some(1))?;
+            let scenario = scenario_file::load_from(path, text, &settings, Some(1));
+            let scenario = scenario.map_err(|error| error.with_settings_named(&settings_name(entry)))?;
             laws.push(scenario.controller.law);
             plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
             if let Some(index) = (0..plan.samples).next()
@@ -355,7 +356,15 @@ impl Plan {
     /// # Errors
     /// [`ScenarioError`] if the scenario cannot be flown.
     pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, ScenarioError> {
-        self.load(&self.settings_of(sample, entry), sample.seed)
+        let scenario = self.load(&self.settings_of(sample, entry), sample.seed);
+        scenario.map_err(|error| error.with_settings_named(&settings_name(entry)))
+    }
+
+    /// Returns the first rule of tuning that the first sample breaks with an entry, as a warning.
+    #[must_use]
+    pub fn broken_rule(&self, entry: &Entry) -> Option<Problem> {
+        let scenario = self.scenario(&self.sample(0), entry).ok()?;
+        gain_rules::warnings(&scenario).into_iter().next()
     }
 
     fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, ScenarioError> {
@@ -380,6 +389,11 @@ const FILES_OF_PATH: [&str; 2] = ["path.curve", "path.curve.waypoints.file"];
 
 /// Name of the counter of repetitions in a cell of a grid, which needs no use.
 const REPETITION: &str = "flight";
+
+/// Returns where the settings of a law's flights stand, for messages.
+fn settings_name(entry: &Entry) -> String {
+    format!("settings of the sweep with `{}`", entry.name)
+}
 
 /// Owner of the settings for all laws, in messages.
 const THE_SWEEP: &str = "the sweep";
