@@ -13,6 +13,7 @@ mod compare;
 pub mod diff;
 mod environment;
 mod history;
+pub mod in_words;
 mod log_source;
 mod recorded_steps;
 mod scope;
