@@ -63,6 +63,7 @@ fn main() -> ExitCode {
         Command::Get(Get { run, keys }) => operate::get(&run, keys).map(|()| Exit::Success),
         Command::Operator(OperatorCommand::Probe(arguments)) => operator::probe(&arguments),
         Command::Rc(RcCommand::Probe(arguments)) => rc::probe(&arguments),
+        Command::Rc(RcCommand::Motors(arguments)) => rc::motors(&arguments),
         Command::Rc(RcCommand::Identify(arguments)) => rc::identify(&arguments).map(|()| Exit::Success),
         Command::Attach(arguments) => attach::attach(&arguments),
         Command::Top(arguments) => top::top(&arguments),

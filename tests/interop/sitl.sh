@@ -69,6 +69,12 @@ world=$!
 controller=$!
 python3 "$here/sitl_settings.py" 127.0.0.1 5761
 python3 "$here/sitl_ready.py" 127.0.0.1 5761
+# Its mixer answers each stick with the right motors, and a reversed stick with the wrong ones.
+"$GERONO" rc motors "$scenario" --propellers-off
+status=0
+"$GERONO" rc motors "$scenario" --propellers-off --set "rc_output.transmitter.reversed='A'" >reversed.txt || status=$?
+cat reversed.txt
+[ "$status" = 6 ] && grep -q 'roll rate .*WRONG: the motors turn the vehicle the other way' reversed.txt
 "$GERONO" run "$scenario" --host realtime --out "$work/flight" >flight.txt 2>&1 &
 flight=$!
 patience=60

@@ -17,6 +17,10 @@ pub enum RcCommand {
     /// Uses the link of a scenario's `[rc_output]` (docs/radio_links.md). Remove the propellers anyway. Without an arming switch
     /// the thrust stick is not moved, because it could start the motors.
     Probe(RcProbe),
+    /// Turn the motors by each stick, propellers off, and compare which of them speed up.
+    ///
+    /// Over MSP, which reads the motors back. Arms, and disarms at the end; the exit code is 6 if an axis or a sign is wrong.
+    Motors(RcMotors),
     /// Fit the calibration of a log's radio link: thrust and body rates against the travel of the sticks.
     ///
     /// With 95 % intervals and residuals. Rates are fitted by least squares; the thrust with the path's desired thrust as
@@ -36,6 +40,17 @@ pub struct RcProbe {
     pub seconds: f64,
     /// Move the thrust stick even without an arming switch: the propellers are off.
     #[arg(long)]
+    pub propellers_off: bool,
+}
+
+/// Arguments of `gerono rc motors`.
+#[derive(Debug, Args)]
+pub struct RcMotors {
+    /// The scenario of the link.
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// The propellers are off: without this nothing turns.
+    #[arg(long, required = true)]
     pub propellers_off: bool,
 }
 

@@ -2,10 +2,10 @@
 
 use command_line::exit::Exit;
 use identification::link;
-use laboratory_tools::rc_probe;
+use laboratory_tools::{motor_test, rc_probe};
 
 use super::{Failure, load, log_path, print_found};
-use crate::cli::{RcIdentify, RcProbe};
+use crate::cli::{RcIdentify, RcMotors, RcProbe};
 
 /// `gerono rc probe`.
 ///
@@ -14,6 +14,14 @@ use crate::cli::{RcIdentify, RcProbe};
 pub fn probe(arguments: &RcProbe) -> Result<Exit, Failure> {
     let scenario = load(&arguments.scenario)?;
     rc_probe::probe(&scenario, arguments.seconds, arguments.propellers_off)
+}
+
+/// `gerono rc motors`.
+///
+/// # Errors
+/// [`Failure`] if the link does not tell of motors, or the flight controller does not answer or arm.
+pub fn motors(arguments: &RcMotors) -> Result<Exit, Failure> {
+    motor_test::test(&load(&arguments.scenario)?)
 }
 
 /// `gerono rc identify`: fits the calibration of a link from a log.
