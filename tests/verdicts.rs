@@ -294,6 +294,8 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
         heavier.contains("the law starts with 0.2 kg, and the estimator believes 0.4 kg"),
         "{heavier}"
     );
+    let in_grams = check("takeoff_and_land", "vehicle.inertia=[6500.0, 6500.0, 13000.0]");
+    assert!(in_grams.contains("1 g cm² is 1e-7"), "{in_grams}");
 
     let flown = run(
         &place,

@@ -16,7 +16,43 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(landing_warning(scenario, path))
         .chain(tracking_loss_warning(scenario))
         .chain(mass_warning(scenario))
+        .chain(inertia_warnings(scenario))
         .collect()
+}
+
+/// Radii of gyration of multicopters, m: a Crazyflie has 0.022 m, one with arms of a metre 0.4 m.
+const GYRATION: [f64; 2] = [0.008, 0.6];
+
+/// Warns of an inertia in another unit.
+pub fn inertia_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> {
+    let (vehicle, law) = (&scenario.vehicle, &scenario.controller.initial);
+    let stated = [
+        (
+            ["vehicle", "inertia"].into_iter().collect(),
+            vehicle.mass,
+            vehicle.inertia,
+        ),
+        (
+            ["controller", "initial", "inertia"].into_iter().collect(),
+            law.mass,
+            law.inertia,
+        ),
+    ];
+    stated
+        .into_iter()
+        .filter_map(|(at, mass, inertia): (Key, f64, Vector)| {
+            let [least, most] = GYRATION;
+            let radii = inertia.map(|inertia| (inertia / mass).sqrt());
+            let far = radii
+                .into_iter()
+                .find(|radius| !(least..=most).contains(radius))?;
+            let reason = format!("the mass of {mass:?} kg would be {far:.3} m from the axis");
+            Some(Problem::new(
+                at,
+                reason,
+                "the unit is kg m²: 1 g cm² is 1e-7, and 1 kg mm² is 1e-6",
+            ))
+        })
 }
 
 /// Ratio of two believed masses of a vehicle above which one of them is probably another vehicle's.

@@ -43,7 +43,7 @@ fn check_flyable(prepared: &Prepared, shard: Shard, interrupt: &Interrupt) -> Re
         note(format_args!("{refused} flights are refused: {first}"));
     }
     for entry in &plan.entries {
-        if let Some(warning) = plan.broken_rule(entry) {
+        if let Some(warning) = plan.warning(entry) {
             note(format_args!("`{}`, sample 0: {warning}", entry.name));
         }
     }

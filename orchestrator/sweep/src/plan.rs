@@ -6,6 +6,7 @@ use std::ops::Range;
 use ::flight::interrupt::Interrupt;
 use ::flight::many;
 use scenario::{Key, LawKind, Problem, Scenario};
+use scenario_file::warnings::inertia_warnings;
 use scenario_file::{ReadFile, ScenarioError, files_of, gain_rules};
 use statistics::design::{Design, sample_seed};
 use toml::Value;
@@ -360,11 +361,12 @@ impl Plan {
         scenario.map_err(|error| error.with_settings_named(&settings_name(entry)))
     }
 
-    /// Returns the first rule of tuning that the first sample breaks with an entry, as a warning.
+    /// Returns the first warning about the first sample with an entry: an inertia in another unit, or a broken rule of tuning.
     #[must_use]
-    pub fn broken_rule(&self, entry: &Entry) -> Option<Problem> {
+    pub fn warning(&self, entry: &Entry) -> Option<Problem> {
         let scenario = self.scenario(&self.sample(0), entry).ok()?;
-        gain_rules::warnings(&scenario).into_iter().next()
+        let rules = gain_rules::warnings(&scenario);
+        inertia_warnings(&scenario).chain(rules).next()
     }
 
     fn load(&self, settings: &[String], seed: u64) -> Result<Scenario, ScenarioError> {
