@@ -6,8 +6,9 @@
 //! * [`service`]: the contract between a service's pure step logic and the hosts that run it;
 //! * [`schedule`]: the steps of the services and the due samples at each, which every process can compute;
 //! * [`battery`]: the battery's voltage beside a frame or in a status word;
-//! * [`capture_figures`]: statistics of a laboratory's motion capture;
+//! * [`capture_figures`]: statistics of a laboratory's motion capture, and [`receiver_figures`] of receivers;
 //! * [`checkpoint`]: the state of a service after a step;
+//! * [`crazyflie_uri`], [`receiver_source`]: addresses of a vehicle and of what measures it;
 //! * [`digest`]: the digest of an experiment; equal digests mean equal flights;
 //! * [`flight_phase`]: the phases from disarmed to disarmed, in one table;
 //! * [`input_validator`]: acceptance of samples; a service uses the last valid one;
@@ -23,6 +24,7 @@
 pub mod battery;
 pub mod capture_figures;
 pub mod checkpoint;
+pub mod crazyflie_uri;
 pub mod digest;
 mod earlier_layouts;
 pub mod finiteness;
@@ -34,6 +36,8 @@ mod moment;
 pub mod noise;
 pub mod path_stop;
 mod ports;
+pub mod receiver_figures;
+pub mod receiver_source;
 pub mod rotation;
 pub mod sample;
 pub mod samples;

@@ -406,6 +406,13 @@ impl Schedule {
         self.latencies[service.index()][input]
     }
 
+    /// Returns the transport latency of a topic to a service, ticks; 0 if the service does not consume it.
+    #[must_use]
+    pub fn latency_of(&self, service: ServiceId, topic: Topic) -> u64 {
+        let input = service.inputs().iter().position(|input| input.topic == topic);
+        input.map_or(0, |input| self.latency(service, input))
+    }
+
     /// Returns the time from a sample's publication until it acts in an input, ticks: its latency, except for the
     /// vehicle.
     #[must_use]

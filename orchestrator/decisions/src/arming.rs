@@ -152,6 +152,11 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
     Some(
         match NotReady::find(&limits, Some((state, state_age_ns)), frame)? {
             NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
+            NotReady::Sight if scenario.navigation.is_some() => {
+                "the position is not known: fixes have not been fused for `navigation.healthy_for` without a break, or inertial \
+                 samples are missing"
+                    .to_owned()
+            }
             NotReady::Sight => "the cameras do not see the vehicle".to_owned(),
             NotReady::Estimate => format!(
                 "the estimator has not converged: the position is known to {sigma:.3} m, {largest} m are needed"

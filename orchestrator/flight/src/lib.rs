@@ -90,13 +90,20 @@ pub fn schedule_of(scenario: &Scenario) -> Result<Schedule, Unflyable> {
     scenario.schedule().map_err(Unflyable)
 }
 
-/// Returns why a scenario cannot be flown in simulated time, if its poses come from elsewhere: never silently with others.
+/// Returns why a scenario cannot be flown in simulated time, if what measures the vehicle is real: never silently with others.
 #[must_use]
 pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
     if scenario.recorded_captures().is_some() {
         return Some(
             "recorded captures come in real time only; fly with --host realtime, or with --set \
              motion_capture.source=simulated; in simulated time `gerono replay` does a recorded flight's steps again"
+                .to_owned(),
+        );
+    }
+    if scenario.real_receivers().is_some() {
+        return Some(
+            "receivers measure a real vehicle, in real time only; fly with --host realtime, or with --set receivers.sources=[], or \
+             look at what comes with `gerono gnss probe`"
                 .to_owned(),
         );
     }

@@ -2,7 +2,6 @@
 
 mod arguments;
 mod reception;
-mod source;
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -16,9 +15,8 @@ use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::print;
 use flight::interrupt::Interrupt;
+use laboratory::receiver_port::{self, Opened, Port, Read};
 use reception::{Arrival, Reception};
-use source::{Opened, Read};
-pub use source::{ReceiverSource, SourceError};
 
 /// Time between two printed lines, ns.
 const LINE_NS: u64 = 1_000_000_000;
@@ -37,7 +35,7 @@ pub fn probe(arguments: &GnssProbe) -> Result<Exit, Failure> {
         baud,
         seconds,
     } = arguments;
-    let opened = source.open(baud).map_err(Failure::trouble)?;
+    let opened = receiver_port::open(source, baud).map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let mut reception = Reception::default();
     let mut stream = Stream::default();
@@ -82,7 +80,7 @@ struct Listened {
 }
 
 fn listen(
-    port: &mut source::Port,
+    port: &mut Port,
     seconds: f64,
     stream: &mut Stream,
     reception: &mut Reception,

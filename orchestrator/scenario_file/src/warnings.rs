@@ -102,7 +102,7 @@ fn path_warnings(scenario: &Scenario, points: &[[f32; 3]]) -> impl Iterator<Item
         way.map(|way| way * way).iter().sum::<f64>().sqrt()
     });
     let limit = scenario.path.alpha2;
-    let far = (away > limit && scenario.capture_system().is_none()).then(|| {
+    let far = (away > limit && !scenario.measures_a_vehicle()).then(|| {
         let reason =
             format!("the path starts {away:.2} m from the vehicle, farther away than α2 = {limit:?} m");
         let fix = "start the vehicle closer by `vehicle.initial.position`, or move the curve";
@@ -122,7 +122,7 @@ fn top_of_rise(scenario: &Scenario) -> Vector {
 fn fence_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
     let fence = scenario.envelope.as_ref()?.r#box.as_ref()?;
     // In a laboratory the start position is not known.
-    let is_simulated = scenario.capture_system().is_none();
+    let is_simulated = !scenario.measures_a_vehicle();
     let start = [scenario.vehicle.initial.position, top_of_rise(scenario)];
     let start = start.into_iter().filter(|_| is_simulated);
     let positions = path.iter().map(|point| point.map(f64::from)).chain(start);
@@ -154,7 +154,7 @@ fn duration_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem>
         let fix = "state a longer `duration`, or an earlier `flight.land_at`";
         Some(Problem::new(Key::root().then("duration"), reason, fix))
     };
-    if scenario.capture_system().is_some() {
+    if scenario.measures_a_vehicle() {
         let needed = flight.shortest_time();
         if duration < needed {
             return warning(format!(

@@ -18,10 +18,10 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
     let scenario = load(&arguments.scenario)?;
     let schedule = schedule_of(&scenario)?;
     registry::build_all(&scenario).map_err(Failure::bad_input)?;
-    // Poses from the network require real time.
+    // What measures a real vehicle requires real time.
     if let Some(problem) = scenario
         .unattended_arming()
-        .filter(|_| scenario.capture_system().is_some())
+        .filter(|_| scenario.measures_a_vehicle())
     {
         return Err(refused(&arguments.scenario, &problem));
     }

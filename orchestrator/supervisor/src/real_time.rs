@@ -254,7 +254,7 @@ impl<'a> Flight<'a> {
             observer,
             scenario: &context.scenario,
             folder: context.root.folder(),
-            laboratory: Laboratory::of(&context.scenario),
+            laboratory: Laboratory::of(&context.scenario, &context.schedule),
             hand_test: HandTestFile::new(&context.scenario),
             clients,
             run: context.root.name(),

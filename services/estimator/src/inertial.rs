@@ -614,11 +614,7 @@ fn check_field(datum: &Datum) -> Result<(), Problem> {
 fn check_times(navigation: &Navigation, model: &Model, schedule: &Schedule) -> Result<(), Problem> {
     let key_of = |table, name: &str| Key::root().then("schedule").then(table).then(name);
     let period_ns = |topic| schedule.time_ns(schedule.topic_rate(topic).period);
-    let inputs = ServiceId::Estimator.inputs();
-    let imu = inputs.iter().position(|input| input.topic == Topic::ImuSample);
-    let latency_ns = imu.map_or(0, |imu| {
-        schedule.time_ns(schedule.edge(ServiceId::Estimator, imu).latency)
-    });
+    let latency_ns = schedule.time_ns(schedule.latency_of(ServiceId::Estimator, Topic::ImuSample));
     let imu_age_ns = latency_ns + period_ns(Topic::ImuSample);
     if imu_age_ns > OLDEST_IMU_NS {
         return Err(Problem::new(

@@ -1,15 +1,19 @@
-//! Laboratory hardware of a flight in real time: cameras, or recorded captures, in place of the simulated plant, and a radio
-//! link behind the transmitter.
+//! Laboratory hardware of a flight in real time: cameras, recorded captures, or receivers, in place of the simulated plant, and a
+//! radio link behind the transmitter.
 //!
 //! A service's process connects to its hardware after it has received its role.
 //!
 //! Failure policy: hardware that is missing before the flight ends the run, with the fix. In flight a lost connection does
-//! not end the run and is retried in the background; meanwhile there are no poses or no frames, and the scenario's
+//! not end the run and is retried in the background; meanwhile there are no poses, samples or frames, and the scenario's
 //! `[safety]` applies. A restarted process tolerates missing hardware as well.
 
 mod motion_capture_driver;
 mod radio_link_driver;
+mod receiver_driver;
+mod receiver_feed;
+pub mod receiver_port;
 mod recorded_captures;
+mod status_text;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,6 +25,7 @@ use shared_types::service::{Built, ErasedService};
 
 use motion_capture_driver::MotionCaptureDriver;
 use radio_link_driver::RadioLinkDriver;
+use receiver_driver::ReceiverDriver;
 use recorded_captures::RecordedCaptures;
 
 /// Connects step logic to the hardware that a scenario names, or replaces the step logic. The error names the missing
@@ -49,6 +54,19 @@ pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc
 pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc<SharedPage>) -> Built {
     let recording = scenario.recorded_captures().ok_or("no recording is stated")?;
     Ok(Box::new(RecordedCaptures::open(Path::new(recording))?))
+}
+
+/// Makes receivers in place of the plant.
+///
+/// # Errors
+/// As [`Connect`].
+pub fn receivers(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
+    let stated = scenario.real_receivers().ok_or("no receivers are stated")?;
+    Ok(Box::new(ReceiverDriver::open(
+        stated,
+        scenario,
+        Arc::clone(page),
+    )?))
 }
 
 /// Makes a radio link behind the transmitter.

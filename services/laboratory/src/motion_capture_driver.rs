@@ -22,14 +22,12 @@ use shared_types::wiring::PlantOutputs;
 use shared_types::{Now, ServiceId};
 
 use super::is_under_way;
+use super::status_text::StatusText;
 use run_log::CaptureFigures;
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Period of attempts to reopen the socket of a dead process, ns.
 const RETRY_NS: u64 = 500_000_000;
-
-/// Period of the texts about refusals, ns.
-const REASON_NS: u64 = 100_000_000;
 
 /// Cameras of a laboratory.
 pub(super) struct MotionCaptureDriver {
@@ -39,7 +37,7 @@ pub(super) struct MotionCaptureDriver {
     retry_at_ns: u64,
     feed: Feed,
     diagnosis: Diagnosis,
-    reason: Reason,
+    reason: StatusText,
     pending: PendingPoses,
     /// Arrival of the last accepted pose, ns of `CLOCK_MONOTONIC`.
     believed_at_ns: Option<u64>,
@@ -68,7 +66,7 @@ impl MotionCaptureDriver {
             retry_at_ns: 0,
             feed: Feed::new(system, stated)?,
             diagnosis: Diagnosis::new(system, stated)?,
-            reason: Reason::default(),
+            reason: StatusText::default(),
             pending: PendingPoses::default(),
             believed_at_ns: None,
             page,
@@ -104,7 +102,9 @@ impl MotionCaptureDriver {
                 }
             }
         });
-        reason.update(now_ns, diagnosis, &**source, feed);
+        reason.update(now_ns, |text| {
+            write!(text, "{}", diagnosis.with(&**source, feed.frozen_part()))
+        });
     }
 
     fn figures(&self, start_ns: u64) -> CaptureFigures {
@@ -175,50 +175,6 @@ impl ErasedService for MotionCaptureDriver {
     fn restore(&mut self, bytes: &[u8]) {
         let state = FeedMemory::read_from_bytes(bytes).expect("a state of this service has this size");
         self.feed.restore(&state, monotonic_ns());
-    }
-}
-
-/// Text about refusals, without allocations.
-struct Reason {
-    bytes: [u8; 200],
-    length: usize,
-    due_ns: u64,
-}
-
-impl Default for Reason {
-    fn default() -> Self {
-        Self {
-            bytes: [0; 200],
-            length: 0,
-            due_ns: 0,
-        }
-    }
-}
-
-impl Reason {
-    /// Updates the text, if its period is over.
-    fn update(&mut self, now_ns: u64, diagnosis: &Diagnosis, source: &dyn CaptureSource, feed: &Feed) {
-        if now_ns < self.due_ns {
-            return;
-        }
-        *self = Self {
-            due_ns: now_ns + REASON_NS,
-            ..Self::default()
-        };
-        // An error means that the text is full.
-        let _ = write!(self, "{}", diagnosis.with(source, feed.frozen_part()));
-    }
-}
-
-impl Write for Reason {
-    fn write_str(&mut self, text: &str) -> std::fmt::Result {
-        let length = text.floor_char_boundary(self.bytes.len() - self.length);
-        self.bytes[self.length..][..length].copy_from_slice(&text.as_bytes()[..length]);
-        self.length += length;
-        if length < text.len() {
-            return Err(std::fmt::Error);
-        }
-        Ok(())
     }
 }
 
@@ -294,16 +250,5 @@ mod tests {
             assert_eq!(ready(&mut pending), (step > 1).then_some(tick_ns - 5));
             pending.take(captured_at(tick_ns + 5), tick_ns);
         }
-    }
-
-    #[test]
-    fn reasons_that_are_too_long_are_cut_between_characters() {
-        let mut reason = Reason::default();
-        write!(reason, "µ{}", "x".repeat(50)).unwrap();
-        assert_eq!(reason.length, 52);
-        assert!(write!(reason, "{}", "µ".repeat(200)).is_err());
-        let text = std::str::from_utf8(&reason.bytes[..reason.length]).unwrap();
-        assert_eq!(text.chars().filter(|character| *character == 'µ').count(), 75);
-        assert!(write!(reason, "more").is_err());
     }
 }

@@ -65,13 +65,13 @@ struct Point {
 
 /// Line that relates the clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ClockLine {
+pub struct ClockLine {
     /// Arrival of a packet on the line, ns of the local clock.
-    pub(crate) arrived_ns: u64,
+    pub arrived_ns: u64,
     /// Arrival minus stamp of that packet, ns.
-    pub(crate) offset_ns: i64,
+    pub offset_ns: i64,
     /// Rate at which the local clock gains on the sender's.
-    pub(crate) slope: f64,
+    pub slope: f64,
 }
 
 /// Offset and drift of a sender's clock.
@@ -121,7 +121,8 @@ impl RemoteClock {
     }
 
     /// Makes an estimate that starts from a line.
-    pub(crate) fn with_line(line: ClockLine) -> Self {
+    #[must_use]
+    pub fn with_line(line: ClockLine) -> Self {
         let mut clock = Self {
             started_ns: Some(0),
             is_settled: true,
@@ -136,7 +137,8 @@ impl RemoteClock {
     }
 
     /// Returns the line; `None` while stamps are not mapped.
-    pub(crate) fn line(&self) -> Option<ClockLine> {
+    #[must_use]
+    pub fn line(&self) -> Option<ClockLine> {
         let Point {
             arrived_ns,
             offset_ns,

@@ -53,6 +53,8 @@ pub fn constructor(role: ServiceId, kind: Kind) -> Option<Constructor> {
             Some(Constructor::Driver(laboratory::recorded_captures))
         }
         #[cfg(feature = "laboratory")]
+        (ServiceId::Plant, Kind::Receivers) => Some(Constructor::Driver(laboratory::receivers)),
+        #[cfg(feature = "laboratory")]
         (ServiceId::RcOutput, Kind::RadioLink) => Some(Constructor::Driver(laboratory::radio_link)),
         _ => None,
     }

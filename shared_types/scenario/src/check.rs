@@ -25,6 +25,7 @@ mod programs;
 mod radio;
 mod radio_link;
 mod ranges;
+mod receivers;
 mod record;
 mod safety;
 mod sections;
@@ -91,6 +92,7 @@ impl Scenario {
         }
         self.check_motion_capture(found);
         self.check_outdoors(found);
+        self.check_receivers(found);
         self.check_sections(has_good_link, found);
     }
 }

@@ -12,6 +12,8 @@ pub enum Kind {
     MotionCapture,
     /// The captures of a recorded flight, in place of the plant.
     RecordedCaptures,
+    /// The driver of receivers and autopilots that measure, in place of the plant.
+    Receivers,
     /// The transmitter's step logic, and the driver of a radio link behind it.
     RadioLink,
     /// An external service.
@@ -20,10 +22,11 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::StepLogic,
         Self::MotionCapture,
         Self::RecordedCaptures,
+        Self::Receivers,
         Self::RadioLink,
         Self::Program,
     ];
@@ -33,6 +36,7 @@ impl Kind {
     pub fn process_name(self, role: ServiceId) -> &'static str {
         match self {
             Self::MotionCapture | Self::RecordedCaptures => MOTION_CAPTURE,
+            Self::Receivers => RECEIVERS,
             Self::StepLogic | Self::RadioLink | Self::Program => role.name(),
         }
     }
@@ -40,6 +44,9 @@ impl Kind {
 
 /// Name of the process that publishes captures in place of a simulated plant.
 pub(crate) const MOTION_CAPTURE: &str = "motion_capture";
+
+/// Name of the process that publishes samples of receivers in place of a simulated plant.
+pub(crate) const RECEIVERS: &str = "receivers";
 
 impl Scenario {
     /// Returns the kind in a role in real time. In simulated time there are no drivers.
@@ -49,11 +56,18 @@ impl Scenario {
             return Kind::Program;
         }
         match (role, self.pose_source()) {
+            (ServiceId::Plant, _) if self.real_receivers().is_some() => Kind::Receivers,
             (ServiceId::Plant, PoseSource::Replay) => Kind::RecordedCaptures,
             (ServiceId::Plant, source) if source.system().is_some() => Kind::MotionCapture,
             (ServiceId::RcOutput, _) if self.radio_link().is_some() => Kind::RadioLink,
             _ => Kind::StepLogic,
         }
+    }
+
+    /// Returns whether cameras or receivers measure a real vehicle.
+    #[must_use]
+    pub fn measures_a_vehicle(&self) -> bool {
+        self.capture_system().is_some() || self.real_receivers().is_some()
     }
 
     /// Returns the name of the process in a role, in listings of processes, messages and tables.
@@ -66,7 +80,9 @@ impl Scenario {
 /// Returns the role of a process, by its name.
 #[must_use]
 pub fn role_of_process(name: &str) -> Option<ServiceId> {
-    let driver_role = (name == MOTION_CAPTURE).then_some(ServiceId::Plant);
+    let driver_role = [MOTION_CAPTURE, RECEIVERS]
+        .contains(&name)
+        .then_some(ServiceId::Plant);
     driver_role.or_else(|| ServiceId::from_name(name))
 }
 

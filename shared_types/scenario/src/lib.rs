@@ -9,7 +9,6 @@
 mod cameras;
 mod check;
 mod controller;
-mod crazyflie_uri;
 mod curve;
 mod envelope;
 mod estimator;
@@ -33,6 +32,7 @@ mod radio_link;
 mod range;
 mod rc_link;
 mod real_time_policies;
+mod receivers;
 mod record;
 mod safety;
 pub mod schema;
@@ -53,7 +53,6 @@ use serde::{Deserialize, Serialize};
 use crate::range::positive;
 pub use cameras::{Cameras, MarkerSwap, Occlusion};
 pub use controller::{Bounds, Controller, ControllerChange, Harmonics, InitialEstimates, RateCommand};
-pub use crazyflie_uri::{CrazyflieUri, CrazyflieUriError, RadioAddress, RadioRate};
 pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
 pub use estimator::{Estimator, Kalman};
@@ -80,10 +79,12 @@ pub use radio_link::{
 };
 pub use range::Range;
 pub use rc_link::RcLink;
+pub use receivers::Receivers;
 pub use record::{Record, Recorded, Split};
 pub use safety::InputSafety;
 pub use sensors::{Barometer, FixChange, FixDeviations, Fixes, Gnss, Imu, Magnetometer, Sensors, Spoofing};
 pub use shared_types::GRAVITY;
+pub use shared_types::crazyflie_uri::{CrazyflieUri, CrazyflieUriError, RadioAddress, RadioRate};
 pub use thrust_channel::ThrustChannel;
 pub use timing::Timing;
 pub use timing::names::EdgeName;
@@ -143,6 +144,9 @@ pub struct Scenario {
     /// Source of poses; the plant's cameras unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_capture: Option<MotionCapture>,
+    /// Receivers and autopilots that measure a real vehicle, in place of the simulated sensors; none unless stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receivers: Option<Receivers>,
     /// The radio link; ideal unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rc_output: Option<RcLink>,
@@ -206,6 +210,7 @@ impl Scenario {
             navigation: None,
             datum: None,
             motion_capture: None,
+            receivers: None,
             rc_output: None,
             model: None,
             flight: None,

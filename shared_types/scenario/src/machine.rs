@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::kind::MOTION_CAPTURE;
+use super::kind::{MOTION_CAPTURE, RECEIVERS};
 use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario, VoltageSource};
 use crate::range::{between, not_negative, positive};
 use shared_types::schedule::Schedule;
@@ -49,6 +49,9 @@ macro_rules! deployment {
             /// Differences for `motion_capture`, which replaces the plant in a laboratory.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub motion_capture: Option<ServiceDeployment>,
+            /// Differences for `receivers`, which replaces the plant outdoors.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub receivers: Option<ServiceDeployment>,
         }
 
         impl Deployment {
@@ -58,6 +61,7 @@ macro_rules! deployment {
                 match process_name {
                     $(stringify!($name) => self.$name.as_ref(),)+
                     MOTION_CAPTURE => self.motion_capture.as_ref(),
+                    RECEIVERS => self.receivers.as_ref(),
                     _ => None,
                 }
             }
@@ -65,12 +69,12 @@ macro_rules! deployment {
             /// Returns the names of all processes with a table, with their roles.
             pub(crate) fn tables(&self) -> impl Iterator<Item = (&'static str, ServiceId)> {
                 let names = ServiceId::ALL.map(|role| (role.name(), role)).into_iter();
-                let names = names.chain([(MOTION_CAPTURE, ServiceId::Plant)]);
+                let names = names.chain([MOTION_CAPTURE, RECEIVERS].map(|name| (name, ServiceId::Plant)));
                 names.filter(|(name, _)| self.table_of(name).is_some())
             }
 
             fn tables_mut(&mut self) -> impl Iterator<Item = &mut ServiceDeployment> {
-                [$(&mut self.$name),+, &mut self.motion_capture].into_iter().flatten()
+                [$(&mut self.$name),+, &mut self.motion_capture, &mut self.receivers].into_iter().flatten()
             }
         }
     };

@@ -89,7 +89,7 @@ impl Scenario {
                     None => schedule,
                     Some(_) => schedule.without_captures(),
                 };
-                if self.pose_source().is_simulated() {
+                if self.pose_source().is_simulated() && self.real_receivers().is_none() {
                     schedule
                 } else {
                     schedule.with_real_world()

@@ -171,7 +171,8 @@ impl Recording {
         let link = scenario.rc_output.as_ref();
         let has_link = link.is_some_and(|link| !link.link.is_simulated());
         let is_of_laboratory = scenario.motion_capture.is_some() || has_link;
-        (scenario.pose_source().is_simulated() && is_of_laboratory).then_some(Rehearsal::Simulated)
+        (scenario.pose_source().is_simulated() && scenario.real_receivers().is_none() && is_of_laboratory)
+            .then_some(Rehearsal::Simulated)
     }
 
     /// Returns the number of frames.

@@ -2,8 +2,7 @@
 
 use clap::{Args, Subcommand};
 use scenario_file::values::between;
-
-use super::ReceiverSource;
+use shared_types::receiver_source::ReceiverSource;
 
 /// The commands of `gerono gnss`.
 #[derive(Debug, Subcommand)]

@@ -5,8 +5,7 @@ use std::fmt::Write;
 use navigation_receivers::Packet;
 use navigation_receivers::counts::{Counts, Message, Reason};
 use shared_types::gnss::FixKind;
-
-use super::ReceiverSource;
+use shared_types::receiver_source::ReceiverSource;
 
 /// Least rate of fixes for a flight, Hz.
 const LEAST_RATE: f64 = 5.0;

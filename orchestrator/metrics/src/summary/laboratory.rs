@@ -6,6 +6,7 @@ use std::fmt::{Display, Formatter, Result};
 use serde::Serialize;
 
 use run_log::{CaptureFigures, LinkFigures};
+use shared_types::receiver_figures::ReceiverFigures;
 
 /// The performance of a laboratory's equipment, as far as it is there. All counts are since the start of the last
 /// process that was connected to it.
@@ -14,6 +15,9 @@ pub struct LaboratoryReport {
     /// The cameras.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion_capture: Option<CaptureReport>,
+    /// The receivers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub receivers: Option<ReceiverReport>,
     /// The radio link.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radio_link: Option<LinkReport>,
@@ -35,6 +39,22 @@ pub struct CaptureReport {
     /// Number of other events, by their names in docs/capture_validation.md; only those that occurred.
     pub happened: BTreeMap<&'static str, u64>,
     /// Reasons of refused packets and poses in words, each with its count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+}
+
+/// The performance of the receivers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReceiverReport {
+    /// Samples of each sensor that sent any.
+    pub samples: BTreeMap<&'static str, u64>,
+    /// Samples of each of them in the last whole second, Hz.
+    pub rates: BTreeMap<&'static str, f64>,
+    /// Packets that were read.
+    pub packets: u64,
+    /// Number of other events, by their names in docs/receivers.md; only those that occurred.
+    pub happened: BTreeMap<&'static str, u64>,
+    /// Reasons of refused packets in words, each with its count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }
@@ -77,10 +97,15 @@ pub struct BatteryReport {
 impl LaboratoryReport {
     /// Makes the report of the last figures, if any.
     #[must_use]
-    pub fn of(capture: Option<&CaptureFigures>, link: Option<&LinkFigures>) -> Option<Self> {
-        let is_there = capture.is_some() || link.is_some();
+    pub fn of(
+        capture: Option<&CaptureFigures>,
+        receivers: Option<&ReceiverFigures>,
+        link: Option<&LinkFigures>,
+    ) -> Option<Self> {
+        let is_there = capture.is_some() || receivers.is_some() || link.is_some();
         is_there.then(|| Self {
             motion_capture: capture.map(CaptureReport::of),
+            receivers: receivers.map(ReceiverReport::of),
             radio_link: link.map(LinkReport::of),
         })
     }
@@ -111,6 +136,27 @@ impl CaptureReport {
     }
 }
 
+impl ReceiverReport {
+    fn of(figures: &ReceiverFigures) -> Self {
+        let sensors = || {
+            (0..)
+                .zip(ReceiverFigures::SENSORS)
+                .filter(|(index, _)| figures.samples[*index] > 0)
+        };
+        Self {
+            samples: sensors()
+                .map(|(index, name)| (name, figures.samples[index]))
+                .collect(),
+            rates: sensors()
+                .map(|(index, name)| (name, figures.rates[index]))
+                .collect(),
+            packets: figures.packets,
+            happened: figures.happened().collect(),
+            refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
+        }
+    }
+}
+
 impl LinkReport {
     fn of(figures: &LinkFigures) -> Self {
         let late = [figures.late_p50, figures.late_p99, figures.late_max];
@@ -136,6 +182,7 @@ impl Display for LaboratoryReport {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
         let lines = [
             self.motion_capture.as_ref().map(ToString::to_string),
+            self.receivers.as_ref().map(ToString::to_string),
             self.radio_link.as_ref().map(ToString::to_string),
         ];
         let lines: Vec<_> = lines.into_iter().flatten().collect();
@@ -154,19 +201,39 @@ impl Display for CaptureReport {
             1e3 * self.latency,
             1e3 * self.jitter
         )?;
-        let happened = self
-            .happened
-            .iter()
-            .map(|(what, count)| format!("{what} {count}"));
-        let happened: Vec<_> = happened.collect();
-        if !happened.is_empty() {
-            write!(formatter, " {}.", happened.join(", "))?;
-        }
-        if let Some(reason) = &self.refused {
-            write!(formatter, " Reasons: {reason}.")?;
-        }
-        Ok(())
+        write_happened(formatter, &self.happened, self.refused.as_deref())
     }
+}
+
+impl Display for ReceiverReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
+        write!(formatter, "Receivers: {} packets", self.packets)?;
+        let mut separator = ";";
+        for (name, count) in &self.samples {
+            let rate = self.rates.get(name).copied().unwrap_or_default();
+            write!(formatter, "{separator} {name} {count}, at last {rate:.1} Hz")?;
+            separator = ",";
+        }
+        write!(formatter, ".")?;
+        write_happened(formatter, &self.happened, self.refused.as_deref())
+    }
+}
+
+/// Writes other events with their counts, and the reasons of refusals.
+fn write_happened(
+    formatter: &mut Formatter<'_>,
+    happened: &BTreeMap<&'static str, u64>,
+    refused: Option<&str>,
+) -> Result {
+    let happened = happened.iter().map(|(what, count)| format!("{what} {count}"));
+    let happened: Vec<_> = happened.collect();
+    if !happened.is_empty() {
+        write!(formatter, " {}.", happened.join(", "))?;
+    }
+    if let Some(reason) = refused {
+        write!(formatter, " Reasons: {reason}.")?;
+    }
+    Ok(())
 }
 
 impl Display for LinkReport {
@@ -205,7 +272,7 @@ mod tests {
 
     #[test]
     fn only_what_is_there_and_has_happened_is_told() {
-        assert_eq!(LaboratoryReport::of(None, None), None);
+        assert_eq!(LaboratoryReport::of(None, None, None), None);
         let figures = CaptureFigures {
             frames: 12,
             believed: 10,
@@ -213,7 +280,9 @@ mod tests {
             rate: 100.0,
             ..CaptureFigures::new_zeroed()
         };
-        let text = LaboratoryReport::of(Some(&figures), None).unwrap().to_string();
+        let text = LaboratoryReport::of(Some(&figures), None, None)
+            .unwrap()
+            .to_string();
         assert!(
             text.contains("12 frames, 10 believed") && text.ends_with(" occluded 2."),
             "{text}"
@@ -223,16 +292,32 @@ mod tests {
         let reason = b"packets refused: 3 times Motive sends NatNet 2.8; 3.x and 4.x are supported";
         spoilt.reason[..reason.len()].copy_from_slice(reason);
         spoilt.reason_length = reason.len() as u32;
-        let text = LaboratoryReport::of(Some(&spoilt), None).unwrap().to_string();
+        let text = LaboratoryReport::of(Some(&spoilt), None, None)
+            .unwrap()
+            .to_string();
         assert!(
             text.ends_with("Motive sends NatNet 2.8; 3.x and 4.x are supported."),
             "{text}"
+        );
+        let receivers = ReceiverFigures {
+            samples: [250, 10, 0, 50],
+            rates: [249.6, 9.9, 0.0, 50.0],
+            packets: 262,
+            refused: 2,
+            ..ReceiverFigures::new_zeroed()
+        };
+        let text = LaboratoryReport::of(None, Some(&receivers), None)
+            .unwrap()
+            .to_string();
+        assert_eq!(
+            text,
+            "Receivers: 262 packets; fields 50, at last 50.0 Hz, fixes 10, at last 9.9 Hz, inertial 250, at last 249.6 Hz. refused 2."
         );
         let link = LinkFigures {
             sent: 7,
             ..LinkFigures::new_zeroed()
         };
-        let text = LaboratoryReport::of(None, Some(&link)).unwrap().to_string();
+        let text = LaboratoryReport::of(None, None, Some(&link)).unwrap().to_string();
         assert!(
             text.contains("7 frames sent") && !text.contains("Late by"),
             "{text}"

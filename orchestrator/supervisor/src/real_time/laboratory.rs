@@ -1,24 +1,32 @@
-//! State of the laboratory's devices: obstacles to arming, changes of cameras and radio link, and the vehicle's battery.
+//! State of the laboratory's devices: obstacles to arming, changes of cameras, receivers and radio link, and the vehicle's battery.
+
+mod receivers;
 
 use runtime::shared_page::ControlBlock;
 use scenario::{
-    CaptureSystem, LinkBattery, LowVoltageAction, MotionCapture, RadioProtocol, Scenario, VoltageSource,
+    CaptureSystem, LinkBattery, LowVoltageAction, MotionCapture, RadioProtocol, Receivers, Scenario,
+    VoltageSource,
 };
-use shared_types::ServiceId;
 use shared_types::battery::BatteryReading;
+use shared_types::receiver_figures::ReceiverFigures;
 use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
+use shared_types::{Schedule, ServiceId};
 
 use crate::battery;
 use metrics::summary::laboratory::LaboratoryReport;
 use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot};
 use run_log::{CaptureFigures, LinkFigures};
 
-/// Maximum age of the last pose for arming, s.
+/// Maximum age of the last pose or sample for arming, s.
 const STALE: f64 = 0.5;
 
-/// Messages when the link and the cameras become ready.
-const READY: [&str; 2] = ["the radio link is open", "the cameras see the vehicle"];
+/// Messages when the link, the cameras and the receivers become ready.
+const READY: [&str; 3] = [
+    "the radio link is open",
+    "the cameras see the vehicle",
+    "the receivers measure the vehicle",
+];
 
 /// Number of checks of the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
 const LOW_CHECKS: u32 = 3;
@@ -42,9 +50,11 @@ enum BatteryState {
 /// Devices of the laboratory in the scenario.
 pub struct Laboratory<'a> {
     cameras: Option<(CaptureSystem, &'a MotionCapture)>,
+    /// Receivers, with the scheduled rates of their topics, Hz.
+    receivers: Option<(&'a Receivers, [f64; 4])>,
     link: Option<RadioProtocol>,
-    /// `true` if link and cameras were ready at the last report.
-    were_ready: [Option<bool>; 2],
+    /// `true` if link, cameras and receivers were ready at the last report.
+    were_ready: [Option<bool>; 3],
     /// The battery that the link measures, if the scenario states one.
     battery: Option<&'a LinkBattery>,
     battery_state: BatteryState,
@@ -57,11 +67,15 @@ pub struct Laboratory<'a> {
 impl<'a> Laboratory<'a> {
     /// Returns the devices of a scenario; none if the world is simulated.
     #[must_use]
-    pub fn of(scenario: &'a Scenario) -> Self {
+    pub fn of(scenario: &'a Scenario, schedule: &Schedule) -> Self {
+        let rate = |topic| 1.0 / seconds(schedule.time_ns(schedule.topic_rate(topic).period));
         Self {
             cameras: scenario.capture_system(),
+            receivers: scenario
+                .real_receivers()
+                .map(|stated| (stated, ReceiverFigures::TOPICS.map(rate))),
             link: scenario.radio_link(),
-            were_ready: [None; 2],
+            were_ready: [None; 3],
             battery: scenario
                 .radio_link()
                 .and(scenario.rc_output.as_ref())
@@ -142,6 +156,12 @@ impl<'a> Laboratory<'a> {
         self.cameras.map(|_| status.read())
     }
 
+    /// Returns the figures of the receivers, if there are any.
+    fn received(&self, block: &ControlBlock) -> Option<ReceiverFigures> {
+        let status = &block.hardware_status[ServiceId::Plant.index()];
+        self.receivers.map(|_| status.read())
+    }
+
     /// Returns the figures of the radio link, if there is one.
     #[must_use]
     pub fn link(&self, block: &ControlBlock) -> Option<LinkFigures> {
@@ -156,7 +176,7 @@ impl<'a> Laboratory<'a> {
         block: &ControlBlock,
         elapsed_ns: u64,
     ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
-        let [link_trouble, cameras_trouble] = self.failures(block, elapsed_ns);
+        let [link_trouble, cameras_trouble, _] = self.failures(block, elapsed_ns);
         let link = self.link(block).map(|figures| LinkSnapshot {
             trouble: link_trouble,
             sent: figures.sent,
@@ -177,7 +197,9 @@ impl<'a> Laboratory<'a> {
     /// Returns the figures for the summary; `None` without a laboratory.
     #[must_use]
     pub fn report(&self, block: &ControlBlock) -> Option<LaboratoryReport> {
-        let mut report = LaboratoryReport::of(self.capture(block).as_ref(), self.link(block).as_ref())?;
+        let (capture, received) = (self.capture(block), self.received(block));
+        let link = self.link(block);
+        let mut report = LaboratoryReport::of(capture.as_ref(), received.as_ref(), link.as_ref())?;
         let battery = report.radio_link.as_mut().and_then(|link| link.battery.as_mut());
         if let Some(battery) = battery {
             battery.was_low = self.was_low;
@@ -186,7 +208,7 @@ impl<'a> Laboratory<'a> {
     }
 
     /// Returns why the laboratory cannot fly at a time since the start of the flight, if so: a low battery, or a failure of the
-    /// radio link or of the cameras.
+    /// radio link, of the cameras or of the receivers.
     #[must_use]
     pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
         if self.battery_state == BatteryState::Low {
@@ -197,7 +219,11 @@ impl<'a> Laboratory<'a> {
 
     /// Returns the changes since the last call, as sentences.
     pub fn news(&mut self, block: &ControlBlock, elapsed_ns: u64) -> Vec<String> {
-        let is_there = [self.link.is_some(), self.cameras.is_some()];
+        let is_there = [
+            self.link.is_some(),
+            self.cameras.is_some(),
+            self.receivers.is_some(),
+        ];
         let failures = self.failures(block, elapsed_ns).into_iter();
         let mut news = Vec::new();
         for (place, trouble) in failures.enumerate().filter(|(place, _)| is_there[*place]) {
@@ -209,14 +235,18 @@ impl<'a> Laboratory<'a> {
         news
     }
 
-    /// Returns the failures of the link and of the cameras.
-    fn failures(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 2] {
+    /// Returns the failures of the link, of the cameras and of the receivers.
+    fn failures(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 3] {
         let link = self.link.zip(self.link(block));
         let cameras = self.cameras.zip(self.capture(block));
+        let receivers = self.receivers.zip(self.received(block));
         [
             link.and_then(|(link, figures)| link_failure(link, &figures)),
             cameras
                 .and_then(|((system, stated), figures)| camera_failure(system, stated, &figures, elapsed_ns)),
+            receivers.and_then(|((stated, scheduled), figures)| {
+                receivers::failure(stated, &scheduled, &figures, elapsed_ns)
+            }),
         ]
     }
 }
@@ -344,8 +374,9 @@ mod tests {
     fn laboratory(stated: &MotionCapture) -> Laboratory<'_> {
         Laboratory {
             cameras: Some((CaptureSystem::Vrpn, stated)),
+            receivers: None,
             link: Some(RadioProtocol::Crsf),
-            were_ready: [None; 2],
+            were_ready: [None; 3],
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
@@ -375,7 +406,7 @@ mod tests {
         let stated = stated();
         let mut laboratory = laboratory(&stated);
         let mut news = |state| laboratory.news(&told(&good(), state), NOW_NS);
-        assert_eq!(news(LinkFigures::STATE_OPEN), READY);
+        assert_eq!(news(LinkFigures::STATE_OPEN), READY[..2]);
         assert_eq!(news(LinkFigures::STATE_OPEN), [""; 0]);
         let lost = news(LinkFigures::STATE_LOST);
         assert!(lost.len() == 1 && lost[0].contains("`crsf` is lost"), "{lost:?}");
@@ -392,8 +423,9 @@ mod tests {
         assert_eq!((cameras.trouble, cameras.rate), (None, 100.0));
         let nothing = Laboratory {
             cameras: None,
+            receivers: None,
             link: None,
-            were_ready: [None; 2],
+            were_ready: [None; 3],
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,

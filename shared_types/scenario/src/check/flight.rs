@@ -24,7 +24,7 @@ impl Scenario {
     /// and radio link.
     #[must_use]
     pub fn unattended_arming(&self) -> Option<Problem> {
-        if self.capture_system().is_none() && self.radio_link().is_none() {
+        if !self.measures_a_vehicle() && self.radio_link().is_none() {
             return None;
         }
         let at = Key::root().then("flight");

@@ -134,14 +134,17 @@ impl Scenario {
             );
         }
         for topic in others {
-            let input = ServiceId::Estimator
-                .inputs()
-                .iter()
-                .position(|input| input.topic == topic);
-            let late = seconds(
-                schedule.time_ns(input.map_or(0, |input| schedule.latency(ServiceId::Estimator, input))),
-            );
-            if late + imu > horizon {
+            let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
+            let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
+            let late = real.unwrap_or(simulated);
+            if real.is_some() && simulated > 0.0 {
+                let edge = format!("{topic} -> estimator");
+                found.add(
+                    Key::root().then("schedule").then("latency").then(edge.as_str()),
+                    format!("samples of real receivers are late by themselves, and would be held back for {simulated:?} s"),
+                    "leave it out, and state `receivers.latency` and `receivers.fix_latency`",
+                );
+            } else if late + imu > horizon {
                 found.add(
                     Key::root().then("navigation").then("horizon"),
                     format!(

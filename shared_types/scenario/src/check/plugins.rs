@@ -60,7 +60,7 @@ impl Scenario {
             let occupant = match self.kind_of(service) {
                 Kind::StepLogic | Kind::RadioLink => continue,
                 Kind::Program => "a program flies",
-                Kind::MotionCapture | Kind::RecordedCaptures => "a real vehicle flies",
+                Kind::MotionCapture | Kind::RecordedCaptures | Kind::Receivers => "a real vehicle flies",
             };
             found.add(
                 at,

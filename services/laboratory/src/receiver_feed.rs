@@ -1,0 +1,556 @@
+//! Feed of receivers: from packets to samples with their times of validity.
+//!
+//! An autopilot's `HIGHRES_IMU` has inertial samples, fields and altitudes; fixes are `NAV-PVT` of a receiver, or, while none has
+//! come, `GPS_RAW_INT` of an autopilot. The first sender of each is used, packets of others are counted.
+//!
+//! **Times.** A stamp is mapped by the arrivals to the machine's monotonic clock ([`RemoteClock`]), as if the fastest packet had
+//! taken the stated latency. `NAV-PVT` is mapped in the same way, by its time of the week: by UTC a fix would be as wrong as this
+//! machine's clock, and the clock may be set in flight.
+//!
+//! **Samples.** The mean of the inertial samples since the publication before is published, with the time of the last one, so that
+//! rates need not agree; of other sensors the newest sample.
+//!
+//! **Altitudes** are above a pressure level. The first one counts as that of the vehicle on the ground, where the scenario states
+//! it; a driver that is started in flight without a memory publishes none.
+//!
+//! `GPS_RAW_INT` has no vertical velocity, so that its velocity is published with an accuracy with which nothing follows from it.
+//!
+//! Failure policy: a packet without a known time, or that is not newer than the one before, is counted and dropped.
+
+use std::collections::VecDeque;
+
+use motion_capture::clock::{ClockLine, Mapped, RemoteClock};
+use navigation_receivers::Packet;
+use navigation_receivers::autopilot::{GpsRawInt, HighresImu};
+use navigation_receivers::ubx::NavPvt;
+use shared_types::gnss::FixKind;
+use shared_types::receiver_figures::ReceiverFigures;
+use shared_types::sample::{Field, Flag};
+use shared_types::samples::GnssFix;
+use shared_types::wiring::PlantOutputs;
+use zerocopy::FromZeros;
+
+/// Samples of a sensor that wait for their tick.
+const WAITING: usize = 64;
+/// Maximum age of a sample on arrival, and of a memory, ns.
+const MAX_AGE_NS: u64 = 2_000_000_000;
+/// Length of a week, ns.
+const WEEK_NS: i64 = 604_800_000_000_000;
+/// Accuracy of a velocity from which nothing follows, m/s.
+const UNKNOWN_VELOCITY: f64 = 100.0;
+/// Time over which rates are measured, ns.
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// Sender of a sensor's packets. MAVLink has no system 0, which stands for UBX.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Origin {
+    source: u8,
+    system: u8,
+    component: u8,
+    sensor: u8,
+}
+
+/// Clock of a sensor's sender, and its last sample.
+#[derive(Clone, Debug, Default)]
+struct Timeline {
+    origin: Option<Origin>,
+    clock: RemoteClock,
+    last_stamp_ns: Option<i64>,
+    /// Time of the last sample, ns of the local clock.
+    last_ns: u64,
+}
+
+impl Timeline {
+    /// Returns whether packets of a sender are used. The first sender is, and a receiver instead of an autopilot.
+    fn is_from(&mut self, origin: Origin) -> bool {
+        let is_better = |used: Origin| used.system != 0 && origin.system == 0;
+        if self.origin.is_none_or(is_better) {
+            *self = Self {
+                origin: Some(origin),
+                last_ns: self.last_ns,
+                ..Self::default()
+            };
+        }
+        self.origin == Some(origin)
+    }
+
+    /// Returns the time of a sample, ns of the local clock.
+    fn measured_ns(
+        &mut self,
+        stamp_ns: i64,
+        arrived_ns: u64,
+        latency_ns: u64,
+        figures: &mut ReceiverFigures,
+    ) -> Option<u64> {
+        let sent_ns = match self.clock.map(stamp_ns, arrived_ns) {
+            Mapped::At(sent_ns) => sent_ns,
+            Mapped::Collecting => {
+                figures.unsettled += 1;
+                return None;
+            }
+            Mapped::Rejected => {
+                figures.mistimed += 1;
+                return None;
+            }
+            Mapped::Stepped => {
+                figures.clock_steps += 1;
+                self.last_stamp_ns = None;
+                return None;
+            }
+        };
+        if self.last_stamp_ns.is_some_and(|last| stamp_ns <= last) {
+            figures.repeated += 1;
+            return None;
+        }
+        self.last_stamp_ns = Some(stamp_ns);
+        let measured_ns = u64::try_from(sent_ns)
+            .unwrap_or(0)
+            .min(arrived_ns)
+            .saturating_sub(latency_ns);
+        if measured_ns <= self.last_ns || arrived_ns - measured_ns > MAX_AGE_NS {
+            figures.mistimed += 1;
+            return None;
+        }
+        self.last_ns = measured_ns;
+        Some(measured_ns)
+    }
+
+    fn save(&self) -> TimelineMemory {
+        let line = self.clock.line();
+        let origin = self
+            .origin
+            .map(|origin| [origin.source, origin.system, origin.component, origin.sensor]);
+        TimelineMemory {
+            line_arrived_ns: line.map_or(0, |line| line.arrived_ns),
+            offset_ns: line.map_or(0, |line| line.offset_ns),
+            slope: line.map_or(0.0, |line| line.slope),
+            last_stamp_ns: self.last_stamp_ns.unwrap_or(i64::MIN),
+            last_ns: self.last_ns,
+            origin: origin.unwrap_or_default(),
+            has_origin: origin.is_some().into(),
+            is_timed: line.is_some().into(),
+            pad0: [0; 2],
+        }
+    }
+
+    fn restored(memory: &TimelineMemory) -> Self {
+        let [source, system, component, sensor] = memory.origin;
+        let line = ClockLine {
+            arrived_ns: memory.line_arrived_ns,
+            offset_ns: memory.offset_ns,
+            slope: memory.slope,
+        };
+        Self {
+            origin: memory.has_origin.is_set().then_some(Origin {
+                source,
+                system,
+                component,
+                sensor,
+            }),
+            clock: match memory.is_timed.is_set() {
+                true => RemoteClock::with_line(line),
+                false => RemoteClock::new(),
+            },
+            last_stamp_ns: Some(memory.last_stamp_ns).filter(|stamp| *stamp != i64::MIN),
+            last_ns: memory.last_ns,
+        }
+    }
+}
+
+shared_types::sample! {
+    /// Memory of a sender's clock. Times are of the local clock.
+    pub struct TimelineMemory {
+        /// Arrival of the packet through which the clock's line goes, ns.
+        pub line_arrived_ns: u64,
+        /// Its arrival minus its stamp, ns.
+        pub offset_ns: i64,
+        /// Rate at which the local clock gains on the sender's.
+        pub slope: f64,
+        /// Stamp of the last sample, ns of the sender's clock; the least number for none.
+        pub last_stamp_ns: i64,
+        /// Time of the last sample, ns.
+        pub last_ns: u64,
+        /// The sender: source, system, component, sensor.
+        pub origin: [u8; 4],
+        /// `true` if there is a sender.
+        pub has_origin: Flag,
+        /// `true` if the clock's line is known.
+        pub is_timed: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 2],
+    }
+
+    /// Memory of a feed, so that a restarted driver continues with the clocks and the altitude of its predecessor.
+    pub struct ReceiverMemory {
+        /// Arrival of the last packet, ns of the local clock; 0 before the first.
+        pub arrived_ns: u64,
+        /// Clock of the inertial samples.
+        pub motion: TimelineMemory,
+        /// Clock of the fixes.
+        pub fixes: TimelineMemory,
+        /// Weeks that have ended since the first fix, ns.
+        pub weeks_ns: i64,
+        /// Time of the week of the last fix, ns.
+        pub week_time_ns: i64,
+        /// Altitude by the barometer of the origin of {I}, m.
+        pub altitude_of_origin: f64,
+        /// `true` if this altitude is known.
+        pub has_altitude: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 7],
+    }
+}
+
+/// Samples of a sensor that wait for their tick, oldest first, with their times, ns of the local clock.
+#[derive(Clone, Debug)]
+struct Waiting<T>(VecDeque<(u64, T)>);
+
+impl<T> Default for Waiting<T> {
+    fn default() -> Self {
+        Self(VecDeque::with_capacity(WAITING))
+    }
+}
+
+impl<T> Waiting<T> {
+    /// Adds a sample. Returns the number of samples that are dropped for it.
+    fn push(&mut self, measured_ns: u64, sample: T) -> u64 {
+        let is_full = self.0.len() == WAITING;
+        if is_full {
+            self.0.pop_front();
+        }
+        self.0.push_back((measured_ns, sample));
+        u64::from(is_full)
+    }
+
+    /// Removes the next sample that was measured by a time.
+    fn next_by(&mut self, tick_ns: u64) -> Option<(u64, T)> {
+        self.0.pop_front_if(|(measured_ns, _)| *measured_ns <= tick_ns)
+    }
+
+    /// Removes all samples by a time. Returns the newest, and the number of others.
+    fn newest_by(&mut self, tick_ns: u64) -> Option<((u64, T), u64)> {
+        let mut newest = self.next_by(tick_ns)?;
+        let mut others = 0;
+        while let Some(next) = self.next_by(tick_ns) {
+            newest = next;
+            others += 1;
+        }
+        Some((newest, others))
+    }
+}
+
+/// Angular velocity, rad/s, and specific force, m/s², in {B}.
+type Inertial = [[f64; 3]; 2];
+
+/// Filter from packets to samples.
+#[derive(Debug)]
+pub(super) struct ReceiverFeed {
+    latency_ns: u64,
+    fix_latency_ns: u64,
+    /// Altitude of the vehicle on the ground above the origin of {I}, m.
+    ground_altitude: f64,
+    /// `false` after a start in flight.
+    is_on_ground: bool,
+    altitude_of_origin: Option<f64>,
+    motion: Timeline,
+    fixes: Timeline,
+    weeks_ns: i64,
+    week_time_ns: i64,
+    arrived_ns: u64,
+    inertial: Waiting<Inertial>,
+    fix: Waiting<GnssFix>,
+    altitude: Waiting<f64>,
+    field: Waiting<[f64; 3]>,
+    figures: ReceiverFigures,
+    second_began_ns: u64,
+    in_second: [u64; 4],
+}
+
+impl ReceiverFeed {
+    /// Makes a feed with these latencies, ns, of a vehicle on the ground at an altitude above the origin of {I}, m, or in flight.
+    pub(super) fn new(
+        [latency_ns, fix_latency_ns]: [u64; 2],
+        ground_altitude: f64,
+        is_on_ground: bool,
+    ) -> Self {
+        Self {
+            latency_ns,
+            fix_latency_ns,
+            ground_altitude,
+            is_on_ground,
+            altitude_of_origin: None,
+            motion: Timeline::default(),
+            fixes: Timeline::default(),
+            weeks_ns: 0,
+            week_time_ns: 0,
+            arrived_ns: 0,
+            inertial: Waiting::default(),
+            fix: Waiting::default(),
+            altitude: Waiting::default(),
+            field: Waiting::default(),
+            figures: ReceiverFigures::new_zeroed(),
+            second_began_ns: 0,
+            in_second: [0; 4],
+        }
+    }
+
+    /// Adds a packet of a source with its arrival, ns of the local clock, never decreasing.
+    pub(super) fn add(&mut self, packet: &Packet, source: u8, arrived_ns: u64) {
+        self.figures.packets += 1;
+        self.arrived_ns = arrived_ns;
+        match packet {
+            Packet::HighresImu(sender, sample) => {
+                let origin = Origin {
+                    source,
+                    system: sender.system,
+                    component: sender.component,
+                    sensor: sample.sensor,
+                };
+                self.add_inertial(sample, origin, arrived_ns);
+            }
+            Packet::NavPvt(pvt) => {
+                let origin = Origin {
+                    source,
+                    system: 0,
+                    component: 0,
+                    sensor: 0,
+                };
+                let stamp_ns = self.stamp_ns(pvt);
+                self.add_fix(fix_of_receiver(pvt), stamp_ns, origin, arrived_ns);
+            }
+            Packet::GpsRawInt(sender, fix) => {
+                let origin = Origin {
+                    source,
+                    system: sender.system,
+                    component: sender.component,
+                    sensor: 0,
+                };
+                self.add_fix(
+                    fix_of_autopilot(fix),
+                    microseconds(fix.time_us),
+                    origin,
+                    arrived_ns,
+                );
+            }
+            // Not measurements.
+            Packet::Heartbeat(..) | Packet::Odometry(..) | Packet::RelativePosition(_) => {}
+        }
+    }
+
+    fn add_inertial(&mut self, sample: &HighresImu, origin: Origin, arrived_ns: u64) {
+        if !self.motion.is_from(origin) {
+            self.figures.foreign += 1;
+            return;
+        }
+        let stamp_ns = microseconds(sample.time_us);
+        let Some(measured_ns) =
+            self.motion
+                .measured_ns(stamp_ns, arrived_ns, self.latency_ns, &mut self.figures)
+        else {
+            return;
+        };
+        let mut dropped = 0;
+        if let (Some(rate), Some(force)) = (sample.angular_velocity_body, sample.specific_force_body) {
+            dropped += self.inertial.push(measured_ns, [rate, force]);
+            self.count(ReceiverFigures::IMU, arrived_ns);
+        }
+        if let Some(field) = sample.field_body {
+            dropped += self.field.push(measured_ns, field);
+            self.count(ReceiverFigures::FIELD, arrived_ns);
+        }
+        if let Some(altitude) = sample.pressure_altitude {
+            if self.altitude_of_origin.is_none() && self.is_on_ground {
+                self.altitude_of_origin = Some(altitude - self.ground_altitude);
+            }
+            if let Some(of_origin) = self.altitude_of_origin {
+                dropped += self.altitude.push(measured_ns, altitude - of_origin);
+                self.count(ReceiverFigures::ALTITUDE, arrived_ns);
+            }
+        }
+        self.figures.left_out += dropped;
+    }
+
+    fn add_fix(&mut self, fix: Option<GnssFix>, stamp_ns: i64, origin: Origin, arrived_ns: u64) {
+        if !self.fixes.is_from(origin) {
+            self.figures.foreign += 1;
+            return;
+        }
+        let Some(valid_ns) =
+            self.fixes
+                .measured_ns(stamp_ns, arrived_ns, self.fix_latency_ns, &mut self.figures)
+        else {
+            return;
+        };
+        let Some(fix) = fix else {
+            self.figures.without_position += 1;
+            return;
+        };
+        self.figures.left_out += self.fix.push(valid_ns, fix);
+        self.count(ReceiverFigures::FIX, arrived_ns);
+    }
+
+    /// Returns the time of the week of a fix, ns, which continues at the end of a week.
+    fn stamp_ns(&mut self, pvt: &NavPvt) -> i64 {
+        let week_time_ns = i64::from(pvt.time_of_week_ms) * 1_000_000;
+        if week_time_ns + WEEK_NS / 2 < self.week_time_ns {
+            self.weeks_ns += WEEK_NS;
+        }
+        self.week_time_ns = week_time_ns;
+        self.weeks_ns + week_time_ns
+    }
+
+    fn count(&mut self, sensor: usize, arrived_ns: u64) {
+        self.figures.samples[sensor] += 1;
+        self.figures.arrived_ns[sensor] = arrived_ns;
+        self.in_second[sensor] += 1;
+    }
+
+    /// Counts packets that were dropped before they were added.
+    pub(super) fn add_left_out(&mut self, count: u64) {
+        self.figures.left_out += count;
+    }
+
+    /// Writes the samples that are due at a tick that begins at `tick_ns` into outputs of a flight that began at `start_ns`, both ns
+    /// of the local clock.
+    pub(super) fn publish(&mut self, tick_ns: u64, start_ns: u64, outputs: &mut PlantOutputs<'_>) {
+        let since_start = |time_ns: u64| time_ns.checked_sub(start_ns);
+        if let Some(sample) = outputs.imu.due() {
+            let mut sum: Inertial = [[0.0; 3]; 2];
+            let mut count = 0.0;
+            let mut last_ns = 0;
+            while let Some((measured_ns, inertial)) = self.inertial.next_by(tick_ns) {
+                if let Some(since_start_ns) = since_start(measured_ns) {
+                    for (sum, value) in sum.as_flattened_mut().iter_mut().zip(inertial.as_flattened()) {
+                        *sum += value;
+                    }
+                    count += 1.0;
+                    last_ns = since_start_ns;
+                }
+            }
+            if count > 0.0 {
+                [sample.angular_velocity_body, sample.specific_force_body] =
+                    sum.map(|vector| vector.map(|component| component / count));
+                sample.measured_ns = last_ns;
+                sample.measured = true.into();
+            }
+        }
+        if let Some(sample) = outputs.fix.due()
+            && let Some(((valid_ns, fix), others)) = self.fix.newest_by(tick_ns)
+            && let Some(valid_ns) = since_start(valid_ns)
+        {
+            *sample = GnssFix {
+                header: sample.header,
+                valid_ns,
+                ..fix
+            };
+            self.figures.left_out += others;
+        }
+        if let Some(sample) = outputs.altitude.due()
+            && let Some(((measured_ns, altitude), others)) = self.altitude.newest_by(tick_ns)
+            && let Some(measured_ns) = since_start(measured_ns)
+        {
+            sample.measured_ns = measured_ns;
+            sample.altitude = altitude;
+            sample.measured = true.into();
+            self.figures.left_out += others;
+        }
+        if let Some(sample) = outputs.field.due()
+            && let Some(((measured_ns, field), others)) = self.field.newest_by(tick_ns)
+            && let Some(measured_ns) = since_start(measured_ns)
+        {
+            sample.measured_ns = measured_ns;
+            sample.field_body = field;
+            sample.measured = true.into();
+            self.figures.left_out += others;
+        }
+    }
+
+    /// Returns the figures at a time, of a flight that began at `start_ns`, both ns of the local clock.
+    pub(super) fn figures(&mut self, now_ns: u64, start_ns: u64) -> ReceiverFigures {
+        let lasts_ns = now_ns.saturating_sub(self.second_began_ns);
+        if lasts_ns >= SECOND_NS {
+            let counts = std::mem::take(&mut self.in_second);
+            self.figures.rates = counts.map(|count| count as f64 * 1e9 / lasts_ns as f64);
+            self.second_began_ns = now_ns;
+        }
+        ReceiverFigures {
+            arrived_ns: self
+                .figures
+                .arrived_ns
+                .map(|arrived_ns| arrived_ns.saturating_sub(start_ns)),
+            ..self.figures
+        }
+    }
+
+    /// Returns the state.
+    pub(super) fn save(&self) -> ReceiverMemory {
+        ReceiverMemory {
+            arrived_ns: self.arrived_ns,
+            motion: self.motion.save(),
+            fixes: self.fixes.save(),
+            weeks_ns: self.weeks_ns,
+            week_time_ns: self.week_time_ns,
+            altitude_of_origin: self.altitude_of_origin.unwrap_or(0.0),
+            has_altitude: self.altitude_of_origin.is_some().into(),
+            pad0: [0; 7],
+        }
+    }
+
+    /// Restores a state at a time of the local clock, ns. The altitude holds for the whole flight; clocks that are too old do not.
+    pub(super) fn restore(&mut self, memory: &ReceiverMemory, now_ns: u64) {
+        if !memory.is_finite() {
+            return;
+        }
+        self.altitude_of_origin = memory.has_altitude.is_set().then_some(memory.altitude_of_origin);
+        if now_ns.saturating_sub(memory.arrived_ns) <= MAX_AGE_NS {
+            self.arrived_ns = memory.arrived_ns;
+            self.motion = Timeline::restored(&memory.motion);
+            self.fixes = Timeline::restored(&memory.fixes);
+            self.weeks_ns = memory.weeks_ns;
+            self.week_time_ns = memory.week_time_ns;
+        }
+    }
+}
+
+fn microseconds(time_us: u64) -> i64 {
+    i64::try_from(time_us).unwrap_or(i64::MAX).saturating_mul(1000)
+}
+
+/// Makes a fix, without its header and its time, of `NAV-PVT`; `None` without a position.
+fn fix_of_receiver(pvt: &NavPvt) -> Option<GnssFix> {
+    Some(GnssFix {
+        latitude: pvt.latitude,
+        longitude: pvt.longitude,
+        height: pvt.height,
+        velocity_ned: pvt.velocity_ned,
+        horizontal_accuracy: pvt.horizontal_accuracy,
+        vertical_accuracy: pvt.vertical_accuracy,
+        speed_accuracy: pvt.speed_accuracy,
+        ..fix_of_kind(pvt.kind()?)
+    })
+}
+
+/// Makes a fix, without its header and its time, of `GPS_RAW_INT`; `None` without a position above the ellipsoid and its accuracies.
+fn fix_of_autopilot(fix: &GpsRawInt) -> Option<GnssFix> {
+    let [horizontal_accuracy, vertical_accuracy, _] = fix.accuracies?;
+    Some(GnssFix {
+        latitude: fix.latitude,
+        longitude: fix.longitude,
+        height: fix.height?,
+        horizontal_accuracy,
+        vertical_accuracy,
+        speed_accuracy: UNKNOWN_VELOCITY,
+        ..fix_of_kind(fix.kind()?)
+    })
+}
+
+fn fix_of_kind(kind: FixKind) -> GnssFix {
+    GnssFix {
+        kind: kind as u8,
+        measured: true.into(),
+        ..GnssFix::new_zeroed()
+    }
+}
+
+#[cfg(test)]
+mod tests;

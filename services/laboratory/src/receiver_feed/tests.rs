@@ -1,0 +1,254 @@
+use super::*;
+use mavlink_frame::Sender;
+use navigation_receivers::autopilot::Heartbeat;
+use navigation_receivers::ubx::{Carrier, Solution};
+use shared_types::samples::{BaroAltitude, ImuSample, MagField};
+use shared_types::service::{OutputSlot, Outputs};
+use zerocopy::IntoBytes;
+
+/// Offset of the sender's clock: the local one began before it, ns.
+const OFFSET_NS: u64 = 5_000_000_000;
+const MS: u64 = 1_000_000;
+const LATENCIES_NS: [u64; 2] = [2 * MS, 100 * MS];
+const AUTOPILOT: Sender = Sender {
+    system: 1,
+    component: 1,
+};
+
+/// Feed of a vehicle that stands 0.2 m below the origin.
+fn feed() -> ReceiverFeed {
+    ReceiverFeed::new(LATENCIES_NS, -0.2, true)
+}
+
+/// Sample that was measured at a time of the sender's clock, ms, with a rate about x and an altitude.
+fn inertial(at_ms: u64, rate: f64, altitude: f64) -> HighresImu {
+    HighresImu {
+        time_us: at_ms * 1000,
+        specific_force_body: Some([0.0, 0.0, -9.81]),
+        angular_velocity_body: Some([rate, 0.0, 0.0]),
+        field_body: Some([0.2, 0.0, 0.4]),
+        pressure: None,
+        pressure_altitude: Some(altitude),
+        temperature: None,
+        sensor: 0,
+    }
+}
+
+fn pvt(week_time_ms: u32, latitude: f64) -> NavPvt {
+    NavPvt {
+        time_of_week_ms: week_time_ms,
+        utc_ns: None,
+        time_accuracy: 1e-9,
+        solution: Solution::ThreeDimensional,
+        is_valid: true,
+        has_corrections: true,
+        carrier: Carrier::Fixed,
+        satellites: 20,
+        latitude,
+        longitude: 11.5,
+        height: 565.0,
+        height_above_sea: 518.0,
+        velocity_ned: [1.0, 2.0, 3.0],
+        horizontal_accuracy: 0.014,
+        vertical_accuracy: 0.02,
+        speed_accuracy: 0.05,
+        position_dilution: 1.0,
+        heading: None,
+    }
+}
+
+fn raw(at_ms: u64, fix_type: u8) -> GpsRawInt {
+    GpsRawInt {
+        time_us: at_ms * 1000,
+        fix_type,
+        satellites: Some(20),
+        latitude: 48.0,
+        longitude: 11.5,
+        height_above_sea: 518.0,
+        height: Some(565.0),
+        ground_speed: Some(1.0),
+        course: None,
+        accuracies: Some([0.5, 0.8, 0.2]),
+        heading: None,
+    }
+}
+
+/// Adds inertial samples every 4 ms until a time of the sender's clock, ms, each of which takes 3 ms.
+fn add_inertial(feed: &mut ReceiverFeed, times_ms: std::ops::Range<u64>) {
+    for at_ms in times_ms.step_by(4) {
+        let packet = Packet::HighresImu(AUTOPILOT, inertial(at_ms, at_ms as f64, 30.0));
+        feed.add(&packet, 0, OFFSET_NS + (at_ms + 3) * MS);
+    }
+}
+
+/// Samples at a tick.
+struct Published {
+    imu: ImuSample,
+    fix: GnssFix,
+    altitude: BaroAltitude,
+    field: MagField,
+}
+
+/// Publishes at a time of the sender's clock, ms, in a flight that began with that clock.
+fn publish(feed: &mut ReceiverFeed, at_ms: u64) -> Published {
+    let (mut imu, mut fix) = (ImuSample::new_zeroed(), GnssFix::new_zeroed());
+    let (mut altitude, mut field) = (BaroAltitude::new_zeroed(), MagField::new_zeroed());
+    let bytes = [
+        None,
+        None,
+        Some(imu.as_mut_bytes()),
+        Some(fix.as_mut_bytes()),
+        Some(altitude.as_mut_bytes()),
+        Some(field.as_mut_bytes()),
+    ];
+    let mut slots = bytes.map(|bytes| OutputSlot { bytes });
+    let mut outputs = PlantOutputs::from_slots(&mut slots);
+    feed.publish(OFFSET_NS + at_ms * MS, OFFSET_NS, &mut outputs);
+    Published {
+        imu,
+        fix,
+        altitude,
+        field,
+    }
+}
+
+#[test]
+fn inertial_samples_are_published_as_their_mean_at_the_time_of_the_last_one() {
+    let mut feed = feed();
+    add_inertial(&mut feed, 0..400);
+    publish(&mut feed, 396);
+    add_inertial(&mut feed, 400..412);
+    // The fastest packet took 3 ms, of which 2 are stated.
+    assert!(
+        !publish(&mut feed, 396).imu.measured.is_set(),
+        "not in the future"
+    );
+    let published = publish(&mut feed, 409);
+    assert!(published.imu.measured.is_set());
+    assert_eq!(published.imu.measured_ns, 409 * MS);
+    let mean: f64 = [396.0, 400.0, 404.0, 408.0].iter().sum::<f64>() / 4.0;
+    assert_eq!(published.imu.angular_velocity_body[0], mean);
+    assert_eq!(published.imu.specific_force_body[2], -9.81);
+    assert_eq!(published.field.field_body, [0.2, 0.0, 0.4]);
+    assert!(!publish(&mut feed, 410).imu.measured.is_set(), "once");
+}
+
+#[test]
+fn the_first_altitude_is_that_of_the_vehicle_on_the_ground() {
+    let mut on_ground = feed();
+    add_inertial(&mut on_ground, 0..400);
+    let packet = Packet::HighresImu(AUTOPILOT, inertial(400, 0.0, 31.5));
+    on_ground.add(&packet, 0, OFFSET_NS + 403 * MS);
+    assert!((publish(&mut on_ground, 402).altitude.altitude - 1.3).abs() < 1e-12);
+    let mut in_flight = ReceiverFeed::new(LATENCIES_NS, -0.2, false);
+    add_inertial(&mut in_flight, 0..400);
+    assert!(!publish(&mut in_flight, 402).altitude.measured.is_set());
+    in_flight.restore(&on_ground.save(), OFFSET_NS + 404 * MS);
+    let packet = Packet::HighresImu(AUTOPILOT, inertial(404, 0.0, 32.5));
+    in_flight.add(&packet, 0, OFFSET_NS + 407 * MS);
+    let altitude = publish(&mut in_flight, 406).altitude;
+    assert!(altitude.measured.is_set(), "its clock is that of its predecessor");
+    assert!((altitude.altitude - 2.3).abs() < 1e-12);
+}
+
+#[test]
+fn a_fix_states_when_it_was_valid_and_continues_at_the_end_of_a_week() {
+    let mut feed = feed();
+    // 1 s before the end of the week; a fix takes 130 ms, of which 100 are stated.
+    let week_ms = 604_800_000;
+    for k in 0..20 {
+        let week_time_ms = (week_ms - 1000 + 100 * k) % week_ms;
+        let packet = Packet::NavPvt(pvt(week_time_ms, 48.0 + f64::from(k)));
+        feed.add(&packet, 0, OFFSET_NS + u64::from(100 * k + 130) * MS);
+    }
+    let fix = publish(&mut feed, 1931).fix;
+    assert_eq!(fix.valid_ns, 1930 * MS);
+    assert_eq!(
+        (fix.latitude, fix.velocity_ned, fix.kind),
+        (67.0, [1.0, 2.0, 3.0], 2)
+    );
+    assert!(fix.measured.is_set());
+    let figures = feed.figures(0, 0);
+    assert_eq!((figures.mistimed, figures.clock_steps), (0, 0));
+}
+
+#[test]
+fn fixes_of_an_autopilot_have_no_velocity_and_those_of_a_receiver_replace_them() {
+    let mut feed = feed();
+    for k in 0..10 {
+        let packet = Packet::GpsRawInt(AUTOPILOT, raw(100 * k, 5));
+        feed.add(&packet, 0, OFFSET_NS + (100 * k + 130) * MS);
+    }
+    let fix = publish(&mut feed, 1000).fix;
+    assert_eq!((fix.kind, fix.velocity_ned), (1, [0.0; 3]));
+    assert_eq!(
+        [fix.horizontal_accuracy, fix.vertical_accuracy, fix.speed_accuracy],
+        [0.5, 0.8, 100.0]
+    );
+    for k in 10..20 {
+        let packet = Packet::GpsRawInt(AUTOPILOT, raw(100 * k, 5));
+        feed.add(&packet, 0, OFFSET_NS + (100 * k + 130) * MS);
+        let packet = Packet::NavPvt(pvt(100 * u32::try_from(k).unwrap(), 48.5));
+        feed.add(&packet, 1, OFFSET_NS + (100 * k + 131) * MS);
+    }
+    assert_eq!(publish(&mut feed, 2000).fix.latitude, 48.5);
+    assert_eq!(feed.figures(0, 0).foreign, 9);
+}
+
+#[test]
+fn what_is_no_sample_is_counted() {
+    let mut feed = feed();
+    add_inertial(&mut feed, 0..400);
+    let again = Packet::HighresImu(AUTOPILOT, inertial(396, 0.0, 30.0));
+    feed.add(&again, 0, OFFSET_NS + 400 * MS);
+    let of_another = Sender {
+        system: 2,
+        component: 1,
+    };
+    let packet = Packet::HighresImu(of_another, inertial(400, 0.0, 30.0));
+    feed.add(&packet, 0, OFFSET_NS + 403 * MS);
+    let late = Packet::HighresImu(AUTOPILOT, inertial(404, 0.0, 30.0));
+    feed.add(&late, 0, OFFSET_NS + 600 * MS);
+    let heartbeat = Heartbeat {
+        autopilot: 12,
+        kind: 2,
+        is_armed: false,
+    };
+    feed.add(&Packet::Heartbeat(AUTOPILOT, heartbeat), 0, OFFSET_NS + 601 * MS);
+    for k in 0..10 {
+        let mut without = pvt(100 * k, 48.0);
+        without.solution = Solution::None;
+        feed.add(
+            &Packet::NavPvt(without),
+            0,
+            OFFSET_NS + u64::from(100 * k + 700) * MS,
+        );
+    }
+    let figures = feed.figures(OFFSET_NS, OFFSET_NS);
+    let counted = |name: &str| {
+        figures
+            .happened()
+            .find(|(what, _)| *what == name)
+            .map(|(_, count)| count)
+    };
+    assert_eq!(counted("repeated"), Some(1));
+    assert_eq!(counted("foreign"), Some(1));
+    assert_eq!(counted("mistimed"), Some(1));
+    assert_eq!(counted("without a position"), Some(8));
+    // Before each clock was known: 50 inertial ones, and two fixes.
+    assert_eq!(counted("unsettled"), Some(52));
+    assert_eq!(figures.samples, [50, 0, 50, 50]);
+}
+
+#[test]
+fn a_feed_that_nobody_empties_keeps_the_newest_samples() {
+    let mut feed = feed();
+    add_inertial(&mut feed, 0..1000);
+    let published = publish(&mut feed, 1001);
+    let oldest = 996 - 4 * (WAITING as u64 - 1);
+    assert_eq!(
+        published.imu.angular_velocity_body[0],
+        (996 + oldest) as f64 / 2.0
+    );
+    assert!(feed.figures(0, 0).left_out > 0);
+}
