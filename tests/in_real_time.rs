@@ -20,6 +20,7 @@ mod log_corpus;
 mod mocap;
 mod operator;
 mod rc;
+mod receivers;
 mod recovery;
 mod security;
 mod top;

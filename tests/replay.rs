@@ -41,14 +41,19 @@ fn every_scenario_is_replayed_identically() {
         ];
         let mut command = place.gerono(&arguments);
         let stated = scenario_file::load(&path, &[], None).unwrap();
-        if stated.capture_system().is_some() {
-            // As it is tried without a laboratory.
-            command.args([
-                "--set",
-                "motion_capture.source=simulated",
-                "--set",
-                "flight.arm_at=2.0",
-            ]);
+        // As it is tried without a laboratory.
+        let without = [
+            (
+                stated.capture_system().is_some(),
+                ["motion_capture.source=simulated", "flight.arm_at=2.0"],
+            ),
+            (
+                stated.real_receivers().is_some(),
+                ["receivers.sources=[]", "flight.arm_at=14.0"],
+            ),
+        ];
+        for (_, settings) in without.iter().filter(|(is_stated, _)| *is_stated) {
+            command.args(settings.iter().flat_map(|setting| ["--set", setting]));
         }
         succeed(&mut command);
         let log = place.log(&out);

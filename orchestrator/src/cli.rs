@@ -185,9 +185,10 @@ pub enum Command {
     ///
     /// A hardware-in-the-loop simulator, connected by real sockets and serial lines.
     /// Simulates the scenario's vehicle by the system's clock, sends the poses of the scenario's cameras to the flight in the
-    /// protocol of `motion_capture.source` (VRPN, NatNet, Vicon), and flies by the frames of `rc_output.link` from the flight,
-    /// received at a pseudo-terminal named `rc_output.transmitter.device` or at a socket. The flight, `gerono run --host
-    /// realtime` with the same settings, shares nothing else with it.
+    /// protocol of `motion_capture.source` (VRPN, NatNet, Vicon), or packets of sensors outdoors to `receivers.sources` (UBX,
+    /// MAVLink), and flies by the frames of `rc_output.link` from the flight, received at a pseudo-terminal named
+    /// `rc_output.transmitter.device` or at a socket. The flight, `gerono run --host realtime` with the same settings, shares
+    /// nothing else with it.
     ///
     /// Times in `[vehicle]` and `[cameras]` count from its start. Writes run.mcap with the truth, host.mcap with the start
     /// time, and summary.json: `gerono truth FLIGHT --world WORLD` compares them with the flight.

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Checks the decoders of satellite receivers and autopilots on packets that other programs have written: UBX by pyubx2, MAVLink by
-# pymavlink; and `gerono gnss probe` on a pseudo-terminal and a socket to which they send.
+# pymavlink; `gerono gnss probe` on a pseudo-terminal and a socket to which they send; and what `gerono world` sends, read by both.
 #
 #     tests/interop/receivers.sh [COUNT]
 #
@@ -31,3 +31,4 @@ if [ -z "${GERONO:-}" ]; then
     GERONO=$target/release/gerono
 fi
 "$venv/bin/python" "$here/receiver_lines.py" "$GERONO"
+"$venv/bin/python" "$here/receivers_world.py" "$GERONO" "$root/scenarios/laboratory_outdoor.toml"

@@ -61,7 +61,7 @@ pub struct CameraSender {
     late: LateCaptures,
 }
 
-/// Captures that were sent more than [`LATE_NS`] after they were due.
+/// Captures, or packets of receivers, that were sent more than [`LATE_NS`] after they were due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LateCaptures {
     /// Number of captures.
@@ -72,7 +72,7 @@ pub struct LateCaptures {
 
 impl LateCaptures {
     /// Adds the lateness of a capture, ns.
-    fn add(&mut self, late_ns: u64) {
+    pub(super) fn add(&mut self, late_ns: u64) {
         self.count += u64::from(late_ns > LATE_NS);
         self.worst_ns = self.worst_ns.max(late_ns);
     }

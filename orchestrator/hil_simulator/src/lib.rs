@@ -1,4 +1,4 @@
-//! Hardware-in-the-loop simulator of a scenario: vehicle, cameras and receiver in one process, connected to the flight by
+//! Hardware-in-the-loop simulator of a scenario: vehicle, cameras or navigation receivers, and radio receiver in one process, connected to the flight by
 //! the network and a radio link.
 //!
 //! ```text
@@ -14,6 +14,7 @@
 //! * [`radio`]: the receiver, with its latency, and [`crazyflie`], what that vehicle does without setpoints;
 //! * [`autopilot`]: the scenario's rate loop, or [`betaflight`], the real firmware of a flight controller;
 //! * [`cameras`]: poses, sent with the latency of a real system;
+//! * [`receivers`]: samples of sensors outdoors, as packets of a satellite receiver and of an autopilot;
 //! * [`hand`]: movements of the vehicle by hand, for `gerono lab check`;
 //! * [`record`]: the log of the truth;
 //! * [`summary`]: what the command prints.
@@ -30,6 +31,7 @@ pub mod hand;
 pub mod link_loss_timer;
 pub mod radio;
 pub mod receiver_input;
+pub mod receivers;
 pub mod record;
 pub mod summary;
 mod vehicle;
@@ -42,6 +44,7 @@ use shared_types::service::{BuildError, seconds};
 use self::autopilot::{Autopilot, AutopilotCommands};
 use self::battery::SimulatedBattery;
 use self::cameras::{CameraSender, LateCaptures};
+use self::receivers::ReceiverSender;
 use self::record::{Record, RecordedTick};
 use self::vehicle::SimulatedVehicle;
 use flight::interrupt::Interrupt;
@@ -88,9 +91,9 @@ pub struct HilReport {
     pub ticks: u64,
     /// Lateness of the ticks, ns.
     pub lateness_ns: Histogram<u64>,
-    /// Poses sent.
+    /// Poses, or packets of receivers, sent.
     pub poses: u64,
-    /// Poses sent late.
+    /// Those of them that were sent late.
     pub late: LateCaptures,
     /// Commands received on board.
     pub received: AutopilotCommands,
@@ -98,12 +101,55 @@ pub struct HilReport {
     pub signal: Option<i32>,
 }
 
+/// What measures the vehicle.
+#[derive(Debug)]
+pub enum Sensing {
+    /// Cameras.
+    Cameras(Box<CameraSender>),
+    /// A satellite receiver and an autopilot.
+    Receivers(Box<ReceiverSender>),
+}
+
+impl Sensing {
+    fn captures_at(&self, tick: u64) -> bool {
+        matches!(self, Self::Cameras(cameras) if cameras.captures_at(tick))
+    }
+
+    fn due_ns(&self) -> u64 {
+        match self {
+            Self::Cameras(cameras) => cameras.due_ns(),
+            Self::Receivers(receivers) => receivers.due_ns(),
+        }
+    }
+
+    fn send(&mut self, now_ns: u64) {
+        match self {
+            Self::Cameras(cameras) => cameras.send(now_ns),
+            Self::Receivers(receivers) => receivers.send(now_ns),
+        }
+    }
+
+    fn late(&self) -> LateCaptures {
+        match self {
+            Self::Cameras(cameras) => cameras.late(),
+            Self::Receivers(receivers) => receivers.late(),
+        }
+    }
+
+    fn sent(&self) -> u64 {
+        match self {
+            Self::Cameras(cameras) => cameras.sent(),
+            Self::Receivers(receivers) => receivers.sent(),
+        }
+    }
+}
+
 /// Hardware-in-the-loop simulator.
 pub struct HilSimulator {
     clock: FlightClock,
     vehicle: SimulatedVehicle,
     onboard: Autopilot,
-    cameras: CameraSender,
+    sensing: Sensing,
     record: Record,
     /// `None` for a vehicle that reports no battery.
     battery: Option<SimulatedBattery>,
@@ -120,14 +166,14 @@ impl HilSimulator {
         scenario: &Scenario,
         clock: FlightClock,
         onboard: Autopilot,
-        cameras: CameraSender,
+        sensing: Sensing,
         record: Record,
     ) -> Result<Self, BuildError> {
         Ok(Self {
             clock,
             vehicle: SimulatedVehicle::new(scenario)?,
             onboard,
-            cameras,
+            sensing,
             record,
             battery: SimulatedBattery::new(scenario),
             is_by_hand: false,
@@ -165,7 +211,7 @@ impl HilSimulator {
             lateness_ns.saturating_record(late_ns.clamp(1, LATEST_NS));
             self.step(simulated, begins_ns);
             simulated += 1;
-            let late = self.cameras.late();
+            let late = self.sensing.late();
             if let Some(when_late) = when_late.take_if(|_| late.count > 0) {
                 when_late(late);
             }
@@ -175,8 +221,8 @@ impl HilSimulator {
         Ok(HilReport {
             ticks: simulated,
             lateness_ns,
-            poses: self.cameras.sent(),
-            late: self.cameras.late(),
+            poses: self.sensing.sent(),
+            late: self.sensing.late(),
             received,
             signal: interrupt.signal(),
         })
@@ -185,9 +231,9 @@ impl HilSimulator {
     /// Receives frames and sends poses until a time, ns of `CLOCK_MONOTONIC`.
     fn exchange_until(&mut self, at_ns: u64) {
         loop {
-            let until_ns = at_ns.min(self.cameras.due_ns());
+            let until_ns = at_ns.min(self.sensing.due_ns());
             self.onboard.listen_until(until_ns);
-            self.cameras.send(monotonic_ns());
+            self.sensing.send(monotonic_ns());
             if until_ns == at_ns {
                 return;
             }
@@ -199,10 +245,10 @@ impl HilSimulator {
         let frame = self
             .onboard
             .acting(begins_ns.saturating_sub(self.clock.tick_ns / 2));
-        let is_captured = self.cameras.captures_at(tick);
-        let (mut truth, mut pose) = self
-            .vehicle
-            .step(tick, self.clock.tick_ns, frame.as_ref(), is_captured);
+        let is_captured = self.sensing.captures_at(tick);
+        let (mut truth, mut pose, measured) =
+            self.vehicle
+                .step(tick, self.clock.tick_ns, frame.as_ref(), is_captured);
         if self.is_by_hand {
             let moved = hand::at(seconds(tick * self.clock.tick_ns));
             hand::apply(&moved, &mut truth.position_world, &mut truth.world_from_body);
@@ -215,9 +261,14 @@ impl HilSimulator {
         if let Some(voltage) = battery.and_then(|battery| battery.advance(&truth, self.clock.tick_ns)) {
             self.onboard.report_battery(voltage);
         }
-        if let Some(pose) = &pose {
-            self.cameras
-                .schedule(pose, self.clock.start_ns + pose.capture_time_ns);
+        match (&mut self.sensing, &pose) {
+            (Sensing::Cameras(cameras), Some(pose)) => {
+                cameras.schedule(pose, self.clock.start_ns + pose.capture_time_ns);
+            }
+            (Sensing::Cameras(_), None) => {}
+            (Sensing::Receivers(receivers), _) => {
+                receivers.schedule(&measured, begins_ns, self.clock.start_ns);
+            }
         }
         self.record.push(RecordedTick { truth, pose, frame });
     }

@@ -18,7 +18,6 @@ pub fn introduction(scenario: &Scenario, timing: &Timing, is_betaflight: bool) -
         capture_latency,
         radio_latency,
     } = timing;
-    let system = scenario.capture_system().map_or("", |(system, _)| system.name());
     let link = scenario.radio_link().map_or("", |link| link.name());
     let onboard = if is_betaflight {
         "on board: Betaflight, by its simulator's UDP ports".to_owned()
@@ -28,23 +27,38 @@ pub fn introduction(scenario: &Scenario, timing: &Timing, is_betaflight: bool) -
             1e3 * radio_latency
         )
     };
+    let sensing = match (scenario.real_receivers(), scenario.capture_system()) {
+        (Some(receivers), _) => format!(
+            "receivers: NAV-PVT {:.1} ms after a fix, HIGHRES_IMU after {:.1} ms, to {}",
+            1e3 * receivers.fix_latency,
+            1e3 * receivers.latency,
+            receivers.sources.join(", ")
+        ),
+        (None, system) => format!(
+            "cameras: `{}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure",
+            system.map_or("", |(system, _)| system.name()),
+            1e3 * capture_latency
+        ),
+    };
     format!(
-        "cameras: `{system}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure\n{onboard}\n\
-         the simulation starts now; fly with the same settings, and end it with Ctrl-C\n",
-        1e3 * capture_latency,
+        "{sensing}\n{onboard}\nthe simulation starts now; fly with the same settings, and end it with Ctrl-C\n"
     )
 }
 
-/// Returns the warning at the first capture that is sent late.
+/// Returns the warning at the first pose, or packet of receivers, that is sent late.
 #[must_use]
-pub fn warning(late: LateCaptures, is_fifo: bool) -> String {
+pub fn warning(scenario: &Scenario, late: LateCaptures, is_fifo: bool) -> String {
+    let what = match scenario.real_receivers() {
+        Some(_) => "receivers are late: a packet",
+        None => "cameras are late: a pose",
+    };
     let remedy = if is_fifo {
         "give the simulator a core of its own (`taskset`)"
     } else {
         "`gerono world --fifo` puts the simulator above ordinary processes"
     };
     format!(
-        "the cameras are late: a pose was sent {:.1} ms after it was due; the flight is not to blame for what follows from it; \
+        "the {what} was sent {:.1} ms after it was due; the flight is not to blame for what follows from it; \
          {remedy}",
         1e3 * seconds(late.worst_ns)
     )
@@ -55,11 +69,11 @@ pub fn warning(late: LateCaptures, is_fifo: bool) -> String {
 pub struct Summary {
     /// Simulated time, s.
     seconds: f64,
-    /// Poses sent.
+    /// Poses, or packets of receivers, sent.
     poses: u64,
-    /// Poses sent more than 5 ms late.
+    /// Those of them that were sent more than 5 ms late.
     late_poses: u64,
-    /// Maximum lateness of a pose, s.
+    /// Maximum lateness of one, s.
     latest_pose: f64,
     /// Frames with commands, or packets of motors.
     frames: u64,
@@ -94,9 +108,9 @@ impl Display for Summary {
         let [p50, p99, max] = self.late.map(|late| 1e3 * late);
         writeln!(
             formatter,
-            "{:.3} s simulated; {} poses sent, {} frames received, {} bytes outside of frames, {} link losses\n\
+            "{:.3} s simulated; {} poses or packets sent, {} frames received, {} bytes outside of frames, {} link losses\n\
              lateness of ticks: median {p50:.3} ms, p99 {p99:.3} ms, maximum {max:.3} ms\n\
-             {} of {} poses sent more than {:.0} ms late, the latest by {:.3} ms",
+             {} of {} poses or packets sent more than {:.0} ms late, the latest by {:.3} ms",
             self.seconds,
             self.poses,
             self.frames,

@@ -18,9 +18,10 @@ use hil_simulator::betaflight::Betaflight;
 use hil_simulator::cameras::CameraSender;
 use hil_simulator::radio::Radio;
 use hil_simulator::receiver_input::ReceiverInput;
+use hil_simulator::receivers::ReceiverSender;
 use hil_simulator::record::Record;
 use hil_simulator::summary::{self, Summary};
-use hil_simulator::{HilSimulator, Timing};
+use hil_simulator::{HilSimulator, Sensing, Timing};
 use run_log::run_folder::RunFolder;
 
 /// Time from the creation of the simulator to its first tick.
@@ -39,14 +40,14 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         capture_latency: arguments.capture_latency.unwrap_or(nominal.capture_latency),
         radio_latency: arguments.radio_latency.unwrap_or(nominal.radio_latency),
     };
-    let cameras = cameras(&scenario, &timing)?;
+    let sensing = sensing(arguments, &scenario, &timing)?;
     let onboard = onboard(arguments, &scenario, &timing)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let clock = FlightClock::starting_in(COUNTDOWN, nanoseconds(scenario.schedule.tick));
     let record = Record::begin(&folder, &scenario, clock.start_ns).map_err(Failure::not_written)?;
-    let world = HilSimulator::new(&scenario, clock, onboard, cameras, record);
+    let world = HilSimulator::new(&scenario, clock, onboard, sensing, record);
     let world = world.map_err(|error| {
         // The folder is left unchanged for the next attempt.
         folder.remove_logs();
@@ -73,7 +74,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let warn = |late| {
         if !arguments.quiet {
-            note(summary::warning(late, arguments.fifo));
+            note(summary::warning(&scenario, late, arguments.fifo));
         }
     };
     let report = world.run(ticks, &interrupt, warn);
@@ -97,6 +98,19 @@ fn use_fifo() -> Result<(), Failure> {
     refused.map_or(Ok(()), |refusal| {
         Err(Failure::trouble(format!("{refusal}; or leave out --fifo")))
     })
+}
+
+fn sensing(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Sensing, Failure> {
+    let Some(receivers) = scenario.real_receivers() else {
+        return Ok(Sensing::Cameras(Box::new(cameras(scenario, timing)?)));
+    };
+    if arguments.by_hand {
+        return Err(Failure::bad_input(
+            "only the poses of cameras are moved by hand; leave out --by-hand",
+        ));
+    }
+    let receivers = ReceiverSender::open(scenario, receivers).map_err(Failure::trouble)?;
+    Ok(Sensing::Receivers(Box::new(receivers)))
 }
 
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {

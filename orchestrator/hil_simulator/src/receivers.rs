@@ -1,0 +1,253 @@
+//! Simulated receivers: a satellite receiver that sends UBX `NAV-PVT`, and an autopilot that sends MAVLink `HIGHRES_IMU`.
+//!
+//! The samples are those of the plant's sensors. A packet is sent the stated latency after its measurement. `NAV-PVT` goes to the
+//! first source of the flight, `HIGHRES_IMU` to the last one.
+
+use std::collections::VecDeque;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+
+use mavlink_frame::{Definition, Sender};
+use runtime::flight_clock::monotonic_ns;
+use scenario::{Receivers, Scenario};
+use shared_types::receiver_source::{ReceiverSource, ReceiverSourceError};
+use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField};
+use shared_types::service::nanoseconds;
+
+use super::LateCaptures;
+
+/// `HIGHRES_IMU` in the dialect *common*.
+const HIGHRES_IMU: Definition = Definition {
+    id: 105,
+    base_length: 62,
+    length: 63,
+    crc_extra: 93,
+};
+/// Bits of its updated fields: specific force and rates, field, pressure altitude.
+const INERTIAL: u16 = 0b11_1111;
+const FIELD: u16 = 0b111 << 6;
+const ALTITUDE: u16 = 1 << 11;
+
+/// Sender of the autopilot.
+const AUTOPILOT: Sender = Sender {
+    system: 1,
+    component: 1,
+};
+
+/// Time since the autopilot was switched on at the start of the simulation, ns.
+const UP_NS: u64 = 30_000_000_000;
+/// Time of the week at the start of the simulation, ms.
+const WEEK_MS: u64 = 200_000_000;
+/// Satellites of a fix.
+const SATELLITES: u8 = 21;
+
+/// Error of receivers that could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum ReceiversError {
+    /// A source is not an address.
+    #[error(transparent)]
+    Address(#[from] ReceiverSourceError),
+    /// A source is no UDP socket.
+    #[error(
+        "the simulated receivers send over UDP only, and `{0}` is no such source; state `receivers.sources = [\"udp:127.0.0.1:14550\"]`"
+    )]
+    NotUdp(ReceiverSource),
+    /// The socket could not be opened.
+    #[error("cannot open a socket: {0}")]
+    Socket(#[from] std::io::Error),
+}
+
+/// Samples of a tick, each if it is due.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Measured {
+    pub imu: Option<ImuSample>,
+    pub fix: Option<GnssFix>,
+    pub altitude: Option<BaroAltitude>,
+    pub field: Option<MagField>,
+}
+
+/// Packet to be sent; times are ns of `CLOCK_MONOTONIC`.
+#[derive(Debug)]
+struct Packet {
+    due_ns: u64,
+    bytes: Vec<u8>,
+}
+
+/// Packets to a destination, oldest first.
+#[derive(Debug)]
+struct Line {
+    to: SocketAddr,
+    latency_ns: u64,
+    pending: VecDeque<Packet>,
+}
+
+/// Simulated receivers.
+#[derive(Debug)]
+pub struct ReceiverSender {
+    socket: UdpSocket,
+    fixes: Line,
+    motion: Line,
+    /// Height of the origin of {I} above the pressure level, m.
+    height: f64,
+    sequence: u8,
+    sent: u64,
+    late: LateCaptures,
+}
+
+impl ReceiverSender {
+    /// Makes the receivers of a scenario.
+    ///
+    /// # Errors
+    /// [`ReceiversError`].
+    pub fn open(scenario: &Scenario, stated: &Receivers) -> Result<Self, ReceiversError> {
+        let destinations = stated
+            .addresses()?
+            .into_iter()
+            .map(destination)
+            .collect::<Result<Vec<_>, _>>()?;
+        let line = |to: Option<&SocketAddr>, latency: f64| Line {
+            to: to.copied().unwrap_or_else(|| (Ipv4Addr::LOCALHOST, 0).into()),
+            latency_ns: nanoseconds(latency),
+            pending: VecDeque::new(),
+        };
+        Ok(Self {
+            socket: UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?,
+            fixes: line(destinations.first(), stated.fix_latency),
+            motion: line(destinations.last(), stated.latency),
+            height: scenario.datum_or_default().height,
+            sequence: 0,
+            sent: 0,
+            late: LateCaptures::default(),
+        })
+    }
+
+    /// Schedules the packets of samples that were measured at a time, ns of `CLOCK_MONOTONIC`, in a simulation that started at
+    /// `start_ns`.
+    pub(super) fn schedule(&mut self, measured: &Measured, measured_ns: u64, start_ns: u64) {
+        let since_start_ns = measured_ns - start_ns;
+        if let Some(fix) = &measured.fix {
+            self.fixes.push(measured_ns, nav_pvt(fix, since_start_ns));
+        }
+        if measured.imu.is_some() || measured.altitude.is_some() || measured.field.is_some() {
+            let bytes = highres_imu(measured, since_start_ns, self.height, self.sequence);
+            self.sequence = self.sequence.wrapping_add(1);
+            self.motion.push(measured_ns, bytes);
+        }
+    }
+
+    /// Returns the time at which the next packet is due, ns of `CLOCK_MONOTONIC`.
+    pub(super) fn due_ns(&self) -> u64 {
+        let due = |line: &Line| line.pending.front().map_or(u64::MAX, |packet| packet.due_ns);
+        due(&self.fixes).min(due(&self.motion))
+    }
+
+    /// Sends the packets that are due.
+    pub(super) fn send(&mut self, now_ns: u64) {
+        for line in [&mut self.fixes, &mut self.motion] {
+            while let Some(packet) = line.pending.pop_front_if(|packet| packet.due_ns <= now_ns) {
+                // Without a flight nobody receives them.
+                let _ = self.socket.send_to(&packet.bytes, line.to);
+                self.late.add(monotonic_ns().saturating_sub(packet.due_ns));
+                self.sent += 1;
+            }
+        }
+    }
+
+    /// Returns the packets that were sent late.
+    pub(super) fn late(&self) -> LateCaptures {
+        self.late
+    }
+
+    /// Returns the number of packets sent.
+    pub(super) fn sent(&self) -> u64 {
+        self.sent
+    }
+}
+
+impl Line {
+    fn push(&mut self, measured_ns: u64, bytes: Vec<u8>) {
+        self.pending.push_back(Packet {
+            due_ns: measured_ns + self.latency_ns,
+            bytes,
+        });
+    }
+}
+
+/// Returns the address to which packets for a source are sent.
+fn destination(source: ReceiverSource) -> Result<SocketAddr, ReceiversError> {
+    match source {
+        ReceiverSource::Udp(at) if at.ip().is_unspecified() => Ok((Ipv4Addr::LOCALHOST, at.port()).into()),
+        ReceiverSource::Udp(at) => Ok(at),
+        other => Err(ReceiversError::NotUdp(other)),
+    }
+}
+
+/// Encodes `NAV-PVT` of a fix without UTC, valid at a time since the start, ns.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "coordinates and accuracies in the protocol's units; rounded"
+)]
+fn nav_pvt(fix: &GnssFix, since_start_ns: u64) -> Vec<u8> {
+    let mut payload = [0; 92];
+    let mut put = |offset: usize, bytes: [u8; 4]| payload[offset..offset + 4].copy_from_slice(&bytes);
+    let signed = |value: f64| (libm::round(value) as i32).to_le_bytes();
+    let millimetres = |value: f64| (libm::round(1e3 * value) as u32).to_le_bytes();
+    let week_ms = (WEEK_MS + since_start_ns / 1_000_000) % 604_800_000;
+    put(0, (week_ms as u32).to_le_bytes());
+    put(24, signed(1e7 * fix.longitude));
+    put(28, signed(1e7 * fix.latitude));
+    put(32, signed(1e3 * fix.height));
+    put(36, signed(1e3 * fix.height));
+    put(40, millimetres(fix.horizontal_accuracy));
+    put(44, millimetres(fix.vertical_accuracy));
+    for (offset, component) in [48, 52, 56].into_iter().zip(fix.velocity_ned) {
+        put(offset, signed(1e3 * component));
+    }
+    put(68, millimetres(fix.speed_accuracy));
+    // A position in three dimensions, which is valid, and the solution of the carrier.
+    payload[20] = 3;
+    payload[21] = 1 | u8::from(fix.kind > 0) << 1 | fix.kind << 6;
+    payload[23] = SATELLITES;
+    let mut packet = vec![0xb5, 0x62, 0x01, 0x07, 92, 0];
+    packet.extend(payload);
+    let sum = packet[2..].iter().fold([0_u8, 0], |[first, second], byte| {
+        let first = first.wrapping_add(*byte);
+        [first, second.wrapping_add(first)]
+    });
+    packet.extend(sum);
+    packet
+}
+
+/// Encodes `HIGHRES_IMU` of the samples that are there, at a time since the start, ns.
+fn highres_imu(measured: &Measured, since_start_ns: u64, height: f64, sequence: u8) -> Vec<u8> {
+    let mut payload = [0; 63];
+    payload[..8].copy_from_slice(&((UP_NS + since_start_ns) / 1000).to_le_bytes());
+    let mut updated = 0;
+    let mut put = |offset: usize, numbers: &[f64], mask: u16| {
+        updated |= mask;
+        for (index, number) in numbers.iter().enumerate() {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "the protocol has single precision"
+            )]
+            let bytes = (*number as f32).to_le_bytes();
+            payload[offset + 4 * index..][..4].copy_from_slice(&bytes);
+        }
+    };
+    if let Some(imu) = &measured.imu {
+        put(8, &imu.specific_force_body, INERTIAL);
+        put(20, &imu.angular_velocity_body, INERTIAL);
+    }
+    if let Some(field) = &measured.field {
+        put(32, &field.field_body, FIELD);
+    }
+    if let Some(altitude) = &measured.altitude {
+        put(52, &[altitude.altitude + height], ALTITUDE);
+    }
+    payload[60..62].copy_from_slice(&u16::to_le_bytes(updated));
+    let mut bytes = Vec::with_capacity(HIGHRES_IMU.longest_frame());
+    mavlink_frame::encode(&HIGHRES_IMU, &payload, AUTOPILOT, sequence, |part| {
+        bytes.extend_from_slice(part);
+    });
+    bytes
+}

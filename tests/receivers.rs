@@ -1,0 +1,168 @@
+//! Flights by the packets of receivers, which `gerono world` sends over UDP.
+
+#![expect(clippy::disallowed_methods, reason = "tests make their own files")]
+
+use crate::common;
+
+use std::net::UdpSocket;
+
+use common::pilot::{ask, comes_to_the_path};
+use common::ports::free_port;
+use common::processes::signal;
+use common::world::{World, arguments_of, kept_time, samples};
+use common::{Place, begin, complaint, finish, output, said, succeed, until};
+use rustix::process::Signal;
+use serde_json::Value;
+use shared_types::ServiceId;
+use shared_types::samples::{GnssFix, ImuSample, VehicleTruth};
+
+const OUTDOOR: &str = "laboratory_outdoor";
+
+/// Time for which the vehicle flies on the path, s, before and after the death of the driver.
+const FLOWN: f64 = 6.0;
+
+/// Largest distance of the estimate's flight from the path, root mean square, m: RTK in steps of 11 mm, in gusts.
+const ASTRAY: f64 = 0.1;
+
+/// Ports of this test's own, and an operator who does not dawdle.
+fn settings() -> Vec<String> {
+    let [fixes, motion, link] = [free_port(), free_port(), free_port()];
+    vec![
+        format!("receivers.sources=['udp:127.0.0.1:{fixes}','udp:127.0.0.1:{motion}']"),
+        format!("rc_output.transmitter.udp='127.0.0.1:{link}'"),
+        "navigation.healthy_for=2.0".to_owned(),
+        "flight.spool_up=0.2".to_owned(),
+    ]
+}
+
+/// Flies from the ground to the path, through a death of the driver, and to the ground. Returns whether the machine let it.
+fn flown(place: &Place, flight: &str, world: &str) -> bool {
+    let settings = settings();
+    let simulated = World::begin_of(OUTDOOR, place, &settings, &["--out", world]);
+    until("the world", || place.path(world).exists().then_some(()));
+    let run = ["--host", "realtime", "--out", flight];
+    let run = begin(&mut place.gerono(&arguments_of(OUTDOOR, "run", &settings, &run)));
+    let mut flies = comes_to_the_path(place);
+    if flies {
+        let now = || Some(place.look()?.time);
+        let wait = || {
+            let began = ask("the time", now);
+            ask("the flight", || (now()? > began + FLOWN).then_some(()));
+        };
+        wait();
+        let driver = || Some(place.look()?.services.swap_remove(ServiceId::Plant.index()));
+        let before = ask("the driver", driver).pid;
+        signal(before, Signal::KILL);
+        ask("its successor", || {
+            driver().filter(|service| service.flies && service.pid != before)
+        });
+        wait();
+        flies = place
+            .look()
+            .is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"));
+    }
+    place.gerono(&["stop"]).output().unwrap();
+    let ended = finish(run);
+    simulated.end();
+    let kept_time = kept_time(place, world);
+    let flew = flies && ended.status.success();
+    assert!(flew || !kept_time, "{}", said(&ended));
+    if flew {
+        assert!(said(&ended).contains("Receivers: "), "{}", said(&ended));
+    }
+    flew
+}
+
+#[test]
+fn a_vehicle_outdoors_flies_by_the_packets_of_a_receiver_and_an_autopilot() {
+    let place = Place::in_real_time();
+    let names =
+        ["1", "2", "3", "4", "5"].map(|attempt| [format!("flight{attempt}"), format!("world{attempt}")]);
+    let flown = names.iter().find(|[flight, world]| flown(&place, flight, world));
+    let [flight, world] = flown.expect("the machine stands still in every flight");
+
+    let compared = ["truth", flight, "--world", world, "--last", "5", "--json"];
+    let compared = succeed(&mut place.gerono(&compared));
+    let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    let parts = truth["parts"].as_array().unwrap();
+    let last = parts.iter().find(|part| part["name"] == "last").unwrap();
+    let rmse = last["rmse"].as_f64().unwrap();
+    println!("{rmse} m from the path");
+    assert!(rmse < ASTRAY, "{truth:#}");
+
+    let truths = samples::<VehicleTruth>(&place.log(world));
+    let height = |truth: &VehicleTruth| -truth.position_world[2];
+    assert!(truths.iter().map(height).fold(0.0, f64::max) > 0.9);
+    assert_eq!(truths.last().map(height), Some(0.0), "it has landed");
+    let measured: Vec<ImuSample> = samples(&place.log(flight));
+    let measured = measured.iter().filter(|sample| sample.measured.is_set());
+    let times: Vec<u64> = measured.map(|sample| sample.measured_ns).collect();
+    assert!(times.is_sorted() && times.len() > 1000, "{}", times.len());
+    let fixes: Vec<GnssFix> = samples(&place.log(flight));
+    let ages = fixes
+        .iter()
+        .filter(|fix| fix.measured.is_set())
+        .map(|fix| fix.header.stamp_ns - fix.valid_ns);
+    assert!(ages.min() >= Some(100_000_000), "a fix is as old as stated");
+    let report = &place.summary(flight)["laboratory"]["receivers"];
+    for sensor in ["inertial", "fixes", "altitudes", "fields"] {
+        assert!(report["samples"][sensor].as_u64() > Some(20), "{report:#}");
+    }
+}
+
+#[test]
+fn receivers_that_cannot_be_flown_by_are_refused_with_the_fix() {
+    let place = Place::in_real_time();
+    let settings = settings();
+    let run = |more: &[&str]| output(&mut place.gerono(&arguments_of(OUTDOOR, "run", &settings, more)));
+    let in_lock_step = run(&[]);
+    assert_eq!(in_lock_step.status.code(), Some(2));
+    assert!(
+        complaint(&in_lock_step).contains("fly with --host realtime"),
+        "{}",
+        complaint(&in_lock_step)
+    );
+    let recorded = place.path("recorded.bin");
+    std::fs::write(&recorded, [0xb5, 0x62]).unwrap();
+    let recorded = recorded.display().to_string();
+    let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let taken = format!("udp:{}", taken.local_addr().unwrap());
+    for (source, piece) in [
+        ("/dev/no-such-receiver", "is it plugged in?"),
+        (&recorded, "name a serial device or a socket"),
+        (&taken, "a port that no other program uses"),
+    ] {
+        let source = format!("receivers.sources=['{source}']");
+        let refused = run(&["--set", &source, "--host", "realtime"]);
+        assert!(!refused.status.success());
+        assert!(complaint(&refused).contains(piece), "{}", complaint(&refused));
+    }
+}
+
+#[test]
+fn a_vehicle_whose_samples_come_at_another_rate_than_scheduled_is_not_armed() {
+    let place = Place::in_real_time();
+    let settings = settings();
+    // At this rate the modelled vibration would look like a motion, which is refused.
+    let of_the_world = [
+        "schedule.period.\"imu/sample\"=0.008",
+        "sensors.imu.vibration=[0.0,0.0]",
+    ];
+    let slow = [&settings[..], &of_the_world.map(str::to_owned)].concat();
+    let simulated = World::begin_of(OUTDOOR, &place, &slow, &["--out", "world"]);
+    until("the world", || place.path("world").exists().then_some(()));
+    let run = ["--host", "realtime", "--out", "flight"];
+    let run = begin(&mut place.gerono(&arguments_of(OUTDOOR, "run", &settings, &run)));
+    ask("the refusal", || {
+        place.look()?;
+        let refused = output(&mut place.gerono(&["arm"]));
+        assert!(!refused.status.success(), "{}", said(&refused));
+        let complaint = complaint(&refused);
+        complaint
+            .contains("`schedule.period.\"imu/sample\"` states 250.0")
+            .then_some(())
+    });
+    place.gerono(&["stop"]).output().unwrap();
+    finish(run);
+    simulated.end();
+}
