@@ -424,6 +424,12 @@ impl RunEvent {
     /// message definition either.
     pub const KIND_KILL_SWITCH: u32 = 14;
 
+    /// A value of [`kind`](Self::kind): a planned fault of the satellite receiver begins. Not in the message definition either.
+    pub const KIND_RECEIVER_FAULT_BEGINS: u32 = 15;
+
+    /// A value of [`kind`](Self::kind): it ends. Not in the message definition either.
+    pub const KIND_RECEIVER_FAULT_ENDS: u32 = 16;
+
     /// Returns the event as text; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {

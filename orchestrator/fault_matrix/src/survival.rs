@@ -14,7 +14,8 @@ use metrics::loss::Reason;
 pub enum Survival {
     /// The distance stayed within [`SURVIVES`] times the bound.
     Survived,
-    /// The distance exceeded that, and the vehicle returned inside the bound for good or stood disarmed at the end.
+    /// The distance exceeded that, and the vehicle returned inside the bound for good or stood disarmed at the end; or it was
+    /// made to land.
     Degraded,
     /// The vehicle did not return or was lost by the limits of the scenario, a number was not finite, or a service
     /// died.
@@ -58,7 +59,8 @@ pub fn judge(effect: &FaultEffect) -> (Survival, Option<MatrixLoss>) {
     if let Some(loss) = loss(effect) {
         return (Survival::Lost, Some(loss));
     }
-    let share = effect.report.as_ref().and_then(|report| report.largest_share);
+    let report = effect.report.as_ref().filter(|report| !report.lands);
+    let share = report.and_then(|report| report.largest_share);
     let verdict = if share.is_some_and(|share| share <= SURVIVES) {
         Survival::Survived
     } else {
@@ -92,11 +94,11 @@ fn loss(effect: &FaultEffect) -> Option<MatrixLoss> {
             details: Some(format!("lost at {} s: {loss}", loss.time)),
         });
     }
-    // On the ground there is no path to return to: only the limits judge a touch-down.
-    if effect.stands_disarmed {
+    // In a landing and on the ground there is no path to return to: only the limits judge a touch-down.
+    let report = effect.report.as_ref();
+    if effect.stands_disarmed || report.is_some_and(|report| report.lands) {
         return None;
     }
-    let report = effect.report.as_ref();
     let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
         return Some(MatrixLoss::new("it is not known where the vehicle was"));
     };
@@ -118,6 +120,7 @@ mod tests {
                 ends: Some(1.1),
                 outage: 0.1,
                 watched_until: 9.1,
+                lands: false,
                 detection: None,
                 bound: 0.04,
                 peak_error: Some(peak),
@@ -162,6 +165,15 @@ mod tests {
                 Survival::Survived
             };
             assert_eq!(judge(&landed), (verdict, None));
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_was_made_to_land_is_degraded_however_near_it_was_before() {
+        for (peak, back_after) in [(0.01, Some(0.0)), (0.2, None)] {
+            let mut flown = flown(peak, back_after);
+            flown.report.as_mut().unwrap().lands = true;
+            assert_eq!(judge(&flown), (Survival::Degraded, None));
         }
     }
 

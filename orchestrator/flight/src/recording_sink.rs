@@ -12,6 +12,7 @@ use shared_types::{Header, Schedule, Topic};
 use zerocopy::{FromZeros, IntoBytes};
 
 use metrics::summary::FlightSummary;
+use metrics::summary::faults::ReceiverFault;
 use run_log::{LogError, RunLogWriter, Written};
 
 /// Takes a second copy of every sample.
@@ -203,6 +204,22 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
             events.push((scenario.tick_of(fault.at + lasts), ends, text));
         }
     }
+    let faults = ReceiverFault::all(scenario);
+    for fault in &faults {
+        events.push((
+            scenario.tick_of(fault.at),
+            RunEvent::KIND_RECEIVER_FAULT_BEGINS,
+            fault.words.clone(),
+        ));
+        // Of two that follow each other without a break the second begin says enough.
+        let until = fault
+            .until
+            .filter(|until| faults.iter().all(|next| next.at != *until));
+        if let Some(until) = until {
+            let text = fault.end_in_words.clone();
+            events.push((scenario.tick_of(until), RunEvent::KIND_RECEIVER_FAULT_ENDS, text));
+        }
+    }
     events.push((schedule.last_tick(), RunEvent::KIND_FLIGHT_ENDS, String::new()));
     events.retain(|(tick, ..)| *tick <= schedule.last_tick());
     events.sort_by_key(|(tick, ..)| *tick);
@@ -276,6 +293,47 @@ fn describe_end(fault: &Fault) -> String {
 mod tests {
     use super::*;
     use run_log::test_flight::scenario;
+    use scenario::{FixChange, Fixes, Spoofing};
+
+    #[test]
+    fn what_the_receiver_is_planned_to_do_is_an_event() {
+        let mut flown = scenario(0.001, 20.0);
+        let gnss = &mut flown.sensors.get_or_insert_default().gnss;
+        let kinds = [
+            (1.0, Fixes::RtkFloat),
+            (2.0, Fixes::SinglePoint),
+            (3.0, Fixes::RtkFixed),
+        ];
+        gnss.change = kinds.map(|(at, kind)| FixChange { at, kind }).into();
+        let velocity = [0.5, 0.0, 0.0];
+        gnss.spoofing = vec![Spoofing {
+            at: 4.0,
+            lasts: 2.0,
+            velocity,
+        }];
+        let events = scheduled_events(&flown, &flown.schedule().unwrap()).into_iter();
+        let events: Vec<_> = events
+            .filter(|event| event.kind >= RunEvent::KIND_RECEIVER_FAULT_BEGINS)
+            .map(|event| {
+                (
+                    event.tick,
+                    event.kind == RunEvent::KIND_RECEIVER_FAULT_BEGINS,
+                    event.text,
+                )
+            })
+            .collect();
+        let expected = [
+            (1000, true, "receiver has rtk_float fixes, not rtk_fixed"),
+            (2000, true, "receiver has single_point fixes, not rtk_fixed"),
+            (3000, false, "receiver has rtk_fixed fixes"),
+            (4000, true, "fixes drift away by [0.5, 0, 0] m/s"),
+            (6000, false, "fixes drift no more"),
+        ];
+        assert_eq!(
+            events,
+            expected.map(|(tick, begins, text)| (tick, begins, text.to_owned()))
+        );
+    }
 
     #[test]
     fn what_the_operator_is_planned_to_ask_for_is_an_event_of_its_tick() {

@@ -67,3 +67,20 @@ pub fn changes(scenario: &Scenario) -> impl Iterator<Item = f64> {
     let fan = scenario.vehicle.fan.iter();
     vehicle.chain(fan.flat_map(|fan| std::iter::once(fan.on_at).chain(fan.off_at)))
 }
+
+/// Returns the times of the planned events that are no faults and may move the vehicle or its estimate, s.
+fn events_beside_faults(scenario: &Scenario) -> impl Iterator<Item = f64> {
+    let gains = scenario.controller.change.iter().map(|change| change.at);
+    let fan = scenario.vehicle.fan.iter();
+    let fan = fan.flat_map(|fan| fan.moves.iter().map(|to| to.at));
+    let yaw = scenario.path.yaw_step.iter().map(|step| step.at);
+    let cameras = scenario.cameras.iter().flat_map(|cameras| {
+        let hidden = cameras.occlusion.iter().map(|hidden| hidden.at);
+        hidden.chain(cameras.marker_swap.iter().map(|swap| swap.at))
+    });
+    changes(scenario)
+        .chain(gains)
+        .chain(fan)
+        .chain(yaw)
+        .chain(cameras)
+}

@@ -285,7 +285,7 @@ impl FlightSummary {
     #[must_use]
     pub fn new(scenario: &Scenario, schedule: &Schedule) -> Self {
         let faults = PlannedFault::all(scenario);
-        let changes: Vec<u64> = crate::changes(scenario)
+        let changes: Vec<u64> = crate::events_beside_faults(scenario)
             .map(|time| scenario.tick_of(time))
             .collect();
         let tracker = Tracker::new(schedule, scenario.flight.is_some());

@@ -12,6 +12,7 @@ use shared_types::{Header, ServiceId, Topic};
 
 use metrics::loss::Loss;
 use metrics::stretch::Metrics;
+use metrics::summary::faults::ReceiverFault;
 use metrics::summary::{FlightSummary, Kill, RunFacts, Summary};
 use metrics::tracker::StateSource;
 use run_log::run_folder::summary_text_beside;
@@ -287,13 +288,16 @@ fn control_law(scenario: &Scenario) -> String {
 }
 
 fn planned_faults(scenario: &Scenario) -> Vec<String> {
-    let words = |fault: &scenario::Fault| {
-        let lasts = fault
-            .lasts
-            .map_or_else(|| "for good".to_owned(), |lasts| format!("for {lasts} s"));
-        format!("from {} s {lasts}: {fault}", fault.at)
+    let words = |at: f64, lasts: Option<f64>, words: String| {
+        let lasts = lasts.map_or_else(|| "for good".to_owned(), |lasts| format!("for {lasts} s"));
+        format!("from {at} s {lasts}: {words}")
     };
-    scenario.fault.iter().map(words).collect()
+    let faults = scenario.fault.iter();
+    let faults = faults.map(|fault| words(fault.at, fault.lasts, fault.to_string()));
+    let of_receiver = ReceiverFault::all(scenario).into_iter();
+    let of_receiver =
+        of_receiver.map(|fault| words(fault.at, fault.until.map(|until| until - fault.at), fault.words));
+    faults.chain(of_receiver).collect()
 }
 
 fn summary_beside(log: &Path) -> Option<Value> {

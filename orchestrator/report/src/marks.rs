@@ -8,6 +8,7 @@ use shared_types::{FlightPhase, Topic};
 
 use metrics::read;
 use metrics::summary::cause_in_words;
+use metrics::summary::faults::ReceiverFault;
 
 /// Maximum number of marks of a flight: more cannot be distinguished in a plot.
 const MAX_MARKS: usize = 300;
@@ -57,6 +58,11 @@ pub fn spans(scenario: &Scenario) -> Vec<Span> {
     };
     let faults = scenario.fault.iter();
     let faults = faults.map(|fault| span(fault.at, fault.lasts, fault.to_string()));
+    let of_receiver = ReceiverFault::all(scenario).into_iter().map(|fault| Span {
+        from: fault.at,
+        to: fault.until,
+        text: fault.words,
+    });
     let cameras = scenario.cameras.iter();
     let vision_faults = cameras.flat_map(|cameras| {
         let hidden = cameras
@@ -70,6 +76,7 @@ pub fn spans(scenario: &Scenario) -> Vec<Span> {
         hidden.chain(swapped)
     });
     faults
+        .chain(of_receiver)
         .chain(vision_faults.map(|(from, lasts, text)| span(from, Some(lasts), text.to_owned())))
         .collect()
 }
@@ -193,7 +200,9 @@ fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
         RunEvent::KIND_OUTAGE_BEGINS
         | RunEvent::KIND_OUTAGE_ENDS
         | RunEvent::KIND_EDGE_FAULT_BEGINS
-        | RunEvent::KIND_EDGE_FAULT_ENDS => MarkKind::Fault,
+        | RunEvent::KIND_EDGE_FAULT_ENDS
+        | RunEvent::KIND_RECEIVER_FAULT_BEGINS
+        | RunEvent::KIND_RECEIVER_FAULT_ENDS => MarkKind::Fault,
         _ => MarkKind::Event,
     };
     Some((kind, event.words().into_owned()))
@@ -203,7 +212,7 @@ fn planned(event: &RunEvent) -> Option<(MarkKind, String)> {
 mod tests {
     use super::*;
     use run_log::test_flight::scenario;
-    use scenario::{Occlusion, YawStep};
+    use scenario::{Occlusion, Spoofing, YawStep};
     use zerocopy::{FromZeros, IntoBytes};
 
     fn event(kind: u32, text: &str) -> RunEvent {
@@ -249,6 +258,14 @@ mod tests {
             panic!("only the cameras do not see");
         };
         assert_eq!((span.from, span.to), (2.0, Some(2.5)));
+        let gnss = &mut scenario.sensors.get_or_insert_default().gnss;
+        gnss.spoofing = vec![Spoofing {
+            at: 3.0,
+            lasts: 1.5,
+            velocity: [0.5, 0.0, 0.0],
+        }];
+        let spans = spans(&scenario);
+        assert_eq!((spans[0].from, spans[0].to), (3.0, Some(4.5)));
     }
 
     #[test]

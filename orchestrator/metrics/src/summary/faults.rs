@@ -3,6 +3,7 @@
 //!
 //! All of it follows from the samples: the services have no information on planned faults.
 
+mod receiver;
 mod record;
 mod signs;
 mod table;
@@ -11,11 +12,14 @@ use std::borrow::Cow;
 
 use scenario::Scenario;
 use serde::{Deserialize, Serialize};
+use shared_types::samples::PathReference;
 use shared_types::service::header_of;
-use shared_types::{Schedule, ServiceId, Topic};
+use shared_types::{FlightPhase, Schedule, ServiceId, Topic};
 
 use crate::loss::Loss;
 use crate::tracker::Moment;
+use crate::view;
+pub use receiver::ReceiverFault;
 use record::FaultRecord;
 use signs::Observers;
 pub use signs::Reactions;
@@ -46,14 +50,17 @@ pub struct FaultReport {
     pub ends: Option<f64>,
     /// Duration, s, at most to the end of the flight.
     pub outage: f64,
-    /// End of the observation, s: the next fault, the next change of the vehicle, a landing, or the end of the flight.
+    /// End of the observation, s: the next planned event, a landing, or the end of the flight.
     pub watched_until: f64,
+    /// `true` if the vehicle was made to land by something else than a request, such as a limit of the envelope.
+    #[serde(default)]
+    pub lands: bool,
     /// First sign of a detection by a service, if any.
     pub detection: Option<Detection>,
     /// Bound of the error for the recovery, m: the maximum within [`BEFORE`] of the fault, at least
     /// [`SETTLED`](crate::SETTLED).
     pub bound: f64,
-    /// Maximum distance from the path since the beginning of the fault, m; `None` if unknown.
+    /// Maximum distance from the path since the beginning of the fault, before a landing, m; `None` if unknown.
     pub peak_error: Option<f64>,
     /// Maximum ratio of the distance to its bound. The bound is larger where the undisturbed flight is farther from the path.
     pub largest_share: Option<f64>,
@@ -81,7 +88,7 @@ impl FaultReport {
     /// Returns whether the end of the fault was observed.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.ends.is_some_and(|ends| ends <= self.watched_until)
+        self.ends.is_some_and(|ends| ends < self.watched_until)
     }
 }
 
@@ -89,15 +96,17 @@ impl PlannedFault {
     /// Returns the planned faults of a scenario, in the order of time.
     #[must_use]
     pub fn all(scenario: &Scenario) -> Vec<Self> {
-        let mut faults: Vec<_> = scenario
-            .fault
-            .iter()
-            .map(|fault| Self {
-                words: fault.to_string(),
-                from: scenario.tick_of(fault.at),
-                until: fault.lasts.map(|lasts| scenario.tick_of(fault.at + lasts)),
-            })
-            .collect();
+        let of_edges_and_services = scenario.fault.iter().map(|fault| Self {
+            words: fault.to_string(),
+            from: scenario.tick_of(fault.at),
+            until: fault.lasts.map(|lasts| scenario.tick_of(fault.at + lasts)),
+        });
+        let of_receiver = ReceiverFault::all(scenario).into_iter().map(|fault| Self {
+            from: scenario.tick_of(fault.at),
+            until: fault.until.map(|until| scenario.tick_of(until)),
+            words: fault.words,
+        });
+        let mut faults: Vec<_> = of_edges_and_services.chain(of_receiver).collect();
         faults.sort_by_key(|fault| fault.from);
         faults
     }
@@ -108,6 +117,7 @@ impl PlannedFault {
 pub struct FaultWatch {
     records: Vec<FaultRecord>,
     observers: Observers,
+    phase: Option<FlightPhase>,
     last_tick: Option<u64>,
 }
 
@@ -131,6 +141,7 @@ impl FaultWatch {
         Self {
             records,
             observers: Observers::default(),
+            phase: None,
             last_tick: None,
         }
     }
@@ -140,9 +151,27 @@ impl FaultWatch {
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
         self.last_tick = self.last_tick.max(Some(tick));
+        if topic == Topic::PathReference {
+            view(bytes, |reference| self.observe_phase(reference));
+        }
         if let Some(look) = self.observers.look(topic, bytes) {
             for record in &mut self.records {
                 record.observe_look(tick, &look);
+            }
+        }
+    }
+
+    /// Ends the figures of the faults before a landing that begins.
+    fn observe_phase(&mut self, reference: &PathReference) {
+        let phase = FlightPhase::from_code(reference.phase);
+        let before = self.phase.replace(phase);
+        if phase == FlightPhase::Land && before.is_some_and(|before| before != phase) {
+            let is_requested = matches!(
+                reference.cause,
+                PathReference::CAUSE_NONE | PathReference::CAUSE_OPERATOR_LANDS
+            );
+            for record in &mut self.records {
+                record.observe_landing(reference.header.tick, is_requested);
             }
         }
     }

@@ -44,7 +44,7 @@ impl Display for Summary {
             write!(formatter, "{}", faults_in_words(&self.faults))?;
             let back = format!(
                 "Back: for good within {} or the largest distance of the {BEFORE} s before, counted from the fault's end. A fault is \
-                 watched until the next one begins or the vehicle changes.",
+                 watched until the next planned event; distances count until it lands.",
                 length(SETTLED)
             );
             writeln!(formatter, "{}\n", wrapped(&back))?;

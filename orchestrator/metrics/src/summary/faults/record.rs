@@ -21,9 +21,9 @@ pub(super) struct FaultRecord {
     peak: Option<f64>,
     /// Maximum ratio of the distance to its bound.
     largest_share: f64,
-    /// Tick since which the error has been within the bound after the fault; frozen at the beginning of a landing.
+    /// Tick since which the error has been within the bound after the fault.
     inside_since: Option<u64>,
-    /// First tick of a landing after the fault's begin.
+    /// First tick of a landing that was not requested, after the fault's begin.
     landing_from: Option<u64>,
     tally: Tally,
 }
@@ -51,8 +51,8 @@ impl FaultRecord {
     }
 
     /// Takes the distance from the path (m) at a tick into account, and what it comes to there without the fault, if that
-    /// is known. Only on the path the vehicle can be back: a landing leaves it by intent, and on the ground the reference
-    /// sinks below the vehicle.
+    /// is known. Only on the path the vehicle can be back. From a landing on distances do not count: it leaves the path by
+    /// intent, and on the ground the reference sinks below the vehicle.
     #[inline]
     pub(super) fn observe_error(
         &mut self,
@@ -65,17 +65,25 @@ impl FaultRecord {
             if tick >= self.before_tick {
                 self.largest_before = self.largest_before.max(error);
             }
-        } else if tick < self.watched_until {
+        } else if tick < self.watched_until.min(self.landing_from.unwrap_or(u64::MAX)) {
             self.peak = Some(self.peak.unwrap_or(0.0).max(error));
             let is_over = self.fault.until.is_some_and(|until| tick >= until);
             let bound = self.bound().max(undisturbed.unwrap_or(0.0));
             self.largest_share = self.largest_share.max(error / bound);
-            if phase == FlightPhase::Land {
-                self.landing_from.get_or_insert(tick);
-                return;
-            }
             let is_inside = is_over && error <= bound && phase == FlightPhase::Fly;
             self.inside_since = is_inside.then(|| self.inside_since.unwrap_or(tick));
+        }
+    }
+
+    /// Adds the begin of a landing. A requested one ends the observation; one that the fault may have caused is part of what
+    /// the services did.
+    pub(super) fn observe_landing(&mut self, tick: u64, is_requested: bool) {
+        if (self.fault.from + 1..self.watched_until).contains(&tick) {
+            if is_requested {
+                self.watched_until = tick;
+            } else {
+                self.landing_from.get_or_insert(tick);
+            }
         }
     }
 
@@ -105,6 +113,7 @@ impl FaultRecord {
                     .min(last_tick)
                     .min(self.landing_from.unwrap_or(u64::MAX)),
             ),
+            lands: self.landing_from.is_some(),
             detection: self.detection.clone(),
             bound: self.bound(),
             peak_error: self.peak,

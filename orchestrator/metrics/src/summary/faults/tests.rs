@@ -6,7 +6,7 @@ use zerocopy::{FromZeros, IntoBytes};
 use super::*;
 use crate::tracker::Tracker;
 use run_log::test_flight::scenario;
-use shared_types::FlightPhase;
+use scenario::{FixChange, Fixes, Spoofing};
 
 /// 20 s at 10 ms.
 fn schedule() -> Schedule {
@@ -420,6 +420,9 @@ fn recovery(led: &[(FlightPhase, f64)]) -> FaultReport {
     let mut record = FaultRecord::new(fault(100, Some(200)), u64::MAX, &schedule);
     let before = [(FlightPhase::Fly, 0.01), (FlightPhase::Fly, 0.5)];
     for (tick, &(phase, error)) in (0..).zip(before.iter().chain(led).flat_map(|one| [one; 100])) {
+        if phase == FlightPhase::Land {
+            record.observe_landing(tick, true);
+        }
         record.observe_error(tick, phase, error, None);
     }
     record.finish(199 + 100 * led.len() as u64, &schedule)
@@ -440,4 +443,86 @@ fn a_landing_does_not_undo_that_the_vehicle_came_back() {
     assert!(astray.back_after.is_none() && astray.is_over());
     let led_back = recovery(&[(Fly, 0.01), (TakeOff, 0.01), (Fly, 0.01)]);
     assert_eq!(led_back.back_after, Some(2.0));
+}
+
+#[test]
+fn the_figures_of_a_fault_end_where_a_requested_landing_begins() {
+    let landing = |cause: u8| {
+        report(fault(1000, Some(1010)), move |tick, all| {
+            let (phase, error) = match tick {
+                0..1500 => (FlightPhase::Fly, 0.01),
+                1500..1900 => (FlightPhase::Land, 0.4),
+                _ => (FlightPhase::Disarmed, 0.3),
+            };
+            (all.reference.phase, all.reference.cause) = (phase.code(), cause);
+            all.error = error;
+            all.state.coasting = (tick >= 1600).into();
+        })
+    };
+    let requested = landing(PathReference::CAUSE_OPERATOR_LANDS);
+    assert_eq!((requested.watched_until, requested.lands), (15.0, false));
+    assert_close(requested.peak_error, 0.01);
+    assert_eq!((requested.detection, requested.back_after), (None, Some(0.0)));
+    assert_eq!(requested.reactions, Reactions::default());
+    // A limit of the envelope may be the fault's doing.
+    let demanded = landing(PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_ESTIMATE);
+    assert_eq!((demanded.watched_until, demanded.lands), (15.0, true));
+    assert_close(demanded.peak_error, 0.01);
+    assert_eq!(demanded.detection.unwrap().sign, "coasts");
+    assert_close(Some(demanded.reactions.coasted), 4.01);
+}
+
+#[test]
+fn a_fault_that_begins_in_a_landing_is_watched() {
+    let report = report(fault(1000, None), |tick, all| {
+        all.reference.phase = if tick < 900 {
+            FlightPhase::Fly
+        } else {
+            FlightPhase::Land
+        }
+        .code();
+        all.reference.cause = PathReference::CAUSE_OPERATOR_LANDS;
+        all.state.coasting = (tick >= 1100).into();
+    });
+    assert_eq!((report.watched_until, report.back_after), (20.0, None));
+    assert!(report.detection.is_some() && report.peak_error.is_some());
+}
+
+#[test]
+fn a_fault_of_which_nothing_was_watched_after_its_end_is_not_said_to_be_not_back() {
+    let faults = [fault(500, Some(1000)), fault(1000, Some(1010))];
+    let reports = reports(&faults, 1500, |_, _| {});
+    assert!(!reports[0].is_over() && reports[1].is_over());
+}
+
+#[test]
+fn the_changes_of_a_receiver_and_its_spoofing_are_planned_faults() {
+    let mut scenario = scenario(0.01, 40.0);
+    let gnss = &mut scenario.sensors.get_or_insert_default().gnss;
+    let change = |at: f64, kind: Fixes| FixChange { at, kind };
+    gnss.change = vec![
+        change(5.0, Fixes::RtkFloat),
+        change(7.0, Fixes::SinglePoint),
+        change(9.0, Fixes::RtkFixed),
+        change(30.0, Fixes::RtkFloat),
+    ];
+    gnss.spoofing = vec![Spoofing {
+        at: 20.0,
+        lasts: 6.0,
+        velocity: [0.5, 0.0, 0.0],
+    }];
+    let faults = PlannedFault::all(&scenario);
+    let planned: Vec<_> = faults
+        .iter()
+        .map(|fault| (&*fault.words, fault.from, fault.until))
+        .collect();
+    assert_eq!(
+        planned,
+        [
+            ("receiver has rtk_float fixes, not rtk_fixed", 500, Some(700)),
+            ("receiver has single_point fixes, not rtk_fixed", 700, Some(900)),
+            ("fixes drift away by [0.5, 0, 0] m/s", 2000, Some(2600)),
+            ("receiver has rtk_float fixes, not rtk_fixed", 3000, None),
+        ]
+    );
 }
