@@ -33,6 +33,7 @@ pub mod geodesy;
 pub mod gnss;
 pub mod input_validator;
 mod moment;
+pub mod navigation_limits;
 pub mod noise;
 pub mod path_stop;
 mod ports;

@@ -10,6 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::GRAVITY;
+use shared_types::navigation_limits::ALIGNMENT;
 use zerocopy::FromZeros;
 
 use crate::error_state::{
@@ -19,9 +20,6 @@ use crate::error_state::{
 use crate::horizon::Horizon;
 use crate::nominal::{Biases, Kinematics};
 use crate::parameters::Parameters;
-
-/// Time over which the start is averaged, s.
-const SPAN: f64 = 1.0;
 
 /// Mean rate (rad/s) above which a vehicle is not at rest: several biases.
 const MOST_RATE: f64 = 0.1;
@@ -86,7 +84,7 @@ impl Alignment {
 
     /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved.
     pub fn start(&mut self, time_ns: u64, parameters: &Parameters) -> Option<Horizon> {
-        if self.span < SPAN || self.fields == 0.0 {
+        if self.span < ALIGNMENT || self.fields == 0.0 {
             return None;
         }
         let rate = Vector3::from(self.turn_body) / self.span;

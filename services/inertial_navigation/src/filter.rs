@@ -17,6 +17,8 @@
 
 use nalgebra::Vector3;
 use shared_types::gnss::{FixErrors, FixKind};
+use shared_types::navigation_limits::LONGEST_IMU_PERIOD_NS;
+pub(crate) use shared_types::navigation_limits::{STORED_MEASUREMENTS as QUEUE, STORED_SAMPLES as RING};
 use shared_types::sample::{Field as _, Flag};
 use shared_types::service::{nanoseconds, seconds};
 use zerocopy::FromZeros;
@@ -31,18 +33,11 @@ use crate::measurement::{self, Altitude, Field, Fix, ImuSample, Linearized};
 use crate::nominal::{Kinematics, Unbiased};
 use crate::parameters::Parameters;
 
-/// Number of samples of the inertial measurement unit between horizon and present: a quarter of a second at 1 kHz.
-pub(crate) const RING: usize = 256;
-/// Number of measurements that wait for the horizon.
-pub(crate) const QUEUE: usize = 64;
-
 /// 99.9 % quantiles of χ² with one and three degrees of freedom.
 const GATES: [f64; 2] = [10.83, 16.27];
 
 /// Time by which a measurement may be newer than the newest sample of the inertial measurement unit, ns.
 const FUTURE_NS: u64 = 500_000_000;
-/// Longest time between two samples of the inertial measurement unit without a gap, ns.
-const GAP_NS: u64 = 10_000_000;
 /// Longest span of a sample that the alignment counts, s.
 const LONGEST_SPAN: f64 = 0.1;
 /// Standard deviations of an acceleration (m/s²) and of a rate (rad/s) that were not measured: over a gap, and beyond the end of
@@ -513,7 +508,7 @@ impl InertialFilter {
     /// Adds the variance of `h` s of a motion that was not measured: the part of the sample's up to the next measurement, which
     /// else would be compared with a motion that counts as known.
     fn add_unmeasured(&self, horizon: &mut Horizon, record: &ImuRecord, h: f64) {
-        if record.span_ns <= GAP_NS && !record.is_clipped.is_set() {
+        if record.span_ns <= LONGEST_IMU_PERIOD_NS && !record.is_clipped.is_set() {
             return;
         }
         horizon.carry(&self.parameters, self.fix_errors());

@@ -87,11 +87,14 @@ pub struct Navigation {
     /// Place of the antenna in {B}, m.
     pub antenna: Vector,
     /// Errors of fixes from codes alone.
-    pub single_point: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub single_point: FixErrors,
     /// Errors of fixes with corrections and unknown numbers of carrier waves.
-    pub rtk_float: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub rtk_float: FixErrors,
     /// Errors of fixes with corrections and known numbers of carrier waves.
-    pub rtk_fixed: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub rtk_fixed: FixErrors,
     /// Standard deviation of each component of a measured field, G: noise, and the vehicle's effect on the field of the earth.
     #[schemars(transform = positive)]
     pub field_white: f64,
@@ -137,11 +140,11 @@ pub struct Navigation {
 }
 
 /// Largest delay of the horizon, s: the filter stores 256 samples up to it.
-const LONGEST_HORIZON: f64 = 0.25;
+pub(crate) const LONGEST_HORIZON: f64 = 0.25;
 
 impl Default for Navigation {
     fn default() -> Self {
-        let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL.map(FixDeviations::from);
+        let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL;
         Self {
             gyroscope_noise: 2.45e-4,
             gyroscope_bias: 0.01,
@@ -175,7 +178,7 @@ impl Navigation {
     /// Returns the errors of each kind of fixes.
     #[must_use]
     pub fn errors(&self) -> [FixErrors; 3] {
-        [&self.single_point, &self.rtk_float, &self.rtk_fixed].map(FixErrors::from)
+        [self.single_point, self.rtk_float, self.rtk_fixed]
     }
 
     /// Returns the standard deviation (m) that a position may keep with the best fixes of a kind: that of their slow height.

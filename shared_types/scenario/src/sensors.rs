@@ -99,11 +99,14 @@ pub struct Gnss {
     /// Place of the antenna in {B}, m.
     pub antenna: Vector,
     /// Errors of fixes from codes alone.
-    pub single_point: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub single_point: FixErrors,
     /// Errors of fixes with corrections and unknown numbers of carrier waves.
-    pub rtk_float: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub rtk_float: FixErrors,
     /// Errors of fixes with corrections and known numbers of carrier waves.
-    pub rtk_fixed: FixDeviations,
+    #[serde(with = "FixDeviations")]
+    pub rtk_fixed: FixErrors,
     /// Changes of what it solves, in chronological order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub change: Vec<FixChange>,
@@ -114,7 +117,7 @@ pub struct Gnss {
 
 impl Default for Gnss {
     fn default() -> Self {
-        let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL.map(FixDeviations::from);
+        let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL;
         Self {
             kind: Fixes::RtkFixed,
             antenna: [0.0; 3],
@@ -131,7 +134,7 @@ impl Gnss {
     /// Returns the errors of each kind of fixes.
     #[must_use]
     pub fn errors(&self) -> [FixErrors; 3] {
-        [&self.single_point, &self.rtk_float, &self.rtk_fixed].map(FixErrors::from)
+        [self.single_point, self.rtk_float, self.rtk_fixed]
     }
 
     /// Returns the least accurate kind of fixes in the course of the flight.
@@ -166,8 +169,8 @@ impl From<Fixes> for FixKind {
 }
 
 /// Errors of a kind of fixes, each a standard deviation of one component: a white part, and a slow one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "FixErrors", deny_unknown_fields)]
 pub struct FixDeviations {
     /// White error of a horizontal position, m.
     #[schemars(transform = positive)]
@@ -190,43 +193,6 @@ pub struct FixDeviations {
     /// Correlation time of this slow error, s.
     #[schemars(transform = positive)]
     pub velocity_time: f64,
-}
-
-impl From<FixErrors> for FixDeviations {
-    fn from(errors: FixErrors) -> Self {
-        let FixErrors {
-            position_white,
-            position_slow,
-            position_time,
-            vertical_factor,
-            velocity_white,
-            velocity_slow,
-            velocity_time,
-        } = errors;
-        Self {
-            position_white,
-            position_slow,
-            position_time,
-            vertical_factor,
-            velocity_white,
-            velocity_slow,
-            velocity_time,
-        }
-    }
-}
-
-impl From<&FixDeviations> for FixErrors {
-    fn from(deviations: &FixDeviations) -> Self {
-        Self {
-            position_white: deviations.position_white,
-            position_slow: deviations.position_slow,
-            position_time: deviations.position_time,
-            vertical_factor: deviations.vertical_factor,
-            velocity_white: deviations.velocity_white,
-            velocity_slow: deviations.velocity_slow,
-            velocity_time: deviations.velocity_time,
-        }
-    }
 }
 
 /// Change of what a receiver solves.

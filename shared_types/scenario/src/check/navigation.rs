@@ -3,30 +3,26 @@
 use super::Findings;
 use super::events::Events;
 use super::six_digits;
+use crate::navigation::LONGEST_HORIZON;
 use crate::{FixChange, Key, Scenario, Sensors};
 use shared_types::flight_phase::ARM_WITHIN;
 use shared_types::gnss::FixKind;
+use shared_types::navigation_limits::{
+    ALIGNMENT, LONGEST_IMU_PERIOD_NS, STORED_MEASUREMENTS, STORED_SAMPLES,
+};
 use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
 use shared_types::wiring::{ServiceId, Topic};
 
-/// Longest period of the inertial measurement unit, s: the filter takes a longer one for a gap.
-const LONGEST_IMU_PERIOD: f64 = 0.01;
-/// Time over which the filter is aligned, s.
-const ALIGNMENT: f64 = 1.0;
-/// Time for the first fixes after it, s.
+/// Time for the first fixes after the alignment, s.
 const SETTLES: f64 = 1.0;
-/// Number of samples of the inertial measurement unit that the filter stores.
-const STORED_SAMPLES: f64 = 256.0;
-/// Number of measurements that wait for the filter's horizon.
-const STORED_MEASUREMENTS: f64 = 64.0;
 
 impl Scenario {
     pub(super) fn check_outdoors(&self, found: &mut Findings) {
         if let Some(sensors) = &self.sensors {
             sensors.check(self.duration, &Key::root().then("sensors"), found);
         }
-        if self.datum.is_some() && self.sensors.is_none() {
+        if self.datum.is_some() && self.sensors.is_none() && self.navigation.is_none() {
             found.add(
                 Key::root().then("datum"),
                 "only a satellite receiver needs a place on the earth, and there is none",
@@ -102,14 +98,14 @@ impl Scenario {
     fn check_sensor_rates(&self, horizon: f64, schedule: &Schedule, found: &mut Findings) {
         let period_of = |topic| seconds(schedule.time_ns(schedule.topic_rate(topic).period));
         let key_of = |topic: Topic| Key::root().then("schedule").then("period").then(topic.name());
-        let imu = period_of(Topic::ImuSample);
-        if imu > LONGEST_IMU_PERIOD || horizon / imu >= STORED_SAMPLES {
-            let shortest = horizon / STORED_SAMPLES;
+        let (imu, longest) = (period_of(Topic::ImuSample), seconds(LONGEST_IMU_PERIOD_NS));
+        let shortest = horizon / STORED_SAMPLES as f64;
+        if imu > longest || imu <= shortest {
             return found.add(
                 key_of(Topic::ImuSample),
                 format!("the filter cannot use samples every {imu:?} s"),
                 format!(
-                    "give `imu/sample` a period between {} and {LONGEST_IMU_PERIOD:?}",
+                    "give `imu/sample` a period between {} and {longest:?}",
                     six_digits(shortest)
                 ),
             );
@@ -124,12 +120,12 @@ impl Scenario {
         }
         let others = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField];
         let waiting: f64 = others.map(|topic| horizon / period_of(topic) + 1.0).iter().sum();
-        if waiting > STORED_MEASUREMENTS {
+        if waiting > STORED_MEASUREMENTS as f64 {
             let shortest = |a: &Topic, b: &Topic| period_of(*a).total_cmp(&period_of(*b));
             let topic = others.into_iter().min_by(shortest).unwrap_or(Topic::GnssFix);
             found.add(
                 key_of(topic),
-                format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS:?}"),
+                format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS}"),
                 "give fixes a period of 0.1, altitudes one of 0.04 and fields one of 0.02",
             );
         }
@@ -137,6 +133,7 @@ impl Scenario {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
             let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
             let late = real.unwrap_or(simulated);
+            let needed = late + 2.0 * imu;
             if real.is_some() && simulated > 0.0 {
                 let edge = format!("{topic} -> estimator");
                 found.add(
@@ -145,12 +142,18 @@ impl Scenario {
                     "leave it out, and state `receivers.latency` and `receivers.fix_latency`",
                 );
             } else if late + imu > horizon {
+                let key = Key::root().then("navigation").then("horizon");
+                let fix = if needed > LONGEST_HORIZON {
+                    format!("it is {LONGEST_HORIZON} at most: lower the latency of the input")
+                } else {
+                    format!("raise it to {} or more", six_digits(needed))
+                };
                 found.add(
-                    Key::root().then("navigation").then("horizon"),
+                    key,
                     format!(
                         "samples of `{topic}` are late by {late:?} s, and the filter would refuse all of them"
                     ),
-                    format!("raise it to {} or more", six_digits(late + 2.0 * imu)),
+                    fix,
                 );
             }
         }

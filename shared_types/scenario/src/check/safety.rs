@@ -26,12 +26,19 @@ impl Scenario {
                 format!("leave `{at}` out; none of its values has an effect"),
             );
         };
-        if edge.topic == Topic::MocapPose && self.estimator.is_some() {
-            return found.add(
-                at.clone(),
+        let own_limit = match (&self.estimator, &self.navigation) {
+            (None, None) => None,
+            (None, Some(_)) => Some((
+                "no camera captures a vehicle with inertial navigation",
+                "navigation.coast",
+            )),
+            _ => Some((
                 "the filter has its own limit for the time without captures",
-                format!("leave `{at}` out and state `estimator.kalman.coast`"),
-            );
+                "estimator.kalman.coast",
+            )),
+        };
+        if let Some((reason, key)) = own_limit.filter(|_| edge.topic == Topic::MocapPose) {
+            return found.add(at.clone(), reason, format!("leave `{at}` out and state `{key}`"));
         }
         if let Some((section, false)) = self.section_for(edge) {
             return found.add(

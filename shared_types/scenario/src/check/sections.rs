@@ -41,10 +41,15 @@ impl Scenario {
             );
         }
         if self.estimator.is_none() && self.navigation.is_none() {
+            let filter = if self.sensors.is_some() {
+                "navigation"
+            } else {
+                "estimator.kalman"
+            };
             found.add(
                 at.clone(),
                 "the controller needs a thrust and an acceleration that only a filter estimates",
-                "add `[estimator.kalman]`, which may be empty, or leave `controller.rates` out",
+                format!("add `[{filter}]`, which may be empty, or leave `controller.rates` out"),
             );
         }
         self.check_roll_out(rates, &at.then("roll_out_step"), found);

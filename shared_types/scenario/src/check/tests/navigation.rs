@@ -3,8 +3,8 @@
 use super::assert_only;
 use crate::tests_support::rig;
 use crate::{
-    Cameras, Datum, EdgeName, Fault, FaultKind, FixChange, Fixes, Flight, Navigation, Problem, Receivers,
-    Scenario, Sensors, Spoofing,
+    Cameras, Datum, EdgeName, Fault, FaultKind, FixChange, Fixes, Flight, InputSafety, Navigation, Problem,
+    Receivers, Scenario, Sensors, Spoofing,
 };
 use shared_types::schedule::Schedule;
 use shared_types::wiring::{ServiceId, Topic};
@@ -93,8 +93,14 @@ fn sensors_are_read_by_inertial_navigation_alone_and_cameras_are_not() {
 
 #[test]
 fn inertial_navigation_needs_sensors_and_the_ground() {
+    let mocap = |scenario: &mut Scenario| {
+        let name = "mocap/pose -> estimator".to_owned();
+        scenario.safety.insert(name, InputSafety::new(0.2));
+    };
+    let key = "safety.\"mocap/pose -> estimator\"";
+    refused(mocap, key, "no camera captures", "state `navigation.coast`");
     refused(
-        |scenario| (scenario.sensors, scenario.datum) = (None, None),
+        |scenario| scenario.sensors = None,
         "navigation",
         "needs sensors",
         "add `[sensors]`",
@@ -196,6 +202,16 @@ fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
         "navigation.horizon",
         "samples of `gnss/fix` are late by 0.12 s",
         "raise it to 0.128",
+    );
+    let very_late = |scenario: &mut Scenario| {
+        let name = "gnss/fix -> estimator".to_owned();
+        scenario.schedule.latency.insert(name, 0.248);
+    };
+    refused(
+        very_late,
+        "navigation.horizon",
+        "late by 0.248 s",
+        "it is 0.25 at most: lower `schedule.latency`",
     );
 }
 
