@@ -33,6 +33,9 @@ pub const fn airborne_thrust(mass_min: f64) -> f64 {
     0.5 * mass_min * crate::GRAVITY
 }
 
+/// Acceleration downwards of a descent without a measured velocity, m/s².
+pub const DESCENT: f64 = 0.3;
+
 /// Time for which the vehicle neither sinks nor is carried by its thrust until it counts as touched down, s.
 pub const STANDING: f64 = 0.4;
 

@@ -1,6 +1,7 @@
 //! Warnings about valid scenarios in which the vehicle probably does not return safely.
 
 use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
+use shared_types::flight_phase::DESCENT;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::{ServiceId, Topic};
 
@@ -17,6 +18,9 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(tracking_loss_warning(scenario))
         .chain(mass_warning(scenario))
         .chain(inertia_warnings(scenario))
+        .chain(descent_warning(scenario, path))
+        .chain(lever_arm_warnings(scenario))
+        .chain(estimate_warning(scenario))
         .collect()
 }
 
@@ -202,10 +206,83 @@ fn landing_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> 
 
 /// Returns the maximum duration of a landing from a point of the path, s.
 fn longest_landing(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
+    let height = largest_height(scenario, points)?;
+    Some(scenario.flight.as_ref()?.landing_time(height))
+}
+
+/// Returns the maximum height above the ground, m.
+fn largest_height(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
     let flight = scenario.flight.as_ref()?;
     let ground = scenario.vehicle.initial.position[2];
     let heights = points.iter().map(|point| ground - f64::from(point[2]));
-    Some(flight.landing_time(heights.fold(flight.takeoff_height, f64::max)))
+    Some(heights.fold(flight.takeoff_height, f64::max))
+}
+
+/// Warns of motors that stop before a vehicle without a state has come down from the highest point of the path.
+fn descent_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
+    let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller)?;
+    let (descend, failsafe) = (safety.descend?, safety.failsafe?);
+    let height = largest_height(scenario, points)?;
+    let needed = (2.0 * height / DESCENT).sqrt();
+    (failsafe - descend < needed).then(|| {
+        let reason = format!(
+            "without a state the vehicle descends for {:.1} s before the motors stop, and from {height:.1} m it needs {needed:.1} s or \
+             more",
+            failsafe - descend
+        );
+        let at = Key::root().then("safety").then("vehicle/state -> controller").then("failsafe");
+        Problem::new(at, reason, format!("raise it above {:.1}", descend + needed))
+    })
+}
+
+/// Distance between two stated places of the antenna above which they differ, m.
+const SAME_PLACE: f64 = 1e-3;
+
+/// Largest distance of a sensor from the centre of mass without a warning, m.
+const LARGEST_LEVER_ARM: f64 = 2.0;
+
+/// Warns of sensors far away from the vehicle, and of an antenna that is not where the estimator assumes it.
+fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
+    let length = |arm: &Vector| arm.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let key = |names: &[&str]| names.iter().fold(Key::root(), |key, name| key.then(*name));
+    let navigation = scenario.navigation.as_ref();
+    let stated = navigation.map(|navigation| (key(&["navigation", "antenna"]), navigation.antenna));
+    let sensors = scenario.sensors.as_ref();
+    let simulated = sensors.map(|sensors| {
+        let antenna = (key(&["sensors", "gnss", "antenna"]), sensors.gnss.antenna);
+        [
+            antenna,
+            (key(&["sensors", "imu", "lever_arm"]), sensors.imu.lever_arm),
+        ]
+    });
+    let arms = stated.iter().chain(simulated.iter().flatten());
+    let far = arms.filter(|(_, arm)| length(arm) > LARGEST_LEVER_ARM);
+    let mut warnings: Vec<_> = far
+        .map(|(at, arm)| {
+            let reason = format!("it is {:.2} m away from the centre of mass", length(arm));
+            Problem::new(at.clone(), reason, "lengths are in m, along the axes of the body")
+        })
+        .collect();
+    if let (Some((at, assumed)), Some([(true_at, antenna), _])) = (stated, simulated) {
+        let apart = length(&std::array::from_fn(|axis| assumed[axis] - antenna[axis]));
+        if apart > SAME_PLACE {
+            let reason = format!("it is {apart:.3} m away from the simulated antenna, `{true_at}`");
+            let fix = "give both the same place, unless a wrong lever arm is what you test";
+            warnings.push(Problem::new(at, reason, fix));
+        }
+    }
+    warnings
+}
+
+/// Warns of inertial navigation whose position drifts until it counts as lost, because nothing limits its standard deviation.
+fn estimate_warning(scenario: &Scenario) -> Option<Problem> {
+    let coast = scenario.navigation.as_ref()?.coast;
+    let envelope = scenario.envelope.as_ref();
+    envelope.and_then(|envelope| envelope.estimate.as_ref()).is_none().then(|| {
+        let reason = format!("without fixes the vehicle flies on for {coast:?} s (`navigation.coast`), while its position drifts");
+        let fix = "add `envelope.estimate = { position_sigma = 0.5, action = \"land\" }`: it lands while velocity and height are known";
+        Problem::new(Key::root().then("envelope").then("estimate"), reason, fix)
+    })
 }
 
 /// Warns of a law that levels the vehicle before the path has decelerated: without tracking the vehicle keeps its velocity.
@@ -223,4 +300,65 @@ fn tracking_loss_warning(scenario: &Scenario) -> Option<Problem> {
         let at = Key::root().then("safety").then("vehicle/state -> controller").then("max_age");
         Problem::new(at, reason, "state longer times, as far as the estimate permits")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(name: &str, sets: &[&str], path: &[[f32; 3]]) -> Vec<String> {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
+        let sets: Vec<_> = sets.iter().map(ToString::to_string).collect();
+        let warnings = of_flight(&crate::load(&file, &sets, None).unwrap(), path);
+        warnings.iter().map(|warning| warning.key.to_string()).collect()
+    }
+
+    #[test]
+    fn a_sensor_far_away_or_not_where_the_estimator_assumes_it_is_a_warning() {
+        let keys = |sets: &[&str]| keys("outdoor_rtk", sets, &[]);
+        assert_eq!(keys(&[]), [""; 0]);
+        assert_eq!(
+            keys(&["navigation.antenna=[0.2,0.0,-0.05]"]),
+            ["navigation.antenna"]
+        );
+        let both = [
+            "navigation.antenna=[5.0,0.0,-5.0]",
+            "sensors.gnss.antenna=[5.0,0.0,-5.0]",
+        ];
+        assert_eq!(keys(&both), ["navigation.antenna", "sensors.gnss.antenna"]);
+        assert_eq!(
+            keys(&["sensors.imu.lever_arm=[3.0,0.0,0.0]"]),
+            ["sensors.imu.lever_arm"]
+        );
+    }
+
+    #[test]
+    fn motors_that_stop_before_a_blind_vehicle_is_down_are_a_warning() {
+        // √(2h/a) from 54 m is 19 s, and the motors stop 19 s after the descent begins.
+        for (z, warned) in [(-54.0, false), (-54.5, true)] {
+            let found = keys(
+                "outdoor_rtk",
+                &["duration=300.0", "envelope.land_within=300.0"],
+                &[[0.3, 0.2, z]],
+            );
+            let key = "safety.\"vehicle/state -> controller\".failsafe";
+            assert_eq!(found.iter().any(|found| found == key), warned, "{z}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn inertial_navigation_without_a_limit_of_its_estimate_is_a_warning() {
+        let mut outdoors = keys("outdoor_rtk", &[], &[]);
+        assert!(outdoors.is_empty());
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/outdoor_rtk.toml");
+        let mut scenario = crate::load(&file, &[], None).unwrap();
+        scenario.envelope = None;
+        outdoors.extend(
+            of_flight(&scenario, &[])
+                .iter()
+                .map(|warning| warning.key.to_string()),
+        );
+        assert_eq!(outdoors, ["envelope.estimate"]);
+    }
 }

@@ -30,6 +30,7 @@
 
 use nalgebra::Vector3;
 use scenario::{GRAVITY, InputSafety};
+use shared_types::flight_phase::DESCENT;
 use shared_types::samples::ControlAdaptation;
 use shared_types::service::nanoseconds;
 use vehicle_model::rigid_body::gyroscopic_torque;
@@ -37,8 +38,6 @@ use vehicle_model::rigid_body::gyroscopic_torque;
 use crate::dead_reckoning::{ModelEstimate, Reckoned};
 use control_law::signals::Commanded;
 
-/// Acceleration of the descent, m/s².
-pub const DESCENT: f64 = 0.3;
 /// Time without a detection by the cameras after which a landing enters the descent, s.
 const COASTS: f64 = 0.1;
 /// k, gain of the body rates on the tilt, 1/s.

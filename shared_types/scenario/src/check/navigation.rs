@@ -144,7 +144,7 @@ impl Scenario {
             } else if late + imu > horizon {
                 let key = Key::root().then("navigation").then("horizon");
                 let fix = if needed > LONGEST_HORIZON {
-                    format!("it is {LONGEST_HORIZON} at most: lower the latency of the input")
+                    format!("it is {LONGEST_HORIZON} at most: lower `schedule.latency` of the input")
                 } else {
                     format!("raise it to {} or more", six_digits(needed))
                 };
