@@ -13,6 +13,9 @@ use metrics::summary::faults::ReceiverFault;
 /// Maximum number of marks of a flight: more cannot be distinguished in a plot.
 const MAX_MARKS: usize = 300;
 
+/// Time by which the event of a request may be recorded after the landing that it begins, s.
+const AFTER_LANDING: f64 = 0.1;
+
 /// An event at a point in time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mark {
@@ -108,6 +111,10 @@ pub struct Marks {
     phase: Option<(FlightPhase, u8)>,
     stage: Option<u8>,
     link: Option<Link>,
+    /// Indices of the marks of landings on request.
+    landings: Vec<usize>,
+    /// Times of the requests to land, s.
+    requests: Vec<f64>,
 }
 
 /// State of the radio link.
@@ -121,7 +128,7 @@ impl Marks {
     /// Records the change that a sample reports, if any.
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let found = match topic {
-            Topic::RunEvent => planned(&read(bytes)),
+            Topic::RunEvent => self.event(&read(bytes)),
             Topic::PathReference => self.phase_begins(&read(bytes)),
             Topic::ControlAdaptation => self.stage_changes(&read(bytes)),
             Topic::RcFrame => self.link_changes(&read(bytes)),
@@ -138,9 +145,24 @@ impl Marks {
     /// Returns all marks in the order of time, with the events up to the time `flown` that only the scenario states.
     pub fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
         let mut marks = self.marks;
+        for index in self.landings {
+            let Mark { time, text, .. } = &mut marks[index];
+            let is_requested = self.requests.iter().any(|at| *at <= *time + AFTER_LANDING);
+            let cause = cause_in_words(PathReference::CAUSE_OPERATOR_LANDS);
+            if let Some(cause) = cause.filter(|_| !is_requested) {
+                *text = format!("{text} ({cause})");
+            }
+        }
         marks.extend(unpublished_events(scenario).filter(|mark| mark.time <= flown));
         marks.sort_by(|left, right| left.time.total_cmp(&right.time));
         marks
+    }
+
+    fn event(&mut self, event: &RunEvent) -> Option<(MarkKind, String)> {
+        if event.kind == RunEvent::KIND_OPERATOR_LANDS && self.requests.len() < MAX_MARKS {
+            self.requests.push(seconds(event.header.stamp_ns));
+        }
+        planned(event)
     }
 
     /// Returns the mark of a change of phase. A flight without phases has none.
@@ -149,8 +171,13 @@ impl Marks {
         let now = (phase, reference.cause);
         let before = self.phase.replace(now)?;
         (before != now).then(|| {
-            let cause =
-                cause_in_words(reference.cause).map_or_else(String::new, |cause| format!(" ({cause})"));
+            let is_on_request = reference.cause == PathReference::CAUSE_OPERATOR_LANDS;
+            if is_on_request && self.marks.len() < MAX_MARKS {
+                // Its request, or that there was none, is known later.
+                self.landings.push(self.marks.len());
+            }
+            let cause = cause_in_words(reference.cause).filter(|_| !is_on_request);
+            let cause = cause.map_or_else(String::new, |cause| format!(" ({cause})"));
             (MarkKind::Phase, format!("phase: {}{cause}", phase.name()))
         })
     }
@@ -266,6 +293,31 @@ mod tests {
         }];
         let spans = spans(&scenario);
         assert_eq!((spans[0].from, spans[0].to), (3.0, Some(4.5)));
+    }
+
+    #[test]
+    fn only_a_landing_that_nothing_requested_had_no_orchestrator() {
+        for (is_requested, expected) in [
+            (true, "phase: land"),
+            (false, "phase: land (no orchestrator was there)"),
+        ] {
+            let mut marks = Marks::default();
+            for phase in [FlightPhase::Fly, FlightPhase::Land] {
+                let mut reference = PathReference::new_zeroed();
+                reference.header.stamp_ns = 2_490_000_000;
+                reference.phase = phase.code();
+                if phase == FlightPhase::Land {
+                    reference.cause = PathReference::CAUSE_OPERATOR_LANDS;
+                }
+                marks.observe(Topic::PathReference, reference.as_bytes());
+            }
+            if is_requested {
+                let request = event(RunEvent::KIND_OPERATOR_LANDS, "the operator lets it land");
+                marks.observe(Topic::RunEvent, request.as_bytes());
+            }
+            let marks = marks.finish(&scenario(0.01, 5.0), 5.0);
+            assert_eq!(marks[0].text, expected);
+        }
     }
 
     #[test]

@@ -107,7 +107,7 @@ impl NotReady {
     pub fn words(self) -> &'static str {
         match self {
             Self::State => "there was no recent state of a tracked vehicle",
-            Self::Sight => "the cameras did not see the vehicle",
+            Self::Sight => "the vehicle was not tracked",
             Self::Estimate => "the estimator had not converged",
             Self::Level => "the vehicle did not stand level",
             Self::Motion => "the vehicle moved",

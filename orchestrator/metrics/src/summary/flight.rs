@@ -32,6 +32,8 @@ pub(super) struct FlightWatch {
     world_from_body: [f64; 9],
     /// Maximum tilt for arming, rad.
     tilt_max: f64,
+    /// `true` of a vehicle with inertial navigation.
+    is_inertial: bool,
     changes: Vec<Change>,
     requests: Vec<Request>,
 }
@@ -60,6 +62,7 @@ impl FlightWatch {
     pub(super) fn new(scenario: &Scenario) -> Self {
         Self {
             tilt_max: scenario.flight.as_ref().map_or(0.0, |flight| flight.tilt_max),
+            is_inertial: scenario.navigation.is_some(),
             ..Self::default()
         }
     }
@@ -118,7 +121,8 @@ impl FlightWatch {
     /// Returns the recorded cause of a phase. Evaluated at the end, because the requests of a tick come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
         if let Some(found) = NotReady::from_cause(change.cause) {
-            return Some(not_ready(&not_ready_in_words(found, change.tilt, self.tilt_max)));
+            let words = not_ready_in_words(found, change.tilt, self.tilt_max, self.is_inertial);
+            return Some(not_ready(&words));
         }
         self.cause_in_words(change.cause, change.stamp_ns)
     }
@@ -148,8 +152,10 @@ impl FlightWatch {
 
 /// Describes a missing condition of readiness; `tilt` and `tilt_max` in rad.
 #[must_use]
-pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64) -> String {
+pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64, is_inertial: bool) -> String {
     match found {
+        NotReady::Sight if is_inertial => "no recent fix was fused".to_owned(),
+        NotReady::Sight => "the cameras did not see the vehicle".to_owned(),
         NotReady::Level => not_level_in_words(tilt, tilt_max),
         _ => found.words().to_owned(),
     }
@@ -187,7 +193,7 @@ pub fn cause_in_words(cause: u8) -> Option<String> {
         }
         PathReference::CAUSE_TOUCHED_DOWN => "touched down",
         PathReference::CAUSE_FOUND_FLYING => "found in the air",
-        PathReference::CAUSE_STRAYED => "seen again, and not where it was led",
+        PathReference::CAUSE_STRAYED => "tracked again, and not where it was led",
         cause if cause >= PathReference::CAUSE_ENVELOPE_KILLS => {
             let limit = limit_in_words(cause - PathReference::CAUSE_ENVELOPE_KILLS);
             return Some(format!("killed: {limit}"));
@@ -338,7 +344,7 @@ mod tests {
     fn a_take_off_that_begins_again_has_a_reason() {
         assert_reason(
             &flying().caused(FlightPhase::TakeOff, PathReference::CAUSE_STRAYED),
-            "seen again, and not where it was led",
+            "tracked again, and not where it was led",
         );
     }
 
@@ -348,6 +354,12 @@ mod tests {
         assert_reason(
             &Watched::default().phase(DISARMED).caused(DISARMED, unseen),
             "was not ready, the cameras did not see the vehicle: arm again",
+        );
+        let mut outdoors = Watched::default().phase(DISARMED);
+        outdoors.watch.is_inertial = true;
+        assert_reason(
+            &outdoors.caused(DISARMED, unseen),
+            "was not ready, no recent fix was fused: arm again",
         );
         let mut lying = Watched::default().phase(DISARMED);
         lying.watch.tilt_max = 0.35;

@@ -148,7 +148,8 @@ impl Flight<'_> {
             let state = self.recorder.newest::<VehicleState>();
             let why = match state.zip(self.scenario.flight.as_ref()) {
                 Some((state, flight)) => {
-                    not_ready_in_words(found, tilt(&state.world_from_body), flight.tilt_max)
+                    let is_inertial = self.scenario.navigation.is_some();
+                    not_ready_in_words(found, tilt(&state.world_from_body), flight.tilt_max, is_inertial)
                 }
                 None => found.words().to_owned(),
             };
