@@ -16,11 +16,12 @@ pub mod restart;
 mod table;
 pub mod timing;
 
-use scenario::{Bounds, Recorded, Scenario, Vector};
+use scenario::{Bounds, EdgeName, Recorded, Scenario, Vector};
 use serde::Serialize;
 use shared_types::samples::{
     ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
 };
+use shared_types::schedule::Edge;
 use shared_types::service::{header_of, nanoseconds, seconds};
 use shared_types::{Schedule, ServiceId, Topic};
 
@@ -260,6 +261,8 @@ pub struct FlightSummary {
     battery: Option<ModelledBattery>,
     /// `None` without inertial navigation.
     innovations: Option<Box<InnovationWatch>>,
+    /// The estimator's input of inertial samples, with its planned faults, if all of them are recorded.
+    imu_edge: Option<Edge>,
     /// `true` for a flight with phases.
     has_phases: bool,
     counts: [SequenceCount; Topic::ALL.len()],
@@ -289,6 +292,7 @@ impl FlightSummary {
             .map(|time| scenario.tick_of(time))
             .collect();
         let tracker = Tracker::new(schedule, scenario.flight.is_some());
+        let recorded = Recorded::of_topics(scenario);
         Self {
             seed: scenario.seed,
             bound: scenario.theorem_bound(),
@@ -309,8 +313,11 @@ impl FlightSummary {
                 .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
             battery: None,
             innovations: scenario.navigation.as_ref().map(|_| Box::default()),
+            imu_edge: EdgeName::between(Topic::ImuSample, ServiceId::Estimator)
+                .filter(|edge| recorded[edge.topic.index()] == Recorded::All)
+                .map(|edge| schedule.edge(edge.service, edge.input)),
             has_phases: scenario.flight.is_some(),
-            counts: Recorded::of_topics(scenario).map(SequenceCount::new),
+            counts: recorded.map(SequenceCount::new),
             first_tick: 0,
             last_tick: None,
             schedule: schedule.clone(),
@@ -354,10 +361,16 @@ impl FlightSummary {
             Topic::ControlCommand
             | Topic::ControlErrors
             | Topic::ControlTelemetry
-            | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
             | Topic::MagField => {}
+            Topic::ImuSample => {
+                if let Some((innovations, edge)) = self.innovations.as_mut().zip(self.imu_edge.as_ref()) {
+                    view(bytes, |sample| {
+                        innovations.observe_imu(sample, edge.is_lost(header.tick));
+                    });
+                }
+            }
             Topic::NavigationInnovations => {
                 if let Some(innovations) = &mut self.innovations {
                     view(bytes, |sample| innovations.observe(sample));

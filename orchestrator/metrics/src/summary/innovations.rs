@@ -3,7 +3,7 @@
 use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
-use shared_types::samples::NavigationInnovations;
+use shared_types::samples::{ImuSample, NavigationInnovations};
 use shared_types::service::seconds;
 
 /// The sources, in the order of the sample.
@@ -26,6 +26,12 @@ const LARGEST: [f64; SOURCES.len()] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27]
 /// The sources that measure all the time; the others only at rest.
 const CONTINUOUS: usize = 4;
 
+/// Name of the inertial measurement unit, which predicts and has no innovations.
+const INERTIAL: &str = "inertial";
+
+/// Time without its samples above which it counts as cut off, s: the state is not tracked then.
+const NO_MOTION: f64 = 0.1;
+
 /// Time without a fused measurement above which a source counts as cut off, s: the state coasts then without fixes.
 const CUT_OFF: f64 = 1.0;
 
@@ -41,7 +47,7 @@ const REFUSED: f64 = 0.02;
 pub struct SourceInnovations {
     /// Name of the source.
     pub source: &'static str,
-    /// Measurements fused.
+    /// Measurements fused; of the inertial measurement unit the samples that planned faults did not lose.
     pub fused: u32,
     /// Measurements beyond the gate.
     pub refused: u32,
@@ -64,6 +70,9 @@ pub struct SourceInnovations {
 pub(super) struct InnovationWatch {
     last: Option<NavigationInnovations>,
     tallies: [Tally; SOURCES.len()],
+    inertial: Tally,
+    /// Samples of the inertial measurement unit that planned faults lost.
+    lost: u32,
     /// Time from which a measurement can be fused, ns: that of the first of any source.
     from_ns: Option<u64>,
 }
@@ -110,7 +119,36 @@ impl InnovationWatch {
         }
     }
 
-    /// Returns what became of all sources; nothing before the first measurement.
+    /// Adds a sample of the inertial measurement unit, and whether a planned fault loses it.
+    pub(super) fn observe_imu(&mut self, sample: &ImuSample, is_lost: bool) {
+        if is_lost {
+            self.lost = self.lost.saturating_add(1);
+        } else if sample.measured.is_set() {
+            let valid_ns = sample.measured_ns;
+            self.inertial.end_gap(valid_ns, valid_ns);
+            self.inertial.fused_ns = Some(valid_ns);
+            self.inertial.count += 1;
+        }
+    }
+
+    /// Returns what became of the samples of the inertial measurement unit; `None` without any.
+    fn inertial(&self, end_ns: u64) -> Option<SourceInnovations> {
+        let mut tally = self.inertial;
+        tally.end_gap(tally.fused_ns?, end_ns);
+        Some(SourceInnovations {
+            source: INERTIAL,
+            fused: tally.count,
+            refused: 0,
+            unusable: self.lost,
+            freedom: 0.0,
+            mean_square: None,
+            half_width: 0.0,
+            largest_gap: Some(seconds(tally.gap_ns)),
+            gap_begins: seconds(tally.gap_begins_ns),
+        })
+    }
+
+    /// Returns what became of all sources, the inertial measurement unit last; nothing before the first measurement.
     pub(super) fn finish(&self) -> Vec<SourceInnovations> {
         let (Some(last), Some(from_ns)) = (&self.last, self.from_ns) else {
             return Vec::new();
@@ -131,35 +169,35 @@ impl InnovationWatch {
                 gap_begins: seconds(tally.gap_begins_ns),
             }
         };
-        self.tallies.iter().enumerate().map(of_source).collect()
+        let inertial = self.inertial(last.header.stamp_ns);
+        self.tallies
+            .iter()
+            .enumerate()
+            .map(of_source)
+            .chain(inertial)
+            .collect()
     }
 }
 
 impl SourceInnovations {
-    /// Describes what is wrong with the source; `None` if nothing is.
+    /// Describes all that is wrong with the source; `None` if nothing is.
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         let Self { source, .. } = self;
-        if let Some(gap) = self.largest_gap.filter(|gap| *gap > CUT_OFF) {
-            return Some(format!(
-                "{source} cut off for {gap:.1} s from {:.1} s on",
-                self.gap_begins
-            ));
-        }
+        let most = if *source == INERTIAL { NO_MOTION } else { CUT_OFF };
+        let cut_off = self.largest_gap.filter(|gap| *gap > most);
+        let cut_off = cut_off.map(|gap| format!("cut off for {gap:.1} s from {:.1} s on", self.gap_begins));
         let of = |mean: f64| mean > INCONSISTENT * self.freedom && mean > self.freedom + self.half_width;
-        if let Some(mean) = self.mean_square.filter(|mean| of(*mean)) {
+        let mean = self.mean_square.filter(|mean| of(*mean));
+        let wrong = mean.map(|mean| {
             let ratio = (mean / self.freedom).sqrt();
-            return Some(format!(
-                "{source} inconsistent, its innovations {ratio:.1} times as large as predicted"
-            ));
-        }
+            format!("inconsistent, its innovations {ratio:.1} times as large as predicted")
+        });
         let judged = f64::from(self.fused) + f64::from(self.refused);
-        (f64::from(self.refused) > REFUSED * judged).then(|| {
-            format!(
-                "{source} inconsistent, {} of {judged} measurements refused",
-                self.refused
-            )
-        })
+        let refused = (f64::from(self.refused) > REFUSED * judged)
+            .then(|| format!("{} of {judged} measurements refused", self.refused));
+        let all: Vec<_> = [cut_off, wrong, refused].into_iter().flatten().collect();
+        (!all.is_empty()).then(|| format!("{source} {}", all.join(", ")))
     }
 }
 
@@ -252,12 +290,38 @@ mod tests {
             problems(watched(1.0, 5)),
             [None, None, None, cut_off.clone(), None, None]
         );
-        let refused = Some("field inconsistent, 50 of 1051 measurements refused".to_owned());
+        let refused = Some("field 50 of 1051 measurements refused".to_owned());
         assert_eq!(
             problems(watched(1.0, 50)),
             [None, None, refused, cut_off.clone(), None, None]
         );
+        let both = "field inconsistent, its innovations 2.0 times as large as predicted, 50 of 1051 measurements refused";
+        assert_eq!(problems(watched(4.0, 50))[2].as_deref(), Some(both));
         let wrong = Some("velocity inconsistent, its innovations 2.0 times as large as predicted".to_owned());
         assert_eq!(problems(watched(4.0, 0))[1], wrong);
+    }
+
+    #[test]
+    fn samples_of_the_inertial_measurement_unit_have_a_row_with_their_longest_gap() {
+        let mut watch = InnovationWatch::default();
+        let mut sample = ImuSample::new_zeroed();
+        sample.measured = true.into();
+        for step in 1..=1000_u64 {
+            sample.measured_ns = step * 4_000_000;
+            watch.observe_imu(&sample, (500..=530).contains(&step));
+        }
+        let mut innovations = NavigationInnovations::new_zeroed();
+        innovations.header.stamp_ns = 4_000_000_000;
+        innovations.valid_ns[0] = 1;
+        watch.observe(&innovations);
+        let sources = watch.finish();
+        let inertial = sources.last().unwrap();
+        assert_eq!(
+            (inertial.source, inertial.fused, inertial.unusable),
+            ("inertial", 969, 31)
+        );
+        assert!((inertial.largest_gap.unwrap() - 0.128).abs() < 1e-9);
+        let problem = "inertial cut off for 0.1 s from 2.0 s on";
+        assert_eq!(inertial.problem().as_deref(), Some(problem));
     }
 }

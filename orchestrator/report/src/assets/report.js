@@ -473,7 +473,7 @@ function drawResults() {
 function drawInnovations() {
   const rows = flights.flatMap((flight) => flight.innovations.map((source) => [
     `${named(flight)}${source.source}`, source.fused, source.refused, source.unusable, number(source.mean_square, 3),
-    `${source.freedom} ± ${number(source.half_width, 3)}`, number(source.largest_gap, 2),
+    source.freedom > 0 ? `${source.freedom} ± ${number(source.half_width, 3)}` : "–", number(source.largest_gap, 2),
   ]));
   if (rows.length === 0) return;
   byId("phases").append(element("h3", {}, "Inertial navigation"),
