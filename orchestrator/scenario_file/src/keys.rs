@@ -32,6 +32,8 @@ struct KeyInfo {
 enum Default {
     /// The key must be stated in its table.
     Required,
+    /// A value, unless its table is stated, which must be whole then.
+    OfTable(String),
     /// A value.
     Value(String),
     /// As stated by the description.
@@ -70,6 +72,7 @@ pub fn key_table(section: &str) -> String {
         if belongs {
             let default = match &info.default {
                 Default::Required => "must be stated".to_owned(),
+                Default::OfTable(value) => format!("`{value}`, or the whole table is stated"),
                 Default::Value(value) => format!("`{value}`"),
                 Default::None => String::new(),
             };
@@ -202,14 +205,15 @@ fn names_inside(keys: &[KeyInfo], table: &Key) -> Vec<String> {
 fn all() -> &'static [KeyInfo] {
     static ALL: LazyLock<Vec<KeyInfo>> = LazyLock::new(|| {
         let mut keys = Vec::new();
-        push_table(schema().as_value(), &Key::root(), &mut keys);
+        push_table(schema().as_value(), &Key::root(), &Value::Null, &mut keys);
         keys
     });
     &ALL
 }
 
-/// Adds the keys of a table of the schema, sorted by name, then those of its alternatives, as declared.
-fn push_table(table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
+/// Adds the keys of a table of the schema, sorted by name, then those of its alternatives, as declared. `default` is that of the
+/// whole table.
+fn push_table(table: &Value, at: &Key, default: &Value, keys: &mut Vec<KeyInfo>) {
     let required = table["required"].as_array();
     let is_required =
         |name: &str| required.is_some_and(|names| names.iter().any(|required| required == name));
@@ -217,25 +221,25 @@ fn push_table(table: &Value, at: &Key, keys: &mut Vec<KeyInfo>) {
     let mut properties: Vec<_> = table["properties"].as_object().into_iter().flatten().collect();
     properties.sort_by_key(|(name, _)| name.as_str());
     for (name, property) in properties {
-        push_property(property, &at.then(name), is_required(name), keys);
+        push_property(property, &at.then(name), is_required(name), &default[name], keys);
     }
     for variant in table["oneOf"].as_array().into_iter().flatten() {
         for (name, property) in variant["properties"].as_object().into_iter().flatten() {
-            push_property(property, &at.then(name), false, keys);
+            push_property(property, &at.then(name), false, &Value::Null, keys);
         }
     }
 }
 
-fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<KeyInfo>) {
+fn push_property(property: &Value, key: &Key, required: bool, of_table: &Value, keys: &mut Vec<KeyInfo>) {
     let target = resolved(property);
     let element = resolved(&target["items"]);
     let named = resolved(&target["additionalProperties"]);
     if is_table(target) {
-        push_table(target, key, keys);
+        push_table(target, key, &property["default"], keys);
     } else if is_table(element) {
-        push_table(element, &key.then(ANY_POSITION), keys);
+        push_table(element, &key.then(ANY_POSITION), &Value::Null, keys);
     } else if is_table(named) {
-        push_table(named, &key.then(ANY_NAME), keys);
+        push_table(named, &key.then(ANY_NAME), &Value::Null, keys);
     } else {
         let of_names = target["additionalProperties"].is_object();
         keys.push(KeyInfo {
@@ -252,6 +256,7 @@ fn push_property(property: &Value, key: &Key, required: bool, keys: &mut Vec<Key
                 target
             }),
             default: match &property["default"] {
+                _ if required && !of_table.is_null() => Default::OfTable(toml_text(of_table)),
                 _ if required => Default::Required,
                 Value::Null => Default::None,
                 Value::Object(_) => Default::None,
@@ -309,6 +314,19 @@ mod tests {
 
     fn key(dotted: &str) -> Key {
         dotted.split('.').collect()
+    }
+
+    #[test]
+    fn a_key_of_a_whole_table_has_its_default_in_the_table() {
+        let table = key_table("navigation");
+        let line = |key: &str| table.lines().find(|line| line.contains(key)).unwrap();
+        let fixed = line("`navigation.rtk_fixed.position_white`");
+        assert!(
+            fixed.ends_with("| `0.008`, or the whole table is stated |"),
+            "{fixed}"
+        );
+        let alone = line("`navigation.single_point.position_white`");
+        assert!(alone.contains("| `0.15`, or"), "{alone}");
     }
 
     #[test]
