@@ -129,7 +129,7 @@ struct Error {
 
 impl Error {
     /// Returns a plausible error of a topic, which no check of a single sample detects: a position is off by 0.1 m, a
-    /// thrust is 20 % too small.
+    /// thrust is 20 % too small, a fix is wrong by 1 m.
     fn of(topic: Topic) -> Self {
         let by = |field, bias| Self {
             field,
@@ -143,8 +143,8 @@ impl Error {
                 bias: None,
             },
             Topic::ImuSample => by("specific_force_body.0", 0.3),
-            // About 0.1 m.
-            Topic::GnssFix => by("latitude", 9e-7),
+            // 1 m.
+            Topic::GnssFix => by("latitude", 9e-6),
             Topic::BaroAltitude => by("altitude", 1.0),
             Topic::MagField => by("field_body.0", 0.02),
             _ => by("position_world.0", 0.1),

@@ -22,8 +22,8 @@ pub fn sheet(report: &MatrixReport) -> TextTable {
 pub fn key() -> String {
     format!(
         "Bound: the largest distance of the {BEFORE} s before, at least {SETTLED} m, and what the flight without a fault has within \
-         {BESIDE} s of the same time. Survived: within {SURVIVES} times the bound; degraded: came back inside the bound; LOST: did \
-         not, was lost by the limits of `[judge]`, a number was not finite, or a service died of it.\n\
+         {BESIDE} s of the same time. Survived: within {SURVIVES} times the bound; degraded: came back inside the bound, or was \
+         made to land; LOST: did not, was lost by the limits of `[judge]`, a number was not finite, or a service died of it.\n\
          Peak, way back and notice are those of the worst moment."
     )
 }
