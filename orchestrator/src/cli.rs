@@ -47,6 +47,7 @@ pub use self::view::*;
 pub use self::world::*;
 use command_line::exit::Exit;
 use new_scenario::arguments::New;
+use recorded_flight::Import;
 
 /// Flies an adaptive path-following quadcopter as independent processes, and logs every sample.
 #[derive(Debug, Parser)]
@@ -133,6 +134,12 @@ pub enum Command {
     /// which samples it lacks; the old one is unchanged. With the folder of a run, recovers run.mcap and host.mcap.
     #[command(after_help = Recover::EXAMPLES)]
     Recover(Recover),
+    /// Make a log of a flight that another program has recorded.
+    ///
+    /// The estimator of the scenario flies over the recorded samples, so that `gerono replay` can repeat it with other parameters.
+    /// docs/recorded_flights.md describes the table of samples, and how to make one of a ULog file.
+    #[command(after_help = Import::EXAMPLES)]
+    Import(Import),
     /// Repeat the steps of a log and compare the results byte for byte.
     ///
     /// The steps are repeated on their recorded inputs.

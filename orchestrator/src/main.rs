@@ -43,6 +43,7 @@ fn main() -> ExitCode {
         Command::Info(arguments) => logs::info(&arguments),
         Command::Recover(arguments) => logs::recover(&arguments).map(|()| Exit::Success),
         Command::Diff(arguments) => replay::diff(&arguments),
+        Command::Import(arguments) => recorded_flight::import(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
         Command::Digest(arguments) => logs::digest(&arguments).map(|()| Exit::Success),
         Command::Bench(arguments) => commands::bench::bench(&arguments).map(|()| Exit::Success),

@@ -16,7 +16,7 @@ pub const GROUPS: [(&str, &[&str]); 6] = [
     ),
     (
         "Compare",
-        &["replay", "diff", "reproduce", "faults", "grid", "sweep"],
+        &["import", "replay", "diff", "reproduce", "faults", "grid", "sweep"],
     ),
     (
         "Laboratory",

@@ -1,9 +1,10 @@
 #!/bin/sh
-# Compares the filter with PX4's EKF2, the crate `ekf2`: on the same samples of simulated flights, and on PX4's recorded flight.
+# Compares the filter with PX4's EKF2, the crate `ekf2`, on the same samples of simulated flights; on PX4's recorded flight
+# tests/interop/recorded_flights.sh does.
 #
 #     services/inertial_navigation/ekf2/run.sh [SEEDS]
 #
-# SEEDS flights a row, 20 unless stated; prints tables, and fails if the filter errs more than EKF2. It needs a C++ compiler, and libclang,
+# SEEDS flights a row, 20 unless stated; prints a table, and fails if the filter errs more than EKF2. It needs a C++ compiler, and libclang,
 # which it takes from PyPI where LIBCLANG_PATH names none; where one of them cannot be had, it is SKIPPED with status 3.
 set -eu
 
@@ -33,7 +34,4 @@ if [ -z "${LIBCLANG_PATH:-}" ]; then
 fi
 
 cargo build --quiet --release --manifest-path "$here/Cargo.toml" --target-dir "$target/ekf2"
-data=$(cargo metadata --format-version 1 --manifest-path "$here/Cargo.toml" |
-    python3 -c 'import json, os, sys
-print(*(os.path.dirname(p["manifest_path"]) for p in json.load(sys.stdin)["packages"] if p["name"] == "ekf2"))')
-"$target/ekf2/release/inertial_navigation_ekf2" "$seeds" "$data/tests/data"
+"$target/ekf2/release/inertial_navigation_ekf2" "$seeds"

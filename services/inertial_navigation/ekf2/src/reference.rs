@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use crate::rig::{Event, H_NS};
 
 /// Radius of the sphere on which PX4 projects, m.
-pub const RADIUS: f64 = 6_371_000.0;
+const RADIUS: f64 = 6_371_000.0;
 /// Datum of the simulated flights: latitude, longitude (°) and height (m).
 pub const DATUM: [f64; 3] = [47.4, 8.5, 488.0];
 
