@@ -13,8 +13,8 @@ use metrics::summary::faults::ReceiverFault;
 /// Maximum number of marks of a flight: more cannot be distinguished in a plot.
 const MAX_MARKS: usize = 300;
 
-/// Time by which the event of a request may be recorded after the landing that it begins, s.
-const AFTER_LANDING: f64 = 0.1;
+/// Time by which the event of a request may be recorded after the landing that it begins, or before the phase before it, s.
+const AROUND_PHASE: f64 = 0.1;
 
 /// An event at a point in time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -109,10 +109,12 @@ fn unpublished_events(scenario: &Scenario) -> impl Iterator<Item = Mark> {
 pub struct Marks {
     marks: Vec<Mark>,
     phase: Option<(FlightPhase, u8)>,
+    /// Time at which that phase began, s.
+    phase_since: f64,
     stage: Option<u8>,
     link: Option<Link>,
-    /// Indices of the marks of landings on request.
-    landings: Vec<usize>,
+    /// Landings on request: indices of their marks, with the time since which the request may have been made, s.
+    landings: Vec<(usize, f64)>,
     /// Times of the requests to land, s.
     requests: Vec<f64>,
 }
@@ -145,9 +147,11 @@ impl Marks {
     /// Returns all marks in the order of time, with the events up to the time `flown` that only the scenario states.
     pub fn finish(self, scenario: &Scenario, flown: f64) -> Vec<Mark> {
         let mut marks = self.marks;
-        for index in self.landings {
+        for (index, since) in self.landings {
             let Mark { time, text, .. } = &mut marks[index];
-            let is_requested = self.requests.iter().any(|at| *at <= *time + AFTER_LANDING);
+            // The request of an earlier landing is not that of this one.
+            let asked = since - AROUND_PHASE..=*time + AROUND_PHASE;
+            let is_requested = self.requests.iter().any(|at| asked.contains(at));
             let cause = cause_in_words(PathReference::CAUSE_OPERATOR_LANDS);
             if let Some(cause) = cause.filter(|_| !is_requested) {
                 *text = format!("{text} ({cause})");
@@ -169,12 +173,17 @@ impl Marks {
     fn phase_begins(&mut self, reference: &PathReference) -> Option<(MarkKind, String)> {
         let phase = FlightPhase::from_code(reference.phase);
         let now = (phase, reference.cause);
-        let before = self.phase.replace(now)?;
-        (before != now).then(|| {
+        let time = seconds(reference.header.stamp_ns);
+        let before = self.phase.replace(now);
+        if before == Some(now) {
+            return None;
+        }
+        let since = std::mem::replace(&mut self.phase_since, time);
+        before.is_some().then(|| {
             let is_on_request = reference.cause == PathReference::CAUSE_OPERATOR_LANDS;
             if is_on_request && self.marks.len() < MAX_MARKS {
                 // Its request, or that there was none, is known later.
-                self.landings.push(self.marks.len());
+                self.landings.push((self.marks.len(), since));
             }
             let cause = cause_in_words(reference.cause).filter(|_| !is_on_request);
             let cause = cause.map_or_else(String::new, |cause| format!(" ({cause})"));
@@ -318,6 +327,37 @@ mod tests {
             let marks = marks.finish(&scenario(0.01, 5.0), 5.0);
             assert_eq!(marks[0].text, expected);
         }
+    }
+
+    #[test]
+    fn the_request_of_an_earlier_landing_is_not_that_of_a_later_one() {
+        let mut marks = Marks::default();
+        let phases = [
+            (1, FlightPhase::Fly),
+            (10, FlightPhase::Land),
+            (20, FlightPhase::Disarmed),
+            (30, FlightPhase::Fly),
+            (100, FlightPhase::Land),
+        ];
+        for (second, phase) in phases {
+            let mut reference = PathReference::new_zeroed();
+            reference.header.stamp_ns = second * 1_000_000_000;
+            reference.phase = phase.code();
+            if phase == FlightPhase::Land {
+                reference.cause = PathReference::CAUSE_OPERATOR_LANDS;
+            }
+            marks.observe(Topic::PathReference, reference.as_bytes());
+            if second == 10 {
+                let mut request = event(RunEvent::KIND_OPERATOR_LANDS, "gerono land");
+                request.header.stamp_ns = 10_000_000_000;
+                marks.observe(Topic::RunEvent, request.as_bytes());
+            }
+        }
+        let marks = marks.finish(&scenario(0.01, 100.0), 100.0);
+        let landings = marks.iter().filter(|mark| mark.text.contains("land"));
+        let texts: Vec<_> = landings.map(|mark| &*mark.text).collect();
+        let alone = "phase: land (no orchestrator was there)";
+        assert_eq!(texts, ["phase: land", "gerono land", alone]);
     }
 
     #[test]
