@@ -211,10 +211,9 @@ fn scheduled_events(scenario: &Scenario, schedule: &Schedule) -> Vec<Event> {
             RunEvent::KIND_RECEIVER_FAULT_BEGINS,
             fault.words.clone(),
         ));
-        // Of two that follow each other without a break the second begin says enough.
-        let until = fault
-            .until
-            .filter(|until| faults.iter().all(|next| next.at != *until));
+        // Of two of a kind that follow each other without a break the second begin says enough.
+        let mut alike = faults.iter().filter(|next| next.is_spoofing == fault.is_spoofing);
+        let until = fault.until.filter(|until| alike.all(|next| next.at != *until));
         if let Some(until) = until {
             let text = fault.end_in_words.clone();
             events.push((scenario.tick_of(until), RunEvent::KIND_RECEIVER_FAULT_ENDS, text));
@@ -332,6 +331,31 @@ mod tests {
         assert_eq!(
             events,
             expected.map(|(tick, begins, text)| (tick, begins, text.to_owned()))
+        );
+    }
+
+    #[test]
+    fn other_fixes_do_not_hide_the_end_of_spoofing() {
+        let mut flown = scenario(0.001, 20.0);
+        let gnss = &mut flown.sensors.get_or_insert_default().gnss;
+        let kind = Fixes::RtkFloat;
+        gnss.change = vec![FixChange { at: 6.0, kind }];
+        let velocity = [0.5, 0.0, 0.0];
+        gnss.spoofing = vec![Spoofing {
+            at: 4.0,
+            lasts: 2.0,
+            velocity,
+        }];
+        let events = scheduled_events(&flown, &flown.schedule().unwrap());
+        let ends = events.iter().filter(|event| event.tick == 6000);
+        let mut texts: Vec<_> = ends.map(|event| &*event.text).collect();
+        texts.sort_unstable();
+        assert_eq!(
+            texts,
+            [
+                "fixes drift no more",
+                "receiver has rtk_float fixes, not rtk_fixed"
+            ]
         );
     }
 

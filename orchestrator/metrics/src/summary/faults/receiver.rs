@@ -9,6 +9,8 @@ pub struct ReceiverFault {
     pub at: f64,
     /// End, s; `None` if permanent.
     pub until: Option<f64>,
+    /// `true` of spoofing, `false` of other fixes.
+    pub is_spoofing: bool,
     /// What the receiver does, in words.
     pub words: String,
     /// The same of its end, where no other change follows.
@@ -29,6 +31,7 @@ impl ReceiverFault {
         let changes = changes.map(|(change, next)| Self {
             at: change.at,
             until: next.map(|next| next.at),
+            is_spoofing: false,
             words: format!(
                 "receiver has {} fixes, not {}",
                 name(change.kind),
@@ -44,6 +47,7 @@ impl ReceiverFault {
             Self {
                 at: spoofing.at,
                 until: Some(spoofing.at + spoofing.lasts),
+                is_spoofing: true,
                 words: format!("fixes drift away by [{x}, {y}, {z}] m/s"),
                 end_in_words: "fixes drift no more".to_owned(),
             }
