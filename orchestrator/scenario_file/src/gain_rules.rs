@@ -213,31 +213,30 @@ fn good_lambda_disturbance(velocity_rate: f64) -> f64 {
 /// the estimator believes: a laboratory has nothing else of its vehicle.
 fn thrust_reserve(scenario: &Scenario) -> impl Iterator<Item = Finding> {
     let limit = 1.1;
-    let finding = |key: Key, thrust: f64, mass: f64, fix: &str| Finding {
+    let finding = |key: Key, thrust: f64, mass: f64, fix: String| Finding {
         rule: Rule::ThrustReserve,
         key,
         value: thrust / (mass * GRAVITY),
         limit,
-        fix: format!(
-            "{fix} of at least {} N, or a lighter load",
-            digits(limit * mass * GRAVITY)
-        ),
+        fix,
     };
-    let heaviest = masses(scenario).fold(0.0, f64::max);
+    let simulated = masses(scenario).fold(0.0, f64::max);
     let of_motors = scenario.vehicle.actuators.as_ref().map(|actuators| {
         let key = ["vehicle", "actuators", "thrust_max"].into_iter().collect();
-        finding(key, actuators.thrust_max, heaviest, "fly with motors")
+        let needed = digits(limit * simulated * GRAVITY);
+        let fix = format!("fly with motors of at least {needed} N, or a lighter load");
+        finding(key, actuators.thrust_max, simulated, fix)
     });
     let of_link = scenario.rc_output.as_ref().map(|link| {
-        let believed = scenario.model.as_ref().map_or(0.0, |model| model.mass);
+        let believed = scenario.model.as_ref().map(|model| model.mass);
+        let mass = match believed {
+            Some(believed) if scenario.measures_a_vehicle() => believed,
+            _ => simulated.max(believed.unwrap_or(0.0)),
+        };
         let [_, thrust] = link.thrust_limits();
         let key = Key::root().then("rc_output").then("thrust_slope");
-        finding(
-            key,
-            thrust,
-            heaviest.max(believed),
-            "state a calibration with a thrust",
-        )
+        let fix = "measure the calibration again (`gerono rc identify`), or fly a lighter load";
+        finding(key, thrust, mass, fix.to_owned())
     });
     of_motors.into_iter().chain(of_link)
 }

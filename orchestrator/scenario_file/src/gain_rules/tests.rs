@@ -163,8 +163,27 @@ fn a_radio_link_that_hardly_lifts_the_believed_mass_is_named() {
         &["model.mass=0.6"],
         "rc_output.thrust_slope",
         "thrust over weight is ",
-        "state a calibration with a thrust of at least 6.47 N",
+        "measure the calibration again (`gerono rc identify`), or fly a lighter load",
     );
+}
+
+#[test]
+fn a_laboratory_has_no_other_mass_than_the_believed_one() {
+    let reserve = |name, heavier: fn(&mut Scenario)| {
+        let mut scenario = scenario(name, &[]);
+        heavier(&mut scenario);
+        let found = findings(&scenario).into_iter();
+        let key = "rc_output.thrust_slope";
+        let mut of_link = found.filter(|finding| finding.key.to_string() == key);
+        of_link.next().unwrap().value
+    };
+    let simulated: fn(&mut Scenario) = |scenario| scenario.vehicle.mass = 5.0;
+    let believed: fn(&mut Scenario) = |scenario| scenario.model.as_mut().unwrap().mass = 5.0;
+    for (name, counts) in [("laboratory_simulated", false), ("outdoor_rtk", true)] {
+        let stated = reserve(name, |_| ());
+        assert_eq!(reserve(name, simulated) < stated, counts, "{name}");
+        assert!(reserve(name, believed) < stated, "{name}");
+    }
 }
 
 #[test]
