@@ -1,9 +1,11 @@
 //! Warnings about valid scenarios in which the vehicle probably does not return safely.
 
-use scenario::{Key, OrchestratorLoss, Problem, Scenario, Vector};
+use scenario::{Key, Navigation, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::flight_phase::DESCENT;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::{ServiceId, Topic};
+
+use crate::gain_rules::digits;
 
 /// Depth below the ground without a warning, m: the points of a path are rounded.
 const WITHIN: f64 = 1e-3;
@@ -218,20 +220,25 @@ fn largest_height(scenario: &Scenario, points: &[[f32; 3]]) -> Option<f64> {
     Some(heights.fold(flight.takeoff_height, f64::max))
 }
 
-/// Warns of motors that stop before a vehicle without a state has come down from the highest point of the path.
+/// Warns of motors that stop before a vehicle without a state has come down from the highest point of the path. Without `descend` it
+/// falls from there.
 fn descent_warning(scenario: &Scenario, points: &[[f32; 3]]) -> Option<Problem> {
     let safety = scenario.safety_of(Topic::VehicleState, ServiceId::Controller)?;
-    let (descend, failsafe) = (safety.descend?, safety.failsafe?);
+    let failsafe = safety.failsafe?;
     let height = largest_height(scenario, points)?;
     let needed = (2.0 * height / DESCENT).sqrt();
-    (failsafe - descend < needed).then(|| {
+    let descends_for = safety.descend.map_or(0.0, |descend| failsafe - descend);
+    (descends_for < needed).then(|| {
         let reason = format!(
-            "without a state the vehicle descends for {:.1} s before the motors stop, and from {height:.1} m it needs {needed:.1} s or \
-             more",
-            failsafe - descend
+            "without a state the vehicle descends for {descends_for:.1} s before the motors stop, and from {height:.1} m it needs {needed:.1} s or \
+             more"
         );
         let at = Key::root().then("safety").then("vehicle/state -> controller").then("failsafe");
-        Problem::new(at, reason, format!("raise it above {:.1}", descend + needed))
+        let fix = safety.descend.map_or_else(
+            || format!("add `descend`, and raise `failsafe` {needed:.1} s above it"),
+            |descend| format!("raise it above {:.1}", descend + needed),
+        );
+        Problem::new(at, reason, fix)
     })
 }
 
@@ -274,15 +281,29 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
     warnings
 }
 
+/// Limit of the standard deviation of the position with accurate fixes, m.
+const POSITION_SIGMA: f64 = 0.5;
+
 /// Warns of inertial navigation whose position drifts until it counts as lost, because nothing limits its standard deviation.
 fn estimate_warning(scenario: &Scenario) -> Option<Problem> {
-    let coast = scenario.navigation.as_ref()?.coast;
+    let navigation = scenario.navigation.as_ref()?;
+    let coast = navigation.coast;
     let envelope = scenario.envelope.as_ref();
     envelope.and_then(|envelope| envelope.estimate.as_ref()).is_none().then(|| {
         let reason = format!("without fixes the vehicle flies on for {coast:?} s (`navigation.coast`), while its position drifts");
-        let fix = "add `envelope.estimate = { position_sigma = 0.5, action = \"land\" }`: it lands while velocity and height are known";
+        let fix = format!(
+            "add `envelope.estimate = {{ position_sigma = {}, action = \"land\" }}`: it lands while velocity and height are known",
+            digits(advised_sigma(scenario, navigation))
+        );
         Problem::new(Key::root().then("envelope").then("estimate"), reason, fix)
     })
+}
+
+/// Returns the limit (m) of the standard deviation of the position that is advised: with fixes alone it is not exceeded.
+fn advised_sigma(scenario: &Scenario, navigation: &Navigation) -> f64 {
+    let gnss = scenario.sensors.as_ref().map(|sensors| &sensors.gnss);
+    let attainable = gnss.map(|gnss| navigation.attainable_sigma(gnss.least_accurate()));
+    POSITION_SIGMA.max(2.0 * attainable.unwrap_or(0.0))
 }
 
 /// Warns of a law that levels the vehicle before the path has decelerated: without tracking the vehicle keeps its velocity.
@@ -335,15 +356,25 @@ mod tests {
 
     #[test]
     fn motors_that_stop_before_a_blind_vehicle_is_down_are_a_warning() {
-        // √(2h/a) from 54 m is 19 s, and the motors stop 19 s after the descent begins.
-        for (z, warned) in [(-54.0, false), (-54.5, true)] {
+        // √(2h/a) from 54 m is 19 s, and the motors stop 19 s after the descent begins. Without one it falls.
+        let falls = "safety={'vehicle/state -> controller'={max_age=0.2,level=0.3,failsafe=5.0}}";
+        let descends = "envelope.land_within=300.0";
+        for (z, set, warned) in [
+            (-54.0, descends, false),
+            (-54.5, descends, true),
+            (-54.0, falls, true),
+        ] {
             let found = keys(
                 "outdoor_rtk",
-                &["duration=300.0", "envelope.land_within=300.0"],
+                &["duration=300.0", "envelope.land_within=300.0", set],
                 &[[0.3, 0.2, z]],
             );
             let key = "safety.\"vehicle/state -> controller\".failsafe";
-            assert_eq!(found.iter().any(|found| found == key), warned, "{z}: {found:?}");
+            assert_eq!(
+                found.iter().any(|found| found == key),
+                warned,
+                "{z} {set}: {found:?}"
+            );
         }
     }
 
@@ -360,5 +391,31 @@ mod tests {
                 .map(|warning| warning.key.to_string()),
         );
         assert_eq!(outdoors, ["envelope.estimate"]);
+    }
+
+    #[test]
+    fn the_advised_limit_of_the_estimate_is_above_what_its_fixes_attain() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let outdoors = [
+            ("laboratory_outdoor", "0.5"),
+            ("outdoor_50m", "0.5"),
+            ("outdoor_events", "3"),
+            ("outdoor_rtk", "0.5"),
+            ("outdoor_single_point", "3"),
+        ];
+        for (name, advised) in outdoors {
+            let file = folder.join(format!("{name}.toml"));
+            let mut scenario = crate::load(&file, &[], None).unwrap();
+            scenario.envelope = None;
+            let fix = estimate_warning(&scenario).unwrap().to_string();
+            assert!(
+                fix.contains(&format!("position_sigma = {advised},")),
+                "{name}: {fix}"
+            );
+            let navigation = scenario.navigation.as_ref().unwrap();
+            let kind = scenario.sensors.as_ref().unwrap().gnss.least_accurate();
+            let advised: f64 = advised.parse().unwrap();
+            assert!(advised > navigation.attainable_sigma(kind), "{name}");
+        }
     }
 }
