@@ -12,8 +12,9 @@ use std::borrow::Cow;
 
 use scenario::Scenario;
 use serde::{Deserialize, Serialize};
-use shared_types::samples::PathReference;
-use shared_types::service::header_of;
+use shared_types::samples::{PathReference, RunEvent};
+use shared_types::schedule::OperatorPlan;
+use shared_types::service::{header_of, nanoseconds};
 use shared_types::{FlightPhase, Schedule, ServiceId, Topic};
 
 use crate::loss::Loss;
@@ -27,6 +28,9 @@ pub(super) use table::faults_in_words;
 
 /// Time before a fault whose maximum error is the bound for the recovery, s.
 pub const BEFORE: f64 = 5.0;
+
+/// Time by which the event of a request may be apart from the landing that it begins, s.
+const APART: f64 = 0.1;
 
 /// A fault as planned.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -118,6 +122,16 @@ pub struct FaultWatch {
     records: Vec<FaultRecord>,
     observers: Observers,
     phase: Option<FlightPhase>,
+    /// First tick of that phase.
+    phase_from: u64,
+    /// Tick of the operator's newest request to land.
+    request: Option<u64>,
+    /// First tick of a landing by the operator's cause of which no request is known.
+    unasked: Option<u64>,
+    /// The planned requests.
+    planned: OperatorPlan,
+    /// Ticks by which the event of a request may be apart from its effect.
+    apart: u64,
     last_tick: Option<u64>,
 }
 
@@ -142,6 +156,11 @@ impl FaultWatch {
             records,
             observers: Observers::default(),
             phase: None,
+            phase_from: 0,
+            request: None,
+            unasked: None,
+            planned: schedule.operator(),
+            apart: nanoseconds(APART) / schedule.tick_ns(),
             last_tick: None,
         }
     }
@@ -151,8 +170,10 @@ impl FaultWatch {
     pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
         self.last_tick = self.last_tick.max(Some(tick));
-        if topic == Topic::PathReference {
-            view(bytes, |reference| self.observe_phase(reference));
+        match topic {
+            Topic::PathReference => view(bytes, |reference| self.observe_phase(reference)),
+            Topic::RunEvent => view(bytes, |event| self.observe_event(event)),
+            _ => {}
         }
         if let Some(look) = self.observers.look(topic, bytes) {
             for record in &mut self.records {
@@ -165,15 +186,43 @@ impl FaultWatch {
     fn observe_phase(&mut self, reference: &PathReference) {
         let phase = FlightPhase::from_code(reference.phase);
         let before = self.phase.replace(phase);
-        if phase == FlightPhase::Land && before.is_some_and(|before| before != phase) {
-            let is_requested = matches!(
-                reference.cause,
-                PathReference::CAUSE_NONE | PathReference::CAUSE_OPERATOR_LANDS
-            );
+        if before == Some(phase) {
+            return;
+        }
+        let tick = reference.header.tick;
+        let since = std::mem::replace(&mut self.phase_from, tick);
+        if phase == FlightPhase::Land && before.is_some() {
+            let is_operators = reference.cause == PathReference::CAUSE_OPERATOR_LANDS;
+            let is_asked = self.planned.at(tick).land
+                || self.request.is_some_and(|request| request + self.apart >= since);
+            // The same cause has a landing without an orchestrator, which has no event.
+            self.unasked = (is_operators && !is_asked).then_some(tick);
+            let is_requested = reference.cause == PathReference::CAUSE_NONE || (is_operators && is_asked);
             for record in &mut self.records {
-                record.observe_landing(reference.header.tick, is_requested);
+                record.observe_landing(tick, is_requested);
             }
         }
+    }
+
+    /// Adds a request to land, which may be recorded after the landing has begun.
+    fn observe_event(&mut self, event: &RunEvent) {
+        if event.kind != RunEvent::KIND_OPERATOR_LANDS {
+            return;
+        }
+        let tick = event.header.tick;
+        self.request = Some(tick);
+        let is_near = |landing: &mut u64| tick <= *landing + self.apart;
+        if let Some(landing) = self.unasked.take_if(is_near) {
+            for record in &mut self.records {
+                record.observe_late_request(landing);
+            }
+        }
+    }
+
+    /// Returns whether a fault has made the vehicle land, without a request.
+    #[must_use]
+    pub fn lands(&self) -> bool {
+        self.records.iter().any(FaultRecord::lands)
     }
 
     /// Returns the reports on the flown faults. A lost vehicle does not recover.

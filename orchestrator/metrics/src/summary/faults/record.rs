@@ -25,6 +25,17 @@ pub(super) struct FaultRecord {
     inside_since: Option<u64>,
     /// First tick of a landing that was not requested, after the fault's begin.
     landing_from: Option<u64>,
+    /// The newest landing of which no request is known.
+    unasked: Option<Unasked>,
+    tally: Tally,
+}
+
+/// A landing that nothing has requested so far, with what was known before it.
+#[derive(Clone, Debug)]
+struct Unasked {
+    tick: u64,
+    landing_from: Option<u64>,
+    detection: Option<Detection>,
     tally: Tally,
 }
 
@@ -41,6 +52,7 @@ impl FaultRecord {
             largest_share: 0.0,
             inside_since: None,
             landing_from: None,
+            unasked: None,
             tally: Tally::default(),
             fault,
         }
@@ -82,9 +94,30 @@ impl FaultRecord {
             if is_requested {
                 self.watched_until = tick;
             } else {
+                self.unasked = Some(Unasked {
+                    tick,
+                    landing_from: self.landing_from,
+                    detection: self.detection.clone(),
+                    tally: self.tally,
+                });
                 self.landing_from.get_or_insert(tick);
             }
         }
+    }
+
+    /// Ends the observation at a landing whose request is recorded after it.
+    pub(super) fn observe_late_request(&mut self, landing: u64) {
+        if let Some(before) = self.unasked.take_if(|unasked| unasked.tick == landing) {
+            self.watched_until = landing;
+            self.landing_from = before.landing_from;
+            self.detection = before.detection;
+            self.tally = before.tally;
+        }
+    }
+
+    /// Returns whether a landing that was not requested has begun since the fault.
+    pub(super) fn lands(&self) -> bool {
+        self.landing_from.is_some()
     }
 
     /// Adds the sign of a sample.
@@ -113,7 +146,7 @@ impl FaultRecord {
                     .min(last_tick)
                     .min(self.landing_from.unwrap_or(u64::MAX)),
             ),
-            lands: self.landing_from.is_some(),
+            lands: self.lands(),
             detection: self.detection.clone(),
             bound: self.bound(),
             peak_error: self.peak,

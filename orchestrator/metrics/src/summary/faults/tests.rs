@@ -1,6 +1,8 @@
 //! Reports of faults whose signs and errors are known.
 
-use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState, VehicleTruth};
+use shared_types::samples::{
+    ControlAdaptation, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
+};
 use zerocopy::{FromZeros, IntoBytes};
 
 use super::*;
@@ -29,6 +31,8 @@ struct Tick {
     adaptation: ControlAdaptation,
     frame: RcFrame,
     without_path: bool,
+    /// `true` if the operator asks for a landing.
+    asks_to_land: bool,
 }
 
 /// The reports on a flight whose ticks are in order but for what `change` makes of them.
@@ -79,6 +83,7 @@ fn reports_of_lost(
             adaptation: ControlAdaptation::new_zeroed(),
             frame: RcFrame::new_zeroed(),
             without_path: false,
+            asks_to_land: false,
         };
         change(tick, &mut all);
         let header = |topic| schedule.header(topic, tick);
@@ -113,6 +118,12 @@ fn reports_of_lost(
         );
         all.frame.header = header(Topic::RcFrame);
         observe(&mut watch, &mut tracker, Topic::RcFrame, all.frame.as_bytes());
+        if all.asks_to_land {
+            let mut event = RunEvent::new_zeroed();
+            event.header.tick = tick;
+            event.kind = RunEvent::KIND_OPERATOR_LANDS;
+            observe(&mut watch, &mut tracker, Topic::RunEvent, event.as_bytes());
+        }
     }
     if let Some(moment) = tracker.last() {
         watch.observe_moment(&moment, undisturbed(moment.vehicle.tick));
@@ -447,7 +458,7 @@ fn a_landing_does_not_undo_that_the_vehicle_came_back() {
 
 #[test]
 fn the_figures_of_a_fault_end_where_a_requested_landing_begins() {
-    let landing = |cause: u8| {
+    let landing = |cause: u8, asked_at: u64| {
         report(fault(1000, Some(1010)), move |tick, all| {
             let (phase, error) = match tick {
                 0..1500 => (FlightPhase::Fly, 0.01),
@@ -456,20 +467,50 @@ fn the_figures_of_a_fault_end_where_a_requested_landing_begins() {
             };
             (all.reference.phase, all.reference.cause) = (phase.code(), cause);
             all.error = error;
-            all.state.coasting = (tick >= 1600).into();
+            all.state.coasting = (tick > 1500).into();
+            all.asks_to_land = tick == asked_at;
         })
     };
-    let requested = landing(PathReference::CAUSE_OPERATOR_LANDS);
-    assert_eq!((requested.watched_until, requested.lands), (15.0, false));
-    assert_close(requested.peak_error, 0.01);
-    assert_eq!((requested.detection, requested.back_after), (None, Some(0.0)));
-    assert_eq!(requested.reactions, Reactions::default());
-    // A limit of the envelope may be the fault's doing.
-    let demanded = landing(PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_ESTIMATE);
-    assert_eq!((demanded.watched_until, demanded.lands), (15.0, true));
-    assert_close(demanded.peak_error, 0.01);
-    assert_eq!(demanded.detection.unwrap().sign, "coasts");
-    assert_close(Some(demanded.reactions.coasted), 4.01);
+    // The request of a tick is recorded after its samples, and in real time up to some ticks later.
+    for asked_at in [1495, 1500, 1510] {
+        let requested = landing(PathReference::CAUSE_OPERATOR_LANDS, asked_at);
+        assert_eq!((requested.watched_until, requested.lands), (15.0, false));
+        assert_close(requested.peak_error, 0.01);
+        assert_eq!((requested.detection, requested.back_after), (None, Some(0.0)));
+        assert_eq!(requested.reactions, Reactions::default());
+    }
+    // A limit of the envelope may be the fault's doing, and so may be that no orchestrator was there.
+    let limit = PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_ESTIMATE;
+    let never = u64::MAX;
+    for (cause, asked_at) in [
+        (limit, never),
+        (PathReference::CAUSE_OPERATOR_LANDS, never),
+        (PathReference::CAUSE_OPERATOR_LANDS, 1511),
+    ] {
+        let demanded = landing(cause, asked_at);
+        assert_eq!((demanded.watched_until, demanded.lands), (15.0, true));
+        assert_close(demanded.peak_error, 0.01);
+        assert_eq!(demanded.detection.unwrap().sign, "coasts");
+        assert_close(Some(demanded.reactions.coasted), 5.0);
+    }
+}
+
+#[test]
+fn the_request_of_an_earlier_landing_is_not_that_of_a_later_one() {
+    use FlightPhase::{Disarmed, Fly, Land};
+    let report = report(fault(1000, None), |tick, all| {
+        let phase = match tick {
+            0..100 | 500..1500 => Fly,
+            100..300 | 1500..1900 => Land,
+            _ => Disarmed,
+        };
+        all.reference.phase = phase.code();
+        if phase == Land {
+            all.reference.cause = PathReference::CAUSE_OPERATOR_LANDS;
+        }
+        all.asks_to_land = tick == 100;
+    });
+    assert!(report.lands);
 }
 
 #[test]
