@@ -1,6 +1,7 @@
 //! Flies a cell of the matrix, in this process or as separate processes that really die.
 
 use std::convert::Infallible;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use host::in_process::TickSink;
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::digest::ExperimentDigest;
 use shared_types::{Schedule, Topic};
 
+use super::injection_times::on_tick;
 use super::plan::MatrixCell;
 use super::report::CellReport;
 use super::survival::judge;
@@ -77,7 +79,10 @@ pub fn fly(
     undisturbed: &Undisturbed,
     interrupt: &Interrupt,
 ) -> Result<FlightResult, NotFlown> {
-    let scenario = &cell.scenario;
+    let end = flight::schedule_of(&cell.scenario)
+        .map_err(RunFailure::from)?
+        .last_tick();
+    let scenario = &with_time_to_land(&cell.scenario);
     let schedule = flight::schedule_of(scenario).map_err(RunFailure::from)?;
     let with_digest = matches!(way, Way::Processes | Way::InProcess { with_digest: true });
     let tracker = Tracker::new(&schedule, scenario.flight.is_some());
@@ -87,6 +92,7 @@ pub fn fly(
         watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
         undisturbed: undisturbed.clone(),
         digest: with_digest.then(ExperimentDigest::default),
+        end,
     };
     let outcome = match way {
         Way::InProcess { .. } => fly_in_process(scenario, &mut observer, interrupt),
@@ -104,6 +110,16 @@ pub fn fly(
         Some(Outcome::Interrupted { signal }) => return Err(NotFlown::Interrupted(signal)),
     };
     Ok(observer.finish(cell.moment, &schedule, ended))
+}
+
+/// Returns the scenario with the time that a landing may take after its end.
+fn with_time_to_land(scenario: &Scenario) -> Scenario {
+    let mut scenario = scenario.clone();
+    if scenario.flight.is_some() {
+        let land_within = scenario.envelope.clone().unwrap_or_default().land_within;
+        scenario.duration = on_tick(&scenario, scenario.duration + land_within);
+    }
+    scenario
 }
 
 /// Returns the outcome; `None` if a service panicked, which would kill its process.
@@ -138,6 +154,8 @@ struct Observer {
     watch: FaultWatch,
     undisturbed: Undisturbed,
     digest: Option<ExperimentDigest>,
+    /// Last tick of the flight, unless the vehicle is landing then.
+    end: u64,
 }
 
 impl Observer {
@@ -188,6 +206,16 @@ impl TickSink for Observer {
             digest.update(topic, bytes);
         }
         Ok(())
+    }
+
+    fn end_tick(&mut self, tick: u64) -> Result<ControlFlow<()>, Infallible> {
+        // What becomes of a vehicle that lands is known on the ground.
+        let is_landing = self.watch.lands() && !self.loss.stands_disarmed() && self.loss.loss().is_none();
+        Ok(if tick < self.end || is_landing {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        })
     }
 }
 

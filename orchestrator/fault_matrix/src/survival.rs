@@ -17,7 +17,7 @@ pub enum Survival {
     /// The distance exceeded that, and the vehicle returned inside the bound for good or stood disarmed at the end; or it was
     /// made to land.
     Degraded,
-    /// The vehicle did not return or was lost by the limits of the scenario, a number was not finite, or a service
+    /// The vehicle did not return or land, or was lost by the limits of the scenario, a number was not finite, or a service
     /// died.
     Lost,
 }
@@ -96,8 +96,11 @@ fn loss(effect: &FaultEffect) -> Option<MatrixLoss> {
     }
     // In a landing and on the ground there is no path to return to: only the limits judge a touch-down.
     let report = effect.report.as_ref();
-    if effect.stands_disarmed || report.is_some_and(|report| report.lands) {
+    if effect.stands_disarmed {
         return None;
+    }
+    if report.is_some_and(|report| report.lands) {
+        return Some(MatrixLoss::new("still in the air"));
     }
     let Some((report, share)) = report.and_then(|report| Some((report, report.largest_share?))) else {
         return Some(MatrixLoss::new("it is not known where the vehicle was"));
@@ -173,6 +176,12 @@ mod tests {
         for (peak, back_after) in [(0.01, Some(0.0)), (0.2, None)] {
             let mut flown = flown(peak, back_after);
             flown.report.as_mut().unwrap().lands = true;
+            let (judged, why) = judge(&flown);
+            assert_eq!(
+                (judged, &*why.unwrap().reason),
+                (Survival::Lost, "still in the air")
+            );
+            flown.stands_disarmed = true;
             assert_eq!(judge(&flown), (Survival::Degraded, None));
         }
     }
