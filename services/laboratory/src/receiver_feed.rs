@@ -188,10 +188,8 @@ shared_types::sample! {
         pub motion: TimelineMemory,
         /// Clock of the fixes.
         pub fixes: TimelineMemory,
-        /// Weeks that have ended since the first fix, ns.
-        pub weeks_ns: i64,
-        /// Time of the week of the last fix, ns.
-        pub week_time_ns: i64,
+        /// Time of the week of the last `NAV-PVT`, ns, which continues at the end of a week.
+        pub week_stamp_ns: i64,
         /// Altitude by the barometer of the origin of {I}, m.
         pub altitude_of_origin: f64,
         /// `true` if this altitude is known.
@@ -254,8 +252,7 @@ pub(super) struct ReceiverFeed {
     altitude_of_origin: Option<f64>,
     motion: Timeline,
     fixes: Timeline,
-    weeks_ns: i64,
-    week_time_ns: i64,
+    week_stamp_ns: i64,
     arrived_ns: u64,
     inertial: Waiting<Inertial>,
     fix: Waiting<GnssFix>,
@@ -281,8 +278,7 @@ impl ReceiverFeed {
             altitude_of_origin: None,
             motion: Timeline::default(),
             fixes: Timeline::default(),
-            weeks_ns: 0,
-            week_time_ns: 0,
+            week_stamp_ns: 0,
             arrived_ns: 0,
             inertial: Waiting::default(),
             fix: Waiting::default(),
@@ -315,8 +311,10 @@ impl ReceiverFeed {
                     component: 0,
                     sensor: 0,
                 };
-                let stamp_ns = self.stamp_ns(pvt);
-                self.add_fix(fix_of_receiver(pvt), stamp_ns, origin, arrived_ns);
+                if self.is_fix_from(origin) {
+                    let stamp_ns = self.stamp_ns(pvt);
+                    self.add_fix(fix_of_receiver(pvt), stamp_ns, arrived_ns);
+                }
             }
             Packet::GpsRawInt(sender, fix) => {
                 let origin = Origin {
@@ -325,12 +323,9 @@ impl ReceiverFeed {
                     component: sender.component,
                     sensor: 0,
                 };
-                self.add_fix(
-                    fix_of_autopilot(fix),
-                    microseconds(fix.time_us),
-                    origin,
-                    arrived_ns,
-                );
+                if self.is_fix_from(origin) {
+                    self.add_fix(fix_of_autopilot(fix), microseconds(fix.time_us), arrived_ns);
+                }
             }
             // Not measurements.
             Packet::Heartbeat(..) | Packet::Odometry(..) | Packet::RelativePosition(_) => {}
@@ -370,11 +365,14 @@ impl ReceiverFeed {
         self.figures.left_out += dropped;
     }
 
-    fn add_fix(&mut self, fix: Option<GnssFix>, stamp_ns: i64, origin: Origin, arrived_ns: u64) {
-        if !self.fixes.is_from(origin) {
-            self.figures.foreign += 1;
-            return;
-        }
+    /// Returns whether fixes of a sender are used, and counts others.
+    fn is_fix_from(&mut self, origin: Origin) -> bool {
+        let is_used = self.fixes.is_from(origin);
+        self.figures.foreign += u64::from(!is_used);
+        is_used
+    }
+
+    fn add_fix(&mut self, fix: Option<GnssFix>, stamp_ns: i64, arrived_ns: u64) {
         let Some(valid_ns) =
             self.fixes
                 .measured_ns(stamp_ns, arrived_ns, self.fix_latency_ns, &mut self.figures)
@@ -389,14 +387,13 @@ impl ReceiverFeed {
         self.count(ReceiverFigures::FIX, arrived_ns);
     }
 
-    /// Returns the time of the week of a fix, ns, which continues at the end of a week.
+    /// Returns the time of the week of a fix, ns, which continues at the end of a week: that of the week which is nearest to the fix
+    /// before, so that a late packet of the old week does not begin another one.
     fn stamp_ns(&mut self, pvt: &NavPvt) -> i64 {
-        let week_time_ns = i64::from(pvt.time_of_week_ms) * 1_000_000;
-        if week_time_ns + WEEK_NS / 2 < self.week_time_ns {
-            self.weeks_ns += WEEK_NS;
-        }
-        self.week_time_ns = week_time_ns;
-        self.weeks_ns + week_time_ns
+        let half_ns = WEEK_NS / 2;
+        let after_ns = i64::from(pvt.time_of_week_ms) * 1_000_000 - self.week_stamp_ns;
+        self.week_stamp_ns += (after_ns + half_ns).rem_euclid(WEEK_NS) - half_ns;
+        self.week_stamp_ns
     }
 
     fn count(&mut self, sensor: usize, arrived_ns: u64) {
@@ -488,8 +485,7 @@ impl ReceiverFeed {
             arrived_ns: self.arrived_ns,
             motion: self.motion.save(),
             fixes: self.fixes.save(),
-            weeks_ns: self.weeks_ns,
-            week_time_ns: self.week_time_ns,
+            week_stamp_ns: self.week_stamp_ns,
             altitude_of_origin: self.altitude_of_origin.unwrap_or(0.0),
             has_altitude: self.altitude_of_origin.is_some().into(),
             pad0: [0; 7],
@@ -506,8 +502,7 @@ impl ReceiverFeed {
             self.arrived_ns = memory.arrived_ns;
             self.motion = Timeline::restored(&memory.motion);
             self.fixes = Timeline::restored(&memory.fixes);
-            self.weeks_ns = memory.weeks_ns;
-            self.week_time_ns = memory.week_time_ns;
+            self.week_stamp_ns = memory.week_stamp_ns;
         }
     }
 }

@@ -173,6 +173,26 @@ fn a_fix_states_when_it_was_valid_and_continues_at_the_end_of_a_week() {
 }
 
 #[test]
+fn a_late_packet_or_another_receiver_does_not_begin_another_week() {
+    let mut feed = feed();
+    let week_ms = 604_800_000;
+    // The last seconds of the week; the packet of its last 100 ms comes after the first of the next.
+    let order = (0..10).chain([11, 10]).chain(12..20);
+    let mut arrived_ns = 0;
+    for k in order {
+        arrived_ns = arrived_ns.max(OFFSET_NS + u64::from(100 * k + 130) * MS);
+        let packet = Packet::NavPvt(pvt((week_ms - 1100 + 100 * k) % week_ms, 48.0));
+        feed.add(&packet, 0, arrived_ns);
+        feed.add(&Packet::NavPvt(pvt(0, 0.0)), 1, arrived_ns);
+    }
+    let fix = publish(&mut feed, 1931).fix;
+    assert_eq!((fix.valid_ns, fix.latitude), (1930 * MS, 48.0));
+    let figures = feed.figures(0, 0);
+    assert_eq!((figures.foreign, figures.clock_steps), (20, 0));
+    assert_eq!((figures.repeated, figures.mistimed), (0, 1));
+}
+
+#[test]
 fn fixes_of_an_autopilot_have_no_velocity_and_those_of_a_receiver_replace_them() {
     let mut feed = feed();
     for k in 0..10 {
