@@ -33,7 +33,7 @@ use super::status_text::StatusText;
 
 /// Pause between attempts to reopen a source, and longest wait for its bytes.
 const PAUSE: Duration = Duration::from_millis(100);
-/// Attempts are as many pauses apart.
+/// Attempts are as many pauses apart, and the first one after a loss.
 const PAUSES: u32 = 5;
 /// Bytes of one read; a UDP packet is at most as long.
 const PIECE: usize = 65_536;
@@ -103,7 +103,7 @@ impl Drop for ReceiverThread {
     }
 }
 
-/// Receives from a source until it is told to stop.
+/// Receives from a source until it is told to stop. Without a port it opens the source at once.
 fn receive(
     index: u8,
     source: &ReceiverSource,
@@ -114,14 +114,16 @@ fn receive(
 ) {
     let mut bytes = vec![0; PIECE];
     let mut stream = Stream::default();
-    let mut pauses: u32 = 0;
+    let mut pauses = 0;
     while !shared.stop.load(Ordering::Relaxed) {
         let Some(opened) = &mut port else {
-            std::thread::sleep(PAUSE);
-            pauses += 1;
-            if pauses.is_multiple_of(PAUSES) {
+            if pauses > 0 {
+                std::thread::sleep(PAUSE);
+                pauses -= 1;
+            } else {
                 port = open_live(source, baud).ok();
                 shared.is_open.store(port.is_some(), Ordering::Relaxed);
+                pauses = PAUSES;
             }
             continue;
         };
@@ -178,7 +180,7 @@ pub(super) struct ReceiverDriver {
 }
 
 impl ReceiverDriver {
-    /// Opens the sources. In flight the driver waits for missing ones.
+    /// Opens the sources. In flight each thread opens its own, so that none waits for a server that does not answer.
     ///
     /// # Errors
     /// If a source cannot be opened before the flight, with the fix.
@@ -191,10 +193,9 @@ impl ReceiverDriver {
         let in_flight = is_under_way(&page);
         let mut threads = Vec::new();
         for (index, source) in (0..).zip(stated.addresses()?) {
-            let port = match open_live(&source, stated.baud) {
-                Ok(port) => Some(port),
-                Err(_) if in_flight => None,
-                Err(error) => return Err(error),
+            let port = match in_flight {
+                true => None,
+                false => Some(open_live(&source, stated.baud)?),
             };
             let thread = ReceiverThread::start(index, source, stated.baud, port, sender.clone())?;
             threads.push(thread);
@@ -279,5 +280,30 @@ impl ErasedService for ReceiverDriver {
     fn restore(&mut self, bytes: &[u8]) {
         let memory = ReceiverMemory::read_from_bytes(bytes).expect("a state of this service has this size");
         self.feed.restore(&memory, monotonic_ns());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use super::*;
+
+    /// Returns whether a thread without a port opens its source before a second attempt would be due.
+    fn opens_at_once() -> bool {
+        let (sender, _events) = sync_channel(1);
+        let source: ReceiverSource = "udp:127.0.0.1:0".parse().unwrap();
+        let began = Instant::now();
+        let thread = ReceiverThread::start(0, source, 38_400, None, sender).unwrap();
+        while !thread.shared.is_open.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        began.elapsed() < PAUSE * PAUSES
+    }
+
+    #[test]
+    fn in_flight_a_source_is_opened_at_once() {
+        // On a busy machine one attempt may be slow.
+        assert!((0..5).any(|_| opens_at_once()));
     }
 }
