@@ -225,7 +225,7 @@ class Autopilot:
                 "ground_speed": NAN if read.vel == 65535 else read.vel / 100,
                 "course": NAN if read.cog == 65535 else math.radians(read.cog / 100),
                 "satellites": NAN if read.satellites_visible == 255 else read.satellites_visible,
-                "height": read.alt_ellipsoid / 1000 if has_more else NAN,
+                "height": read.alt_ellipsoid / 1000 if has_more and (read.alt_ellipsoid or not read.alt) else NAN,
                 "horizontal_accuracy": read.h_acc / 1000 if has_more else NAN,
                 "vertical_accuracy": read.v_acc / 1000 if has_more else NAN,
                 "speed_accuracy": read.vel_acc / 1000 if has_more else NAN,

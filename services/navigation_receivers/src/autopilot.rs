@@ -238,8 +238,9 @@ fn gps_raw_int(fields: &Fields<'_>) -> Result<GpsRawInt, Reason> {
         course: known(26).map(|course| (f64::from(course) / 100.0).to_radians()),
         fix_type: fields.u8(28),
         satellites: Some(fields.u8(29)).filter(|count| *count != u8::MAX),
-        // Extensions that were not sent are zero.
-        height: (accuracies != [0; 3]).then(|| f64::from(fields.i32(30)) / 1e3),
+        // Extensions that were not sent are zero, and so is a height that the sender does not know.
+        height: (accuracies != [0; 3] && (fields.i32(30) != 0 || fields.i32(16) == 0))
+            .then(|| f64::from(fields.i32(30)) / 1e3),
         accuracies: (accuracies != [0; 3]).then(|| accuracies.map(|value| f64::from(value) / 1e3)),
         // 0 and all ones stand for no heading, 36000 for north.
         heading: (1..=36_000).contains(&yaw).then(|| Heading {
@@ -314,5 +315,25 @@ fn odometry(fields: &Fields<'_>) -> Result<Odometry, Reason> {
         Ok(motion)
     } else {
         Err(Reason::Range)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_height_above_the_ellipsoid_of_zero_is_unknown_unless_that_above_the_sea_is_zero() {
+        let height = |above_sea: i32, height: i32| {
+            let mut payload = [0; 52];
+            payload[16..20].copy_from_slice(&above_sea.to_le_bytes());
+            payload[30..34].copy_from_slice(&height.to_le_bytes());
+            // Of the horizontal position.
+            payload[34] = 14;
+            gps_raw_int(&Fields(&payload)).unwrap().height
+        };
+        assert_eq!(height(518_000, 565_000), Some(565.0));
+        assert_eq!(height(518_000, 0), None);
+        assert_eq!(height(0, 0), Some(0.0));
     }
 }
