@@ -143,23 +143,23 @@ fn receivers_that_cannot_be_flown_by_are_refused_with_the_fix() {
 fn a_vehicle_whose_samples_come_at_another_rate_than_scheduled_is_not_armed() {
     let place = Place::in_real_time();
     let settings = settings();
-    // At this rate the modelled vibration would look like a motion, which is refused.
-    let of_the_world = [
-        "schedule.period.\"imu/sample\"=0.008",
-        "sensors.imu.vibration=[0.0,0.0]",
+    // Twice that of the world.
+    let of_the_flight = [
+        "schedule.period.\"imu/sample\"=0.002",
+        "schedule.period.estimator=0.002",
     ];
-    let slow = [&settings[..], &of_the_world.map(str::to_owned)].concat();
-    let simulated = World::begin_of(OUTDOOR, &place, &slow, &["--out", "world"]);
+    let fast = [&settings[..], &of_the_flight.map(str::to_owned)].concat();
+    let simulated = World::begin_of(OUTDOOR, &place, &settings, &["--out", "world"]);
     until("the world", || place.path("world").exists().then_some(()));
     let run = ["--host", "realtime", "--out", "flight"];
-    let run = begin(&mut place.gerono(&arguments_of(OUTDOOR, "run", &settings, &run)));
+    let run = begin(&mut place.gerono(&arguments_of(OUTDOOR, "run", &fast, &run)));
     ask("the refusal", || {
         place.look()?;
         let refused = output(&mut place.gerono(&["arm"]));
         assert!(!refused.status.success(), "{}", said(&refused));
         let complaint = complaint(&refused);
         complaint
-            .contains("`schedule.period.\"imu/sample\"` states 250.0")
+            .contains("`schedule.period.\"imu/sample\"` states 500.0")
             .then_some(())
     });
     place.gerono(&["stop"]).output().unwrap();

@@ -98,12 +98,16 @@ impl Scenario {
     fn check_sensor_rates(&self, horizon: f64, schedule: &Schedule, found: &mut Findings) {
         let period_of = |topic| seconds(schedule.time_ns(schedule.topic_rate(topic).period));
         let key_of = |topic: Topic| Key::root().then("schedule").then("period").then(topic.name());
-        let (imu, longest) = (period_of(Topic::ImuSample), seconds(LONGEST_IMU_PERIOD_NS));
+        // Spans of real samples jitter, and arming permits 0.8 of the rate.
+        let real = self.real_receivers();
+        let (share, why) = real.map_or((1.0, ""), |_| (0.5, " that jitter, as real ones do"));
+        let imu = period_of(Topic::ImuSample);
+        let longest = share * seconds(LONGEST_IMU_PERIOD_NS);
         let shortest = horizon / STORED_SAMPLES as f64;
         if imu > longest || imu <= shortest {
             return found.add(
                 key_of(Topic::ImuSample),
-                format!("the filter cannot use samples every {imu:?} s"),
+                format!("the filter cannot use samples every {imu:?} s{why}"),
                 format!(
                     "give `imu/sample` a period between {} and {longest:?}",
                     six_digits(shortest)

@@ -194,21 +194,18 @@ fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
         "would wait for the filter's horizon",
         "fields one of 0.02",
     );
+    let late = |scenario: &mut Scenario, by| {
+        let name = "gnss/fix -> estimator".to_owned();
+        scenario.schedule.latency.insert(name, by);
+    };
     refused(
-        |scenario| {
-            let name = "gnss/fix -> estimator".to_owned();
-            scenario.schedule.latency.insert(name, 0.12);
-        },
+        |scenario| late(scenario, 0.12),
         "navigation.horizon",
         "samples of `gnss/fix` are late by 0.12 s",
         "raise it to 0.128",
     );
-    let very_late = |scenario: &mut Scenario| {
-        let name = "gnss/fix -> estimator".to_owned();
-        scenario.schedule.latency.insert(name, 0.248);
-    };
     refused(
-        very_late,
+        |scenario| late(scenario, 0.248),
         "navigation.horizon",
         "late by 0.248 s",
         "it is 0.25 at most: lower `schedule.latency`",
@@ -323,6 +320,15 @@ fn receivers_have_sources_and_their_own_latency_instead_of_a_simulated_one() {
         "receivers.sources.1",
         "stated twice",
         "leave one out",
+    );
+    refused(
+        |scenario| {
+            with(&["tty"])(scenario);
+            scenario.schedule.period.insert("imu/sample".to_owned(), 0.006);
+        },
+        "schedule.period.\"imu/sample\"",
+        "every 0.006 s that jitter",
+        "and 0.005",
     );
     refused(
         |scenario| {
