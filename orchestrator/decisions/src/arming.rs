@@ -7,6 +7,7 @@ use metrics::summary::{limit_in_words, not_level_in_words};
 use scenario::Scenario;
 use shared_types::ServiceId;
 use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady, ReadyLimits};
+use shared_types::gnss::FixKind;
 use shared_types::rotation::tilt;
 use shared_types::samples::{RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds, seconds};
@@ -15,6 +16,12 @@ use crate::shutdown::Shutdown;
 
 /// Maximum age of the vehicle's state for arming, s.
 const STALE: f64 = 0.1;
+
+/// Distance from `vehicle.initial.position` that is permitted with real receivers, m: horizontally, and vertically without the errors of
+/// the fixes.
+const OFF_THE_PLACE: [f64; 2] = [10.0, 3.0];
+/// Number of standard deviations of a fix's height that are permitted besides.
+const DEVIATIONS: f64 = 3.0;
 
 /// What is known when the operator asks to arm.
 #[derive(Debug)]
@@ -139,6 +146,9 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
              correct the origin of the cameras"
         ));
     }
+    if let Some(reason) = off_the_place(scenario, state) {
+        return Some(reason);
+    }
     let age_ns = |stamp_ns| now.elapsed_ns.saturating_sub(stamp_ns);
     let state_age_ns = age_ns(state.header.stamp_ns);
     let frame = now.frame.map(|frame| (frame, age_ns(frame.header.stamp_ns)));
@@ -170,6 +180,32 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
             NotReady::Demand => "the transmitter demands a landing or a kill".to_owned(),
         },
     )
+}
+
+/// Returns why the frame that real receivers measure in is not that of the scenario, if so: by another datum the vehicle would fly to a
+/// path that is far away, or below the ground.
+fn off_the_place(scenario: &Scenario, state: &VehicleState) -> Option<String> {
+    scenario.real_receivers()?;
+    if !state.tracked.is_set() {
+        return None;
+    }
+    let kind = FixKind::from(scenario.sensors.as_ref()?.gnss.kind);
+    let [_, height_deviation, _] = scenario.navigation.as_ref()?.errors()[kind as usize].deviations();
+    let [across_limit, up_limit] = OFF_THE_PLACE;
+    let up_limit = up_limit + DEVIATIONS * height_deviation;
+    let stated = scenario.vehicle.initial.position;
+    let [x, y, z] = std::array::from_fn(|axis| state.position_world[axis] - stated[axis]);
+    let across = (x * x + y * y).sqrt();
+    if across <= across_limit && z.abs() <= up_limit {
+        return None;
+    }
+    let side = if z > 0.0 { "below" } else { "above" };
+    Some(format!(
+        "by the fixes the vehicle is {across:.1} m beside and {:.1} m {side} `vehicle.initial.position`, and {across_limit} m and \
+         {up_limit:.1} m are permitted: correct `[datum]` (`height` is above the ellipsoid, not above the sea), carry the vehicle to \
+         its place, or state `vehicle.initial.position`",
+        z.abs()
+    ))
 }
 
 #[cfg(test)]
@@ -305,6 +341,35 @@ mod tests {
             let found = refusal(&scenario, &on_the_ground(&state, &frame));
             assert_eq!(found.is_none(), is_on_it, "{z}: {found:?}");
             assert!(found.is_none_or(|found| found.contains("`flight.ground`")));
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_real_receivers_see_elsewhere_is_not_armed() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/laboratory_outdoor.toml");
+        let scenario = scenario_file::load(&file, &[], None).unwrap();
+        let simulated = scenario_file::load(&file, &["receivers.sources=[]".to_owned()], None).unwrap();
+        let (mut state, frame) = standing();
+        for (position, words) in [
+            ([0.3, 0.2, 0.0], None),
+            ([6.0, 6.0, -3.0], None),
+            // Above the sea instead of above the ellipsoid.
+            (
+                [0.3, 0.2, 45.0],
+                Some("0.0 m beside and 45.0 m below `vehicle.initial.position`, and 10 m and 3.0 m"),
+            ),
+            ([0.3, 0.2, -4.0], Some("4.0 m above")),
+            ([3000.3, 4000.2, 0.0], Some("5000.0 m beside")),
+            ([f64::NAN, 0.0, 0.0], Some("NaN m beside")),
+        ] {
+            state.position_world = position;
+            let found = refusal(&scenario, &on_the_ground(&state, &frame));
+            let is_named = |words: &str| {
+                let found = found.as_ref().expect(words);
+                found.contains(words) && found.contains("correct `[datum]` (`height` is above the ellipsoid")
+            };
+            assert!(words.map_or(found.is_none(), is_named), "{position:?}: {found:?}");
+            assert_eq!(refusal(&simulated, &on_the_ground(&state, &frame)), None);
         }
     }
 
