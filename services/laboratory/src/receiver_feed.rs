@@ -1,7 +1,8 @@
 //! Feed of receivers: from packets to samples with their times of validity.
 //!
 //! An autopilot's `HIGHRES_IMU` has inertial samples, fields and altitudes; fixes are `NAV-PVT` of a receiver, or, while none has
-//! come, `GPS_RAW_INT` of an autopilot. The first sender of each is used, packets of others are counted.
+//! come, `GPS_RAW_INT` of an autopilot. The first sender of each is used, packets of others are counted. If it is silent, the same
+//! autopilot by another source replaces it, or another receiver.
 //!
 //! **Times.** A stamp is mapped by the arrivals to the machine's monotonic clock ([`RemoteClock`]), as if the fastest packet had
 //! taken the stated latency. `NAV-PVT` is mapped in the same way, by its time of the week: by UTC a fix would be as wrong as this
@@ -34,6 +35,10 @@ use zerocopy::FromZeros;
 const WAITING: usize = 64;
 /// Maximum age of a sample on arrival, and of a memory, ns.
 const MAX_AGE_NS: u64 = 2_000_000_000;
+/// Silence after which another sender replaces that of fixes, ns.
+const FIX_SILENCE_NS: u64 = 1_000_000_000;
+/// The same of inertial samples, ns.
+const IMU_SILENCE_NS: u64 = 100_000_000;
 /// Length of a week, ns.
 const WEEK_NS: i64 = 604_800_000_000_000;
 /// Accuracy of a velocity from which nothing follows, m/s.
@@ -47,7 +52,14 @@ struct Origin {
     source: u8,
     system: u8,
     component: u8,
-    sensor: u8,
+}
+
+impl Origin {
+    /// Returns whether a sender may replace another one that is silent: the same autopilot by another source, or another receiver. The
+    /// autopilot of another vehicle may not.
+    fn may_replace(self, other: Self) -> bool {
+        (self.system, self.component) == (other.system, other.component)
+    }
 }
 
 /// Clock of a sensor's sender, and its last sample.
@@ -56,14 +68,20 @@ struct Timeline {
     origin: Option<Origin>,
     clock: RemoteClock,
     last_stamp_ns: Option<i64>,
+    /// Arrival of the last packet of this sender, ns of the local clock.
+    arrived_ns: u64,
     /// Time of the last sample, ns of the local clock.
     last_ns: u64,
 }
 
 impl Timeline {
-    /// Returns whether packets of a sender are used. The first sender is, and a receiver instead of an autopilot.
-    fn is_from(&mut self, origin: Origin) -> bool {
-        let is_better = |used: Origin| used.system != 0 && origin.system == 0;
+    /// Returns whether packets of a sender are used. The first sender is, a receiver instead of an autopilot, and a sender that replaces
+    /// one from which nothing has arrived for a silence. Its clock is another one, and samples remain in order.
+    fn is_from(&mut self, origin: Origin, arrived_ns: u64, silence_ns: u64) -> bool {
+        let is_silent = arrived_ns.saturating_sub(self.arrived_ns) > silence_ns;
+        let is_better = |used: Origin| {
+            used.system != 0 && origin.system == 0 || used != origin && is_silent && origin.may_replace(used)
+        };
         if self.origin.is_none_or(is_better) {
             *self = Self {
                 origin: Some(origin),
@@ -71,7 +89,11 @@ impl Timeline {
                 ..Self::default()
             };
         }
-        self.origin == Some(origin)
+        let is_used = self.origin == Some(origin);
+        if is_used {
+            self.arrived_ns = arrived_ns;
+        }
+        is_used
     }
 
     /// Returns the time of a sample, ns of the local clock.
@@ -119,7 +141,7 @@ impl Timeline {
         let line = self.clock.line();
         let origin = self
             .origin
-            .map(|origin| [origin.source, origin.system, origin.component, origin.sensor]);
+            .map(|origin| [origin.source, origin.system, origin.component]);
         TimelineMemory {
             line_arrived_ns: line.map_or(0, |line| line.arrived_ns),
             offset_ns: line.map_or(0, |line| line.offset_ns),
@@ -129,12 +151,13 @@ impl Timeline {
             origin: origin.unwrap_or_default(),
             has_origin: origin.is_some().into(),
             is_timed: line.is_some().into(),
-            pad0: [0; 2],
+            pad0: [0; 3],
         }
     }
 
-    fn restored(memory: &TimelineMemory) -> Self {
-        let [source, system, component, sensor] = memory.origin;
+    /// Makes the timeline of a memory, whose last packet arrived at a time of the local clock, ns.
+    fn restored(memory: &TimelineMemory, arrived_ns: u64) -> Self {
+        let [source, system, component] = memory.origin;
         let line = ClockLine {
             arrived_ns: memory.line_arrived_ns,
             offset_ns: memory.offset_ns,
@@ -145,8 +168,8 @@ impl Timeline {
                 source,
                 system,
                 component,
-                sensor,
             }),
+            arrived_ns,
             clock: match memory.is_timed.is_set() {
                 true => RemoteClock::with_line(line),
                 false => RemoteClock::new(),
@@ -170,14 +193,14 @@ shared_types::sample! {
         pub last_stamp_ns: i64,
         /// Time of the last sample, ns.
         pub last_ns: u64,
-        /// The sender: source, system, component, sensor.
-        pub origin: [u8; 4],
+        /// The sender: source, system, component.
+        pub origin: [u8; 3],
         /// `true` if there is a sender.
         pub has_origin: Flag,
         /// `true` if the clock's line is known.
         pub is_timed: Flag,
         /// Explicit padding.
-        pub pad0: [u8; 2],
+        pub pad0: [u8; 3],
     }
 
     /// Memory of a feed, so that a restarted driver continues with the clocks and the altitude of its predecessor.
@@ -300,7 +323,6 @@ impl ReceiverFeed {
                     source,
                     system: sender.system,
                     component: sender.component,
-                    sensor: sample.sensor,
                 };
                 self.add_inertial(sample, origin, arrived_ns);
             }
@@ -309,9 +331,8 @@ impl ReceiverFeed {
                     source,
                     system: 0,
                     component: 0,
-                    sensor: 0,
                 };
-                if self.is_fix_from(origin) {
+                if self.is_fix_from(origin, arrived_ns) {
                     let stamp_ns = self.stamp_ns(pvt);
                     self.add_fix(fix_of_receiver(pvt), stamp_ns, arrived_ns);
                 }
@@ -321,9 +342,8 @@ impl ReceiverFeed {
                     source,
                     system: sender.system,
                     component: sender.component,
-                    sensor: 0,
                 };
-                if self.is_fix_from(origin) {
+                if self.is_fix_from(origin, arrived_ns) {
                     self.add_fix(fix_of_autopilot(fix), microseconds(fix.time_us), arrived_ns);
                 }
             }
@@ -333,7 +353,7 @@ impl ReceiverFeed {
     }
 
     fn add_inertial(&mut self, sample: &HighresImu, origin: Origin, arrived_ns: u64) {
-        if !self.motion.is_from(origin) {
+        if !self.motion.is_from(origin, arrived_ns, IMU_SILENCE_NS) {
             self.figures.foreign += 1;
             return;
         }
@@ -366,8 +386,8 @@ impl ReceiverFeed {
     }
 
     /// Returns whether fixes of a sender are used, and counts others.
-    fn is_fix_from(&mut self, origin: Origin) -> bool {
-        let is_used = self.fixes.is_from(origin);
+    fn is_fix_from(&mut self, origin: Origin, arrived_ns: u64) -> bool {
+        let is_used = self.fixes.is_from(origin, arrived_ns, FIX_SILENCE_NS);
         self.figures.foreign += u64::from(!is_used);
         is_used
     }
@@ -500,8 +520,8 @@ impl ReceiverFeed {
         self.altitude_of_origin = memory.has_altitude.is_set().then_some(memory.altitude_of_origin);
         if now_ns.saturating_sub(memory.arrived_ns) <= MAX_AGE_NS {
             self.arrived_ns = memory.arrived_ns;
-            self.motion = Timeline::restored(&memory.motion);
-            self.fixes = Timeline::restored(&memory.fixes);
+            self.motion = Timeline::restored(&memory.motion, memory.arrived_ns);
+            self.fixes = Timeline::restored(&memory.fixes, memory.arrived_ns);
             self.week_stamp_ns = memory.week_stamp_ns;
         }
     }

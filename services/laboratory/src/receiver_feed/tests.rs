@@ -272,3 +272,55 @@ fn a_feed_that_nobody_empties_keeps_the_newest_samples() {
     );
     assert!(feed.figures(0, 0).left_out > 0);
 }
+
+#[test]
+fn the_same_autopilot_by_another_source_replaces_a_source_that_is_silent() {
+    let mut feed = feed();
+    add_inertial(&mut feed, 0..400);
+    let last = publish(&mut feed, 398).imu;
+    assert_eq!(last.measured_ns, 397 * MS);
+    let other_vehicle = Sender {
+        system: 2,
+        component: 1,
+    };
+    let mut foreign = 0;
+    for at_ms in (400..1000_u64).step_by(4) {
+        // The last packet arrived at 399 ms.
+        let arrived_ns = OFFSET_NS + (at_ms + 3) * MS;
+        let mut sample = inertial(at_ms, 1.0, 30.0);
+        sample.sensor = 3;
+        feed.add(&Packet::HighresImu(other_vehicle, sample), 0, arrived_ns);
+        feed.add(&Packet::HighresImu(AUTOPILOT, sample), 1, arrived_ns);
+        foreign += 1 + u64::from(at_ms + 3 <= 399 + 100);
+        assert_eq!(feed.figures(0, 0).foreign, foreign, "{at_ms} ms");
+    }
+    let published = publish(&mut feed, 998).imu;
+    assert_eq!(published.measured_ns, 997 * MS);
+    // The source that was silent remains replaced.
+    let back = Packet::HighresImu(AUTOPILOT, inertial(1000, 0.0, 30.0));
+    feed.add(&back, 0, OFFSET_NS + 1003 * MS);
+    assert_eq!(feed.figures(0, 0).foreign, foreign + 1);
+    let restored = Timeline::restored(&feed.motion.save(), feed.arrived_ns);
+    assert_eq!(restored.origin, feed.motion.origin);
+}
+
+#[test]
+fn another_receiver_replaces_one_that_is_silent_and_an_autopilot_does_not() {
+    let mut feed = feed();
+    let mut add = |k: u32, source: u8, latitude: f64| {
+        let packet = Packet::NavPvt(pvt(100 * k, latitude));
+        feed.add(&packet, source, OFFSET_NS + u64::from(100 * k + 130) * MS);
+        let fix = Packet::GpsRawInt(AUTOPILOT, raw(u64::from(100 * k), 5));
+        feed.add(&fix, 2, OFFSET_NS + u64::from(100 * k + 131) * MS);
+    };
+    for k in 0..10 {
+        add(k, 0, 48.0);
+    }
+    for k in 10..30 {
+        add(k, 1, 49.0);
+    }
+    // Ten packets of the other receiver while the first was silent for no more than 1 s, and all of the autopilot.
+    assert_eq!(feed.figures(0, 0).foreign, 10 + 30);
+    let fix = publish(&mut feed, 2931).fix;
+    assert_eq!((fix.latitude, fix.valid_ns), (49.0, 2930 * MS));
+}
