@@ -84,6 +84,8 @@ pub(super) struct Reception {
     /// Fixes without a position, and of each kind.
     kinds: [u64; 4],
     newest: Option<Fix>,
+    /// The newest latitude and longitude, degrees, and height above the ellipsoid, m.
+    position: Option<[f64; 3]>,
     /// Ages on arrival, s.
     ages: Vec<f64>,
     recent_age: Option<f64>,
@@ -112,6 +114,7 @@ impl Reception {
         packets.add(time.unwrap_or(packets.last));
         match packet {
             Packet::NavPvt(pvt) => {
+                self.add_position(pvt.kind(), [pvt.latitude, pvt.longitude, pvt.height]);
                 self.add_fix(Fix {
                     kind: pvt.kind(),
                     satellites: Some(pvt.satellites),
@@ -125,18 +128,27 @@ impl Reception {
                     self.recent_age = Some(age);
                 }
             }
-            Packet::GpsRawInt(_, fix) => self.add_fix(Fix {
-                kind: fix.kind(),
-                satellites: fix.satellites,
-                accuracies: fix.accuracies,
-                has_corrections: fix.fix_type >= 4,
-                has_vertical_velocity: false,
-            }),
+            Packet::GpsRawInt(_, fix) => {
+                if let Some(height) = fix.height {
+                    self.add_position(fix.kind(), [fix.latitude, fix.longitude, height]);
+                }
+                self.add_fix(Fix {
+                    kind: fix.kind(),
+                    satellites: fix.satellites,
+                    accuracies: fix.accuracies,
+                    has_corrections: fix.fix_type >= 4,
+                    has_vertical_velocity: false,
+                });
+            }
             Packet::RelativePosition(relative) => {
                 self.has_heading |= relative.is_valid && relative.heading.is_some();
             }
             _ => {}
         }
+    }
+
+    fn add_position(&mut self, kind: Option<FixKind>, position: [f64; 3]) {
+        self.position = kind.map(|_| position).or(self.position);
     }
 
     fn add_fix(&mut self, fix: Fix) {
@@ -208,9 +220,15 @@ impl Reception {
                 describe_fix(fix)
             ));
         }
-        if let Some([median, _, largest]) = self.age() {
+        if let Some([latitude, longitude, height]) = self.position {
             line(format_args!(
-                "age on arrival by this machine's clock: median {:.0} ms, largest {:.0} ms",
+                "position: {latitude:.7}°, {longitude:.7}°, {height:.2} m above the ellipsoid"
+            ));
+        }
+        if let Some([least, median, _, largest]) = self.age() {
+            line(format_args!(
+                "age on arrival by this machine's clock: least {:.0} ms (`receivers.fix_latency`), median {:.0} ms, largest {:.0} ms",
+                1e3 * least,
                 1e3 * median,
                 1e3 * largest
             ));
@@ -230,14 +248,15 @@ impl Reception {
         text
     }
 
-    /// Returns the median, the 95 % quantile and the largest age, s; `None` without ages that can be those of fixes.
-    fn age(&self) -> Option<[f64; 3]> {
+    /// Returns the least age, the median, the 95 % quantile and the largest, s; `None` without ages that can be those of fixes.
+    fn age(&self) -> Option<[f64; 4]> {
         let mut ages = self.ages.clone();
         ages.sort_by(f64::total_cmp);
+        let least = *ages.first()?;
         let median = *ages.get(ages.len() / 2)?;
         let late = *ages.get(ages.len() * 95 / 100)?;
         AGES.contains(&median)
-            .then(|| [median, late, *ages.last().unwrap_or(&median)])
+            .then(|| [least, median, late, *ages.last().unwrap_or(&median)])
     }
 
     /// Returns what is wrong, each with the next step, the most fundamental first.
@@ -407,7 +426,7 @@ impl Reception {
             }
         }
         match self.age() {
-            Some([_, late, _]) if late > HORIZON => add(format!(
+            Some([.., late, _]) if late > HORIZON => add(format!(
                 "more than 5 % of the fixes are {:.0} ms old on arrival or older, more than the filter's horizon of {:.0} ms: raise the speed of the line, or the horizon",
                 1e3 * late,
                 1e3 * HORIZON
@@ -462,7 +481,15 @@ mod tests {
         payload[20] = solution;
         payload[21] = 0b11 | carrier << 6;
         payload[23] = 21;
-        for (offset, value) in [(40, 14_u32), (44, 21), (68, 50)] {
+        for (offset, value) in [
+            (24, 115_761_240_u32),
+            (28, 481_371_540),
+            (32, 565_000),
+            (36, 518_000),
+            (40, 14),
+            (44, 21),
+            (68, 50),
+        ] {
             payload[offset..offset + 4].copy_from_slice(&value.to_le_bytes());
         }
         let mut packet = vec![0xb5, 0x62, 0x01, 0x07, 92, 0];
@@ -498,6 +525,10 @@ mod tests {
         );
         assert!(
             text.contains("RTK fixed 100.0 %; the last: RTK fixed, 21 satellites, ±0.014 m"),
+            "{text}"
+        );
+        assert!(
+            text.contains("position: 48.1371540°, 11.5761240°, 565.00 m above the ellipsoid"),
             "{text}"
         );
     }
@@ -567,6 +598,12 @@ mod tests {
             assert!(
                 found.contains(words) && found.is_empty() == words.is_empty(),
                 "{found}"
+            );
+            let text = reception.describe(stream.counts());
+            assert_eq!(
+                text.contains("least 60 ms (`receivers.fix_latency`), median 60 ms"),
+                offset_ns == 60_000_000,
+                "{text}"
             );
         }
     }
