@@ -103,7 +103,7 @@ impl Drop for ReceiverThread {
     }
 }
 
-/// Receives from a source until it is told to stop. Without a port it opens the source at once.
+/// Receives from a source until the driver ends. Without a port it opens the source at once.
 fn receive(
     index: u8,
     source: &ReceiverSource,

@@ -55,6 +55,14 @@ struct Origin {
 }
 
 impl Origin {
+    fn new(source: u8, system: u8, component: u8) -> Self {
+        Self {
+            source,
+            system,
+            component,
+        }
+    }
+
     /// Returns whether a sender may replace another one that is silent: the same autopilot by another source, or another receiver. The
     /// autopilot of another vehicle may not.
     fn may_replace(self, other: Self) -> bool {
@@ -164,11 +172,10 @@ impl Timeline {
             slope: memory.slope,
         };
         Self {
-            origin: memory.has_origin.is_set().then_some(Origin {
-                source,
-                system,
-                component,
-            }),
+            origin: memory
+                .has_origin
+                .is_set()
+                .then(|| Origin::new(source, system, component)),
             arrived_ns,
             clock: match memory.is_timed.is_set() {
                 true => RemoteClock::with_line(line),
@@ -248,15 +255,18 @@ impl<T> Waiting<T> {
         self.0.pop_front_if(|(measured_ns, _)| *measured_ns <= tick_ns)
     }
 
-    /// Removes all samples by a time. Returns the newest, and the number of others.
-    fn newest_by(&mut self, tick_ns: u64) -> Option<((u64, T), u64)> {
-        let mut newest = self.next_by(tick_ns)?;
+    /// Removes all samples by a time. Returns the newest of a flight that began at `start_ns`, with its time since then, and counts the
+    /// others.
+    fn newest_by(&mut self, tick_ns: u64, start_ns: u64, left_out: &mut u64) -> Option<(u64, T)> {
+        let (mut measured_ns, mut sample) = self.next_by(tick_ns)?;
         let mut others = 0;
         while let Some(next) = self.next_by(tick_ns) {
-            newest = next;
+            (measured_ns, sample) = next;
             others += 1;
         }
-        Some((newest, others))
+        let since_start_ns = measured_ns.checked_sub(start_ns)?;
+        *left_out += others;
+        Some((since_start_ns, sample))
     }
 }
 
@@ -319,31 +329,20 @@ impl ReceiverFeed {
         self.arrived_ns = arrived_ns;
         match packet {
             Packet::HighresImu(sender, sample) => {
-                let origin = Origin {
-                    source,
-                    system: sender.system,
-                    component: sender.component,
-                };
-                self.add_inertial(sample, origin, arrived_ns);
+                self.add_inertial(
+                    sample,
+                    Origin::new(source, sender.system, sender.component),
+                    arrived_ns,
+                );
             }
             Packet::NavPvt(pvt) => {
-                let origin = Origin {
-                    source,
-                    system: 0,
-                    component: 0,
-                };
-                if self.is_fix_from(origin, arrived_ns) {
+                if self.is_fix_from(Origin::new(source, 0, 0), arrived_ns) {
                     let stamp_ns = self.stamp_ns(pvt);
                     self.add_fix(fix_of_receiver(pvt), stamp_ns, arrived_ns);
                 }
             }
             Packet::GpsRawInt(sender, fix) => {
-                let origin = Origin {
-                    source,
-                    system: sender.system,
-                    component: sender.component,
-                };
-                if self.is_fix_from(origin, arrived_ns) {
+                if self.is_fix_from(Origin::new(source, sender.system, sender.component), arrived_ns) {
                     self.add_fix(fix_of_autopilot(fix), microseconds(fix.time_us), arrived_ns);
                 }
             }
@@ -430,13 +429,13 @@ impl ReceiverFeed {
     /// Writes the samples that are due at a tick that begins at `tick_ns` into outputs of a flight that began at `start_ns`, both ns
     /// of the local clock.
     pub(super) fn publish(&mut self, tick_ns: u64, start_ns: u64, outputs: &mut PlantOutputs<'_>) {
-        let since_start = |time_ns: u64| time_ns.checked_sub(start_ns);
+        let left_out = &mut self.figures.left_out;
         if let Some(sample) = outputs.imu.due() {
             let mut sum: Inertial = [[0.0; 3]; 2];
             let mut count = 0.0;
             let mut last_ns = 0;
             while let Some((measured_ns, inertial)) = self.inertial.next_by(tick_ns) {
-                if let Some(since_start_ns) = since_start(measured_ns) {
+                if let Some(since_start_ns) = measured_ns.checked_sub(start_ns) {
                     for (sum, value) in sum.as_flattened_mut().iter_mut().zip(inertial.as_flattened()) {
                         *sum += value;
                     }
@@ -452,33 +451,27 @@ impl ReceiverFeed {
             }
         }
         if let Some(sample) = outputs.fix.due()
-            && let Some(((valid_ns, fix), others)) = self.fix.newest_by(tick_ns)
-            && let Some(valid_ns) = since_start(valid_ns)
+            && let Some((valid_ns, fix)) = self.fix.newest_by(tick_ns, start_ns, left_out)
         {
             *sample = GnssFix {
                 header: sample.header,
                 valid_ns,
                 ..fix
             };
-            self.figures.left_out += others;
         }
         if let Some(sample) = outputs.altitude.due()
-            && let Some(((measured_ns, altitude), others)) = self.altitude.newest_by(tick_ns)
-            && let Some(measured_ns) = since_start(measured_ns)
+            && let Some((measured_ns, altitude)) = self.altitude.newest_by(tick_ns, start_ns, left_out)
         {
             sample.measured_ns = measured_ns;
             sample.altitude = altitude;
             sample.measured = true.into();
-            self.figures.left_out += others;
         }
         if let Some(sample) = outputs.field.due()
-            && let Some(((measured_ns, field), others)) = self.field.newest_by(tick_ns)
-            && let Some(measured_ns) = since_start(measured_ns)
+            && let Some((measured_ns, field)) = self.field.newest_by(tick_ns, start_ns, left_out)
         {
             sample.measured_ns = measured_ns;
             sample.field_body = field;
             sample.measured = true.into();
-            self.figures.left_out += others;
         }
     }
 
