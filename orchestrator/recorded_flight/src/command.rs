@@ -270,11 +270,7 @@ struct Clock {
 
 /// Returns the time from the publication of a topic to the estimator, ns.
 fn latency_ns(schedule: &Schedule, topic: Topic) -> u64 {
-    let mut inputs = schedule.inputs(ServiceId::Estimator);
-    let input = inputs.find(|(_, input)| input.topic == topic);
-    input.map_or(0, |(index, _)| {
-        schedule.time_ns(schedule.latency(ServiceId::Estimator, index))
-    })
+    schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic))
 }
 
 impl Clock {

@@ -251,7 +251,7 @@ const LARGEST_LEVER_ARM: f64 = 2.0;
 /// Warns of sensors far away from the vehicle, and of an antenna that is not where the estimator assumes it.
 fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
     let length = |arm: &Vector| arm.iter().map(|part| part * part).sum::<f64>().sqrt();
-    let key = |names: &[&str]| names.iter().fold(Key::root(), |key, name| key.then(*name));
+    let key = |names: &[&str]| names.iter().copied().collect::<Key>();
     let navigation = scenario.navigation.as_ref();
     let stated = navigation.map(|navigation| (key(&["navigation", "antenna"]), navigation.antenna));
     let sensors = scenario.sensors.as_ref();
