@@ -89,7 +89,7 @@ pub fn fly(
     let mut observer = Observer {
         loss: LossWatch::new(scenario, tracker.source()),
         tracker,
-        watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule),
+        watch: FaultWatch::new(vec![cell.watched.clone()], &[], &schedule).beside(undisturbed.signs()),
         undisturbed: undisturbed.clone(),
         digest: with_digest.then(ExperimentDigest::default),
         end,

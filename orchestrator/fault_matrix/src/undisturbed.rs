@@ -1,4 +1,4 @@
-//! The flight without a fault: the distance from the path that the scenario's own changes cause.
+//! The flight without a fault: the distance from the path that the scenario's own changes cause, and what services refuse by chance.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -12,6 +12,7 @@ use super::BESIDE;
 use flight::interrupt::Interrupt;
 use flight::journal::JournalError;
 use flight::{Outcome, in_process};
+use metrics::summary::faults::{OrdinarySigns, OrdinaryWatch};
 use metrics::tracker::{Moment, Tracker};
 use supervisor::RunFailure;
 
@@ -29,10 +30,13 @@ pub enum NotFlown {
     Journal(#[from] JournalError),
 }
 
-/// Distances of the undisturbed vehicle from its path by tick, m: the maximum within [`BESIDE`] of each. Shared by all
-/// flights that are compared with it.
+/// The undisturbed flight, shared by all flights that are compared with it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Undisturbed(Arc<[f64]>);
+pub struct Undisturbed {
+    /// Distances of the vehicle from its path by tick, m: the maximum within [`BESIDE`] of each.
+    distances: Arc<[f64]>,
+    signs: Arc<OrdinarySigns>,
+}
 
 impl Undisturbed {
     /// Flies `scenario`, which plans no fault, to `end` (s) in this process.
@@ -43,35 +47,48 @@ impl Undisturbed {
         let mut scenario = scenario.clone();
         scenario.duration = scenario.duration.min(end);
         let schedule = flight::schedule_of(&scenario).map_err(RunFailure::from)?;
-        let mut distances = Distances::new(&schedule, scenario.flight.is_some());
-        let ending = in_process::fly(&scenario, &mut distances, interrupt).map_err(RunFailure::from)?;
+        let mut observer = Observer::new(&schedule, scenario.flight.is_some());
+        let ending = in_process::fly(&scenario, &mut observer, interrupt).map_err(RunFailure::from)?;
         if let Outcome::Interrupted { signal } = ending.outcome {
             return Err(NotFlown::Interrupted(signal));
         }
         let beside = usize::try_from(nanoseconds(BESIDE) / schedule.tick_ns()).unwrap_or(usize::MAX);
-        Ok(Self(sliding_maximum(&distances.finish(), beside).into()))
+        let (distances, signs) = observer.finish();
+        Ok(Self {
+            distances: sliding_maximum(&distances, beside).into(),
+            signs: Arc::new(signs),
+        })
+    }
+
+    /// Returns the signs of the services in it.
+    #[must_use]
+    pub fn signs(&self) -> Arc<OrdinarySigns> {
+        Arc::clone(&self.signs)
     }
 
     /// Returns the maximum distance of the undisturbed vehicle near a tick, m; `None` if its flight ended before.
     #[must_use]
     #[inline]
     pub fn near(&self, tick: u64) -> Option<f64> {
-        self.0.get(usize::try_from(tick).ok()?).copied()
+        self.distances.get(usize::try_from(tick).ok()?).copied()
     }
 }
 
-/// Distance of every tick; 0 where there is none.
-struct Distances {
+/// Observer of the undisturbed flight.
+struct Observer {
     tracker: Tracker,
+    /// Distance of every tick, m; 0 where there is none.
     distances: Vec<f64>,
+    signs: OrdinaryWatch,
 }
 
-impl Distances {
+impl Observer {
     fn new(schedule: &Schedule, has_phases: bool) -> Self {
         let ticks = usize::try_from(schedule.last_tick() + 1).unwrap_or(usize::MAX);
         Self {
             tracker: Tracker::new(schedule, has_phases),
             distances: vec![0.0; ticks],
+            signs: OrdinaryWatch::default(),
         }
     }
 
@@ -82,15 +99,15 @@ impl Distances {
         }
     }
 
-    fn finish(mut self) -> Vec<f64> {
+    fn finish(mut self) -> (Vec<f64>, OrdinarySigns) {
         if let Some(moment) = self.tracker.last() {
             self.keep(&moment);
         }
-        self.distances
+        (self.distances, self.signs.finish())
     }
 }
 
-impl TickSink for Distances {
+impl TickSink for Observer {
     type Error = Infallible;
 
     #[inline]
@@ -98,6 +115,7 @@ impl TickSink for Distances {
         if let Some(moment) = self.tracker.observe(topic, bytes) {
             self.keep(&moment);
         }
+        self.signs.observe(topic, bytes);
         Ok(())
     }
 }

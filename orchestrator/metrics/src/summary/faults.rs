@@ -9,6 +9,7 @@ mod signs;
 mod table;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use scenario::Scenario;
 use serde::{Deserialize, Serialize};
@@ -23,7 +24,7 @@ use crate::view;
 pub use receiver::ReceiverFault;
 use record::FaultRecord;
 use signs::Observers;
-pub use signs::Reactions;
+pub use signs::{OrdinarySigns, OrdinaryWatch, Reactions};
 pub(super) use table::faults_in_words;
 
 /// Time before a fault whose maximum error is the bound for the recovery, s.
@@ -121,6 +122,7 @@ impl PlannedFault {
 pub struct FaultWatch {
     records: Vec<FaultRecord>,
     observers: Observers,
+    ordinary: Arc<OrdinarySigns>,
     phase: Option<FlightPhase>,
     /// First tick of that phase.
     phase_from: u64,
@@ -155,6 +157,7 @@ impl FaultWatch {
         Self {
             records,
             observers: Observers::default(),
+            ordinary: Arc::default(),
             phase: None,
             phase_from: 0,
             request: None,
@@ -163,6 +166,12 @@ impl FaultWatch {
             apart: nanoseconds(APART) / schedule.tick_ns(),
             last_tick: None,
         }
+    }
+
+    /// Ignores the signs that the same flight has without a fault.
+    #[must_use]
+    pub fn beside(self, ordinary: Arc<OrdinarySigns>) -> Self {
+        Self { ordinary, ..self }
     }
 
     /// Adds a sample; call in the order of the log.
@@ -176,6 +185,7 @@ impl FaultWatch {
             _ => {}
         }
         if let Some(look) = self.observers.look(topic, bytes) {
+            let look = self.ordinary.without(tick, look);
             for record in &mut self.records {
                 record.observe_look(tick, &look);
             }

@@ -1,7 +1,10 @@
 //! Signs of detection and reaction in the samples of the services.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 use shared_types::samples::{ControlAdaptation, PathReference, RcFrame, VehicleState};
+use shared_types::service::header_of;
 use shared_types::{Schedule, ServiceId, Topic};
 
 use crate::read;
@@ -111,6 +114,50 @@ impl Observers {
             refused: grown,
             sign: sign.zip(topic.publisher()).map(|(sign, service)| (service, sign)),
         })
+    }
+}
+
+/// Signs of a flight without a fault: the same sign at the same tick is none of a fault.
+///
+/// The noise of a sensor is a function of the tick: what a gate refuses by chance, it refuses beside a fault too.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OrdinarySigns(BTreeSet<(u64, ServiceId, &'static str)>);
+
+impl OrdinarySigns {
+    fn has(&self, tick: u64, (service, sign): (ServiceId, &'static str)) -> bool {
+        self.0.contains(&(tick, service, sign))
+    }
+
+    /// Removes the sign of a sample at a tick if it is an ordinary one.
+    #[inline]
+    pub(super) fn without(&self, tick: u64, look: Look) -> Look {
+        Look {
+            sign: look.sign.filter(|&sign| !self.has(tick, sign)),
+            ..look
+        }
+    }
+}
+
+/// Collector of the [`OrdinarySigns`] of a flight without a fault.
+#[derive(Clone, Debug, Default)]
+pub struct OrdinaryWatch {
+    observers: Observers,
+    signs: OrdinarySigns,
+}
+
+impl OrdinaryWatch {
+    /// Adds a sample; call in the order of the log.
+    #[inline]
+    pub fn observe(&mut self, topic: Topic, bytes: &[u8]) {
+        if let Some((service, sign)) = self.observers.look(topic, bytes).and_then(|look| look.sign) {
+            self.signs.0.insert((header_of(bytes).tick, service, sign));
+        }
+    }
+
+    /// Returns the signs.
+    #[must_use]
+    pub fn finish(self) -> OrdinarySigns {
+        self.signs
     }
 }
 

@@ -236,6 +236,35 @@ fn what_has_shown_since_before_the_fault_is_no_sign_of_it() {
 }
 
 #[test]
+fn what_a_service_refuses_at_the_same_tick_without_the_fault_is_no_sign_of_it() {
+    let refusal = |tick: u64| {
+        let mut state = VehicleState::new_zeroed();
+        state.header = schedule().header(Topic::VehicleState, tick);
+        state.tracked = true.into();
+        // By chance at 10.5 s; with the fault at 10.6 s, too.
+        state.captures_refused = u32::from(tick >= 1050);
+        state
+    };
+    let mut ordinary = OrdinaryWatch::default();
+    for tick in 0..2000 {
+        ordinary.observe(Topic::VehicleState, refusal(tick).as_bytes());
+    }
+    let ordinary = std::sync::Arc::new(ordinary.finish());
+    for (is_refused_at, after) in [(None, None), (Some(1060), Some(0.6))] {
+        let mut watch =
+            FaultWatch::new(vec![fault(1000, Some(1010))], &[], &schedule()).beside(ordinary.clone());
+        for tick in 0..2000 {
+            let mut state = refusal(tick);
+            state.captures_refused += u32::from(is_refused_at.is_some_and(|from| tick >= from));
+            watch.observe(Topic::VehicleState, state.as_bytes());
+        }
+        let report = watch.finish(&schedule(), None).remove(0);
+        let found = report.detection.map(|detection| detection.after);
+        assert_eq!(found, after, "{is_refused_at:?}");
+    }
+}
+
+#[test]
 fn the_first_of_two_signs_counts_also_within_a_tick() {
     let report = report(fault(1000, Some(1010)), |tick, all| {
         all.frame.failsafe = (tick >= 1004).into();
