@@ -296,9 +296,12 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         ),
         (
             "[[compare]]\nname = \"x\"\n[[compare]]\nname = \"y\"\n",
-            "`compare.1` flies the same as `compare.0`",
+            "`y` flies the same as `x` (`compare.1`, `compare.0`)",
         ),
+        ("sampels = 3\n", "did you mean `samples`?"),
+        ("method = \"sobl\"\n", "did you mean `sobol`?"),
         ("rank = \"rms\"\n", "`rank`: a row has no `rms`"),
+        ("rank = \"steady_rms\"\n", "did you mean `steady_rmse`?"),
         (
             "set = [\"vehicle.mass=0.25\"]\n[vary]\n\"vehicle.mass\" = { uniform = [0.18, 0.22] }\n",
             "`set` of the sweep states `vehicle.mass`",

@@ -29,8 +29,21 @@ pub fn log_path(path: &Path) -> PathBuf {
                 recovery.source
             ));
         }
+    } else if holds_a_sweep(path) {
+        note(format_args!(
+            "{0} is the folder of a sweep: open its `index.html`, or repeat one of its flights, with a log, by `gerono sweep fly {0} \
+             --sample N`",
+            path.display()
+        ));
     }
     log
+}
+
+/// Returns whether a folder has the rows of a sweep.
+fn holds_a_sweep(folder: &Path) -> bool {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names = files.map(|file| file.path());
+    names.any(|name| name.extension().is_some_and(|extension| extension == "rows"))
 }
 
 /// Prints a note about the topics that a log omits at its scenario's request.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use scenario::suggest::nearest;
 use scenario_file::values::plain_name;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -246,6 +247,20 @@ impl Source {
     }
 }
 
+/// Describes an error of the text, with the known name that is nearest to an unknown one.
+fn with_nearest_name(error: &toml::de::Error) -> String {
+    let quoted: Vec<&str> = error.message().split('`').skip(1).step_by(2).collect();
+    match quoted.split_first() {
+        Some((unknown, known)) if error.message().starts_with("unknown") => {
+            match nearest(unknown, known.iter().copied()) {
+                Some(nearest) => format!("{}\ndid you mean `{nearest}`?", error.to_string().trim_end()),
+                None => error.to_string(),
+            }
+        }
+        _ => error.to_string(),
+    }
+}
+
 fn read_text(path: &Path, fix: &str) -> Result<String, SweepError> {
     std::fs::read_to_string(path)
         .map_err(|error| SweepError::bad_input(format!("cannot read {}: {error}; {fix}", path.display())))
@@ -264,7 +279,8 @@ impl Definition {
                 "this is a scenario, not a sweep: {run} flies it, and a sweep names it in `scenario`"
             )));
         }
-        let mut definition: Self = toml::from_str(text).map_err(|error| refused(error.to_string()))?;
+        let mut definition: Self =
+            toml::from_str(text).map_err(|error| refused(with_nearest_name(&error)))?;
         definition.check().map_err(refused)?;
         let map_values = definition.map.iter_mut().map(|map| &mut map.value);
         for name in map_values.chain([&mut definition.rank]) {
@@ -323,7 +339,8 @@ impl Definition {
                 |other: &Entry| other.set == entry.set && entry.own.is_none() && other.own.is_none();
             if let Some(same) = self.compare[..index].iter().position(flies_as) {
                 return Err(format!(
-                    "`compare.{index}` flies the same as `compare.{same}`: change its `set`, or remove it"
+                    "`{}` flies the same as `{}` (`compare.{index}`, `compare.{same}`): change its `set`, or remove it",
+                    entry.name, self.compare[same].name
                 ));
             }
         }

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use ::flight::identity::program_hash;
+use scenario::suggest::known_names;
 
 use crate::definition::Source;
 use crate::error::SweepError;
@@ -90,8 +91,8 @@ fn check_names(plan: &Plan, layout: &Layout) -> Result<(), SweepError> {
     {
         None => Ok(()),
         Some((key, name, known)) => Err(SweepError::bad_input(format!(
-            "`{key}`: a row has no `{name}`; its columns are {}",
-            known.join(", ")
+            "`{key}`: a row has no `{name}`; {}",
+            known_names(name, known)
         ))),
     }
 }
