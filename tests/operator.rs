@@ -6,7 +6,7 @@ use std::fs::File;
 use std::os::fd::OwnedFd;
 use std::process::Command;
 
-use common::pilot::{await_phase, wait_on_the_ground};
+use common::pilot::{await_phase, flight_on_the_ground, wait_on_the_ground};
 use common::processes::{free_the_descriptors_of, leave_no_descriptor_to, processes_of, signal};
 use common::terminal::Terminal;
 use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
@@ -242,6 +242,34 @@ fn say_nothing(place: &Place, run: &Begun) -> OwnedFd {
     socket
 }
 
+/// The path generator decides on a request that the orchestrator has accepted: here it sees no vehicle.
+#[test]
+fn a_request_to_arm_that_lapses_is_answered_as_refused_and_a_kill_is_shown_in_the_run_s_terminal() {
+    let place = Place::in_real_time();
+    let unseen =
+        r#"fault=[{at=0.0, edge="vehicle/state -> path_generator", kind="intermittent", fraction=1.0}]"#;
+    let run = begin(flight_on_the_ground(&place).args(["--set", unseen]));
+    await_phase(&place, "disarmed");
+    for _ in 0..2 {
+        let answer = until("a state of the vehicle", || {
+            let asked = place.gerono(&["arm"]).output().unwrap();
+            let answer = complaint(&asked);
+            assert_eq!(asked.status.code(), Some(7), "{answer}");
+            (!answer.contains("no state of the vehicle")).then_some(answer)
+        });
+        let reason = "the vehicle was not ready, there was no recent state of a tracked vehicle";
+        assert!(
+            answer.contains(reason) && answer.contains("arm again"),
+            "{answer}"
+        );
+    }
+    succeed(&mut place.gerono(&["kill"]));
+    signal(run.id(), Signal::INT);
+    let killed = "killed: the motors rest until the end of the run (gerono kill)";
+    let shown = complaint(&finish(run));
+    assert!(shown.contains(killed), "{shown}");
+}
+
 #[test]
 fn another_login_has_to_confirm_what_turns_motors() {
     let login = std::fs::read_to_string("/proc/self/loginuid").unwrap_or_default();
@@ -289,10 +317,10 @@ fn another_login_has_to_confirm_what_turns_motors() {
         terminal.press("y\n");
         let answered = terminal.await_exit(&mut asked);
         let shown = terminal.screen().text();
-        assert!(
-            answered.success() || shown.contains("no state of the vehicle was received yet"),
-            "{shown}"
-        );
+        let is_asked_again = ["no state of the vehicle was received yet", "arm again"]
+            .iter()
+            .any(|reason| shown.contains(reason));
+        assert!(answered.success() || is_asked_again, "{shown}");
         answered.success().then_some(())
     });
     await_phase(&place, "take-off");

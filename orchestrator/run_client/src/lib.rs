@@ -40,6 +40,9 @@ pub const SOCKET: &str = "desk";
 /// Answer timeout; an orchestrator handles questions 100 times a second.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
+/// Time within which the path generator arms or lets a request lapse (`ARM_WITHIN`), and a machine that is late reports it.
+const DECIDED: Duration = Duration::from_secs(2);
+
 /// Request of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -194,6 +197,43 @@ impl LiveRun {
             // Also after an interruption, the loop receives again.
             let _ = poll(&mut answer, Some(&left));
         }
+    }
+
+    /// Requests arming, and waits until the vehicle is armed, or the run has found that it is not ready.
+    ///
+    /// # Errors
+    /// As of [`Self::ask`].
+    pub fn arm(&self) -> Result<Answer, LiveError> {
+        let Answer::Snapshot(before) = self.ask(&Question::Look, PATIENCE)? else {
+            return self.ask(&Question::Operate(Request::Arm), PATIENCE);
+        };
+        let accepted = self.ask(&Question::Operate(Request::Arm), PATIENCE)?;
+        if !matches!(accepted, Answer::Done(_)) {
+            return Ok(accepted);
+        }
+        let look = || self.ask(&Question::Look, PATIENCE);
+        let is_undecided = |look: &Result<Answer, LiveError>| match look {
+            Ok(Answer::Snapshot(now)) => {
+                !now.is_armed_or_flies() && now.not_ready_since(before.time).is_none()
+            }
+            _ => false,
+        };
+        let decided = retried(Instant::now() + DECIDED, search::RETRY, look, is_undecided)?;
+        let Answer::Snapshot(now) = decided else {
+            return Ok(accepted);
+        };
+        let reason = match now.not_ready_since(before.time) {
+            Some(reason) => reason,
+            None if now.is_armed_or_flies() => return Ok(accepted),
+            // The same reason twice is one event.
+            None => now
+                .not_ready_since(0.0)
+                .unwrap_or("not armed: the vehicle stayed disarmed"),
+        };
+        Ok(Answer::Refused(format!(
+            "{reason} (run {}); arm again",
+            self.name
+        )))
     }
 
     /// Sends a request without waiting. Returns `false` if the socket is full. Answers arrive in the order of requests.

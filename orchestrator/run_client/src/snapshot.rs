@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use metrics::summary::timing::Quantiles;
+use shared_types::FlightPhase;
 
 /// State of a run in real time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,7 +51,24 @@ pub struct Snapshot {
     pub events: Vec<LiveEvent>,
 }
 
+/// Beginning of the event that a request to arm lapsed, or that an armed vehicle was disarmed, because it was not ready.
+pub const NOT_READY: &str = "disarmed: the vehicle was not ready";
+
 impl Snapshot {
+    /// Returns whether the vehicle is armed, on the ground or in the air.
+    pub(super) fn is_armed_or_flies(&self) -> bool {
+        self.phase
+            .as_deref()
+            .is_some_and(|phase| phase != FlightPhase::Disarmed.name())
+    }
+
+    /// Returns why the vehicle was not ready at its last arming since a time, s, if it was not.
+    pub(super) fn not_ready_since(&self, time: f64) -> Option<&str> {
+        let since = self.events.iter().rev().take_while(|event| event.time >= time);
+        let mut texts = since.map(|event| event.text.as_str());
+        texts.find(|text| text.starts_with(NOT_READY))
+    }
+
     /// Applies `change` to all texts from a scenario, a network or another program.
     pub(super) fn change_texts(&mut self, mut change: impl FnMut(&mut String)) {
         change(&mut self.scenario);

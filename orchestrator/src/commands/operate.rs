@@ -43,10 +43,7 @@ pub fn arm(arguments: &Operate) -> Result<(), Failure> {
             return Err(Failure::trouble(reason));
         }
     }
-    show(
-        run.ask(&Question::Operate(Request::Arm), PATIENCE)
-            .map_err(Failure::trouble)?,
-    )
+    show(run.arm().map_err(Failure::trouble)?)
 }
 
 /// `gerono get`: prints keys, and the run's identity on standard error.

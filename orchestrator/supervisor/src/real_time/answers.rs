@@ -63,7 +63,11 @@ impl Flight<'_> {
         };
         let warning = warning.map_or_else(String::new, |warning| format!("; warning: {warning}"));
         self.ask(request, kind, event);
-        self.record_event(&format!("{text}{warning}"));
+        match request {
+            // It may come from another room.
+            Request::Kill => self.announce(format!("{text} ({event})")),
+            Request::Arm | Request::Disarm | Request::Land => self.record_event(&format!("{text}{warning}")),
+        }
         // The run's identity goes between the action and its detail: "armed run 7-0, …", "killed run 7-0, …: the motors
         // …".
         let (done, detail) = text.split_at(text.find(':').unwrap_or(text.len()));

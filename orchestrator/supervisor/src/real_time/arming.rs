@@ -17,7 +17,8 @@ use super::kill_switch::KillSwitch;
 use decisions::arming::{self, Situation};
 use hand_test::record::HandTestRecord;
 use run_client::newest::Newest;
-use scenario::Scenario;
+use run_client::snapshot::NOT_READY;
+use scenario::{RadioProtocol, Scenario};
 
 /// The hand test that a scenario names. It may be done during the run, and its result is asked for at every look at the flight:
 /// the file is read when it is another one than before.
@@ -116,14 +117,23 @@ impl Flight<'_> {
     pub(super) fn announce_decisions(&mut self) {
         if let Some(frame) = self.recorder.newest::<RcFrame>()
             && std::mem::replace(&mut self.last_action, frame.action) != frame.action
-            && frame.limit != RcFrame::LIMIT_NONE
         {
-            let limit = limit_in_words(frame.limit);
-            match frame.action {
-                RcFrame::ACTION_LAND => self.announce(format!("{limit}: the vehicle lands")),
-                RcFrame::ACTION_KILL => self.announce(format!("{limit}: the motors are stopped for good")),
-                RcFrame::ACTION_WARN if frame.limit == RcFrame::LIMIT_BATTERY => self.announce(limit),
+            let limit = (frame.limit != RcFrame::LIMIT_NONE).then(|| limit_in_words(frame.limit));
+            match (frame.action, limit) {
+                (RcFrame::ACTION_LAND, Some(limit)) => self.announce(format!("{limit}: the vehicle lands")),
+                (RcFrame::ACTION_KILL, Some(limit)) => {
+                    self.announce(format!("{limit}: the motors are stopped for good"));
+                }
+                (RcFrame::ACTION_WARN, Some(limit)) if frame.limit == RcFrame::LIMIT_BATTERY => {
+                    self.announce(limit);
+                }
+                // Requests were announced before.
                 _ => {}
+            }
+            let locks = self.scenario.radio_link() == Some(RadioProtocol::Crazyflie);
+            if frame.action == RcFrame::ACTION_KILL && locks {
+                let text = "the Crazyflie is locked: end the run, then switch the vehicle off and on";
+                self.announce(text.to_owned());
             }
         }
         let Some(reference) = self.recorder.newest::<PathReference>() else {
@@ -153,7 +163,7 @@ impl Flight<'_> {
                 }
                 None => found.words().to_owned(),
             };
-            self.record_event(&format!("disarmed: the vehicle was not ready, {why}"));
+            self.record_event(&format!("{NOT_READY}, {why}"));
             let run = &self.run;
             let text = format!(
                 "The vehicle was not ready and is disarmed: {why}. Arm again: gerono arm --run {run}"

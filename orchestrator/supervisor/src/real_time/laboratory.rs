@@ -343,7 +343,8 @@ fn camera_failure(
         )),
         _ if figures.rate == 0.0 => Some("the rate of frames has not been measured yet".to_owned()),
         _ if !(least..=most).contains(&figures.rate) => Some(format!(
-            "{:.1} frames come a second, and `motion_capture.rate` states {least} to {most}",
+            "{:.1} frames come a second, and `motion_capture.rate` states {least} to {most}: set the system to that rate, or state its \
+             own; `gerono mocap probe` shows whether the network loses frames",
             figures.rate
         )),
         _ => None,
