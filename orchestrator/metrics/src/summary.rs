@@ -155,6 +155,9 @@ pub struct Summary {
     pub steady: Option<Metrics>,
     /// Metrics of the whole flight; `None` if the vehicle never flew along its path.
     pub metrics: Option<Metrics>,
+    /// Time until which they were measured, s.
+    #[serde(skip)]
+    pub measured_until: f64,
     /// atanh(δ/(k1 σmax)): the theorem's ultimate bound of the distance from the path, m; `None` for other controllers than
     /// Gerono's own.
     pub ultimate_bound: Option<f64>,
@@ -250,6 +253,8 @@ pub struct FlightSummary {
     kill: KillWatch,
     /// `true` if the vehicle flies along its path, by the newest information.
     is_on_path: bool,
+    /// Time of the last moment on the path, ns.
+    on_path_until_ns: u64,
     phases: PhaseRecords,
     /// `None` without planned faults.
     faults: Option<Box<FaultWatch>>,
@@ -301,6 +306,7 @@ impl FlightSummary {
             tracker,
             kill: KillWatch::default(),
             is_on_path: false,
+            on_path_until_ns: 0,
             phases: PhaseRecords::new(scenario, schedule),
             faults: (!faults.is_empty()).then(|| Box::new(FaultWatch::new(faults, &changes, schedule))),
             flight: FlightWatch::new(scenario),
@@ -420,6 +426,7 @@ impl FlightSummary {
             tracker,
             loss,
             is_on_path,
+            on_path_until_ns,
             phases,
             faults,
             ..
@@ -428,6 +435,9 @@ impl FlightSummary {
             return;
         };
         *is_on_path = moment.distance_on_path().is_some();
+        if *is_on_path {
+            *on_path_until_ns = moment.vehicle.time_ns;
+        }
         loss.observe(moment);
         phases.at(moment.vehicle.tick).observe(moment);
         if let Some(faults) = faults {
@@ -525,6 +535,7 @@ impl FlightSummary {
             source,
             steady: phases.last().and_then(|phase| phase.steady),
             metrics: whole.finish(),
+            measured_until: seconds(self.on_path_until_ns),
             ultimate_bound: self.bound,
             at_bound: at_bound.collect(),
             phases,

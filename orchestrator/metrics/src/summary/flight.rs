@@ -21,6 +21,9 @@ pub struct FlightPhaseBegin {
     /// Cause of the phase; `None` for the first one and for regular transitions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+    /// `true` if neither the operator nor an ordinary flight began it: an unready vehicle, a limit, a lost position.
+    #[serde(skip)]
+    pub is_unasked: bool,
 }
 
 /// Record of the phases and the operator's requests.
@@ -114,6 +117,7 @@ impl FlightWatch {
             phase: change.to.name(),
             begins: seconds(change.stamp_ns),
             reason: self.reason(change),
+            is_unasked: is_unasked(change.cause),
         });
         begins.collect()
     }
@@ -173,6 +177,18 @@ pub fn not_level_in_words(tilt: f64, tilt_max: f64) -> String {
 
 fn not_ready(why: &str) -> String {
     format!("was not ready, {why}: arm again")
+}
+
+/// Returns whether a cause of [`PathReference`] is neither a request nor that of the next phase of an ordinary flight.
+fn is_unasked(cause: u8) -> bool {
+    !matches!(
+        cause,
+        PathReference::CAUSE_NONE
+            | PathReference::CAUSE_OPERATOR_KILLS
+            | PathReference::CAUSE_OPERATOR_DISARMS
+            | PathReference::CAUSE_OPERATOR_LANDS
+            | PathReference::CAUSE_TOUCHED_DOWN
+    )
 }
 
 /// A cause of [`PathReference`] in words; none for the next phase of an ordinary flight.

@@ -167,10 +167,18 @@ impl Summary {
         format!("{distance} from the path in steady state (root mean square, {from:.1} to {to:.1} s{source})")
     }
 
-    /// Describes the lateness of the machine in a lost flight.
+    /// Describes the lateness of the machine in a flight that was lost, killed or made to land, or in which the vehicle was not
+    /// ready or answered wrongly.
     #[must_use]
     pub fn lateness(&self) -> Option<String> {
-        let lateness = self.lost.as_ref().and_then(|_| self.run.lateness())?;
+        let is_ordinary = self.lost.is_none()
+            && self.killed.is_none()
+            && self.response.is_none()
+            && !self.flight.iter().any(|phase| phase.is_unasked);
+        if is_ordinary {
+            return None;
+        }
+        let lateness = self.run.lateness()?;
         Some(format!(
             "The {lateness}. Judge the flight accordingly; `gerono doctor` says what to do about the machine."
         ))
@@ -191,7 +199,11 @@ impl Summary {
             let text = format!("The theorem bounds the distance for t → ∞ by {}.", length(bound));
             writeln!(formatter, "{}", wrapped(&text))?;
         }
-        if self.lost.is_some() {
+        if self
+            .lost
+            .as_ref()
+            .is_some_and(|loss| loss.time < self.measured_until)
+        {
             let text = "The numbers include what was flown after the loss.";
             writeln!(formatter, "{}", wrapped(text))?;
         }

@@ -372,12 +372,14 @@ fn a_vehicle_that_diverges_is_lost_whatever_its_controller_says() {
         "{text}"
     );
     assert!(!text.contains("machine"), "{text}");
-    for (last, words) in [
-        (1200, "\nended when the vehicle was lost\n"),
-        (1300, "\nended 1.0 s after the vehicle was lost\n"),
+    for (last, words, is_flown_on) in [
+        (1200, "\nended when the vehicle was lost\n", false),
+        (1300, "\nended 1.0 s after the vehicle was lost\n", true),
     ] {
         let text = lost_flight_to(last, facts()).to_string();
         assert!(text.contains(words), "{text}");
+        let after = "The numbers include what was flown after the loss.";
+        assert_eq!(text.contains(after), is_flown_on, "{text}");
     }
 }
 
