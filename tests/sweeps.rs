@@ -13,7 +13,7 @@ use sweep::flight;
 use sweep::plan::Plan;
 
 use crate::common::processes::{await_catching, signal};
-use crate::common::{Place, begin, finish, output, scenario, succeed};
+use crate::common::{Place, begin, complaint, finish, output, scenario, succeed};
 use crate::plugins::{ROOT, compile};
 
 /// Twelve short flights of two laws; one of the vehicles is too heavy for any law.
@@ -365,6 +365,30 @@ fn wrong_sweeps_are_refused_before_anything_is_flown() {
         said.contains("this is a sweep, not a scenario") && said.contains("gerono sweep run sweep.toml"),
         "{said}"
     );
+}
+
+#[test]
+fn a_varied_inertia_of_vehicles_that_follow_body_rates_is_noted_and_a_sweep_s_folder_is_no_log() {
+    let place = Place::new();
+    let vary = "[vary]\n\"vehicle.inertia\" = [\"1e-3 * j\", \"1e-3 * j\", \"2e-3 * j\"]\nj = { uniform = [0.5, 1.0] }\n";
+    for (name, is_noted) in [("fig3_6", true), ("fig1", false)] {
+        let head = format!(
+            "scenario = {:?}\nsamples = 2\nset = [\"duration=0.1\", \"vehicle.change=[]\"]\n",
+            scenario(name)
+        );
+        std::fs::write(place.path("sweep.toml"), head + vary).unwrap();
+        let flown = place
+            .gerono(&["sweep", "run", "sweep.toml", "--out", name])
+            .output()
+            .unwrap();
+        let noted = complaint(&flown);
+        assert!(flown.status.success(), "{noted}");
+        let words = "`vary.\"vehicle.inertia\"` has no effect";
+        assert_eq!(noted.contains(words), is_noted, "{name}: {noted}");
+        let reported = complaint(&place.gerono(&["report", name]).output().unwrap());
+        let words = format!("{name} is the folder of a sweep: open its `index.html`");
+        assert!(reported.contains(&words), "{reported}");
+    }
 }
 
 #[test]

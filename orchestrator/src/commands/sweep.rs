@@ -42,6 +42,11 @@ fn check_flyable(prepared: &Prepared, shard: Shard, interrupt: &Interrupt) -> Re
     if let (refused, Some(first)) = plan.check_flyable(samples, interrupt).map_err(failure)? {
         note(format_args!("{refused} flights are refused: {first}"));
     }
+    if let Some(name) = plan.idle_inertia() {
+        note(format_args!(
+            "`vary.\"{name}\"` has no effect: these vehicles follow body rates by `vehicle.actuators.rate_lag`, whatever their inertia"
+        ));
+    }
     for entry in &plan.entries {
         if let Some(warning) = plan.warning(entry) {
             note(format_args!("`{}`, sample 0: {warning}", entry.name));

@@ -34,6 +34,8 @@ pub struct Plan {
     varied: Vec<Varied>,
     requirements: Vec<Expression>,
     phases: usize,
+    /// `true` if a law commands torque, or a vehicle takes it: its inertia has an effect then.
+    turns_by_torque: bool,
     /// SHA-256 of every file that flights read, by its purpose and law.
     files: BTreeMap<String, String>,
 }
@@ -101,6 +103,7 @@ impl Plan {
         let (design, samples) = design(definition, &parts)?;
         let mut plan = Self {
             phases: 1,
+            turns_by_torque: false,
             files: BTreeMap::new(),
             entries: definition.entries(),
             samples,
@@ -118,6 +121,8 @@ impl Plan {
             let scenario = scenario_file::load_from(path, text, &settings, Some(1));
             let scenario = scenario.map_err(|error| error.with_settings_named(&settings_name(entry)))?;
             laws.push(scenario.controller.law);
+            plan.turns_by_torque |=
+                scenario.vehicle.actuators.is_none() || scenario.controller.rates.is_none();
             plan.phases = plan.phases.max(1 + scenario.vehicle.change.len());
             if let Some(index) = (0..plan.samples).next()
                 && let Err(error) = plan.scenario(&plan.sample(index), entry)
@@ -359,6 +364,14 @@ impl Plan {
     pub fn scenario(&self, sample: &Sample, entry: &Entry) -> Result<Scenario, ScenarioError> {
         let scenario = self.load(&self.settings_of(sample, entry), sample.seed);
         scenario.map_err(|error| error.with_settings_named(&settings_name(entry)))
+    }
+
+    /// Returns the first varied inertia where every vehicle follows body rates: its torque is not modelled, so it has no effect.
+    #[must_use]
+    pub fn idle_inertia(&self) -> Option<&str> {
+        let names = self.varied.iter().map(|varied| varied.name.as_str());
+        let mut inertias = names.filter(|name| name.starts_with("vehicle.") && name.contains(".inertia"));
+        inertias.next().filter(|_| !self.turns_by_torque)
     }
 
     /// Returns the first warning about the first sample with an entry: an inertia in another unit, or a broken rule of tuning.
