@@ -145,13 +145,13 @@ fn a_vehicle_flies_whose_thrust_and_lags_are_not_as_estimated() {
         let airframe = airframe(vehicle);
         let estimates = new_scenario::estimates::Estimates::of(&airframe).unwrap();
         for [thrust, lag] in WRONG {
-            let rate_lag = lag * estimates.rate_lag;
+            let rate_lag = estimates.rate_lag.map(|stated| lag * stated);
             let sets = [
                 format!("vehicle.actuators.thrust_factor={thrust:?}"),
                 // The motors have as much thrust as they have: the weight must be left.
                 format!("vehicle.actuators.thrust_max={:?}", thrust * estimates.thrust_max),
                 format!("vehicle.actuators.thrust_lag={:?}", lag * estimates.thrust_lag),
-                format!("vehicle.actuators.rate_lag=[{rate_lag:?}, {rate_lag:?}, {rate_lag:?}]"),
+                format!("vehicle.actuators.rate_lag={rate_lag:?}"),
             ];
             let what = format!("{vehicle:?}: thrust {thrust}, lags {lag}");
             assert_near_its_path(&fly(&airframe, Surroundings::Simulated, &sets), 0.015, &what);

@@ -6,7 +6,7 @@ use radio_link::channel_map::{ChannelMap, CodeUnit, SentTravel, StickTravel};
 use radio_link::link::RadioLink;
 use radio_link::sender::{LinkReport, Sender};
 use radio_link::sticks::Sticks;
-use scenario::{RcLink, Scenario};
+use scenario::{RadioProtocol, RcLink, Scenario};
 use shared_types::service::nanoseconds;
 
 use command_line::exit::Exit;
@@ -18,6 +18,10 @@ use identification::link::STICKS;
 
 /// Period at which the sticks are updated, s.
 const STEP: f64 = 0.01;
+
+/// Time for which a Crazyflie whose motors may have turned gets stops, s: it counts as flying until 2 s after, and locks when packets
+/// end before (`supervisor.c` of 2026.08).
+const STOPS: f64 = 2.5;
 
 /// Steps between two printed lines.
 const SHOWN_EVERY: u64 = 25;
@@ -61,6 +65,10 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
         std::thread::sleep(Duration::from_secs_f64(STEP));
     }
     sender.set(&Sticks::MOTORS_OFF);
+    if link.link == RadioProtocol::Crazyflie && moved.contains(&0) {
+        print("\nthe motors are kept still until the vehicle has landed for its firmware\n");
+        std::thread::sleep(Duration::from_secs_f64(STOPS));
+    }
     let report = sender
         .stop()
         .map_err(|_| Failure::trouble("the sender has failed"))?;

@@ -43,6 +43,15 @@ const LAG_OF_CORELESS: f64 = 0.07;
 /// Time constant of the body rates by that of the thrust, and its minimum, s: 0.02 s and 0.03 s for the paper's vehicle.
 const RATE_LAG: [f64; 2] = [0.67, 0.02];
 
+/// Gains on the error of yaw, 1/s, and on its integral, 1/s².
+const YAW_GAINS: [f64; 2] = [4.0, 0.5];
+
+/// Time constant of a Crazyflie's rate of yaw, s: its firmware integrates the rate to an angle, and turns the vehicle by that.
+const CRAZYFLIE_YAW_LAG: f64 = 0.2;
+
+/// Gains that go with it.
+const CRAZYFLIE_YAW_GAINS: [f64; 2] = [1.5, 0.1];
+
 /// Diagonal above which body rates are limited to the lower ones, m.
 const LARGE: f64 = 0.35;
 
@@ -63,8 +72,10 @@ pub struct Estimates {
     pub of_crazyflie: Option<&'static str>,
     /// Time constant of the thrust, s.
     pub thrust_lag: f64,
-    /// Time constant of the body rates, s.
-    pub rate_lag: f64,
+    /// Time constants of the body rates, s.
+    pub rate_lag: Vector,
+    /// Gains on the error of yaw, 1/s, and on its integral, 1/s².
+    pub yaw_gains: [f64; 2],
     /// Body rates at the ends of the channels, rad/s.
     pub rate_max: Vector,
 }
@@ -113,6 +124,7 @@ impl Estimates {
         } else {
             LAG_PER_INCH * propeller
         };
+        let rate_lag = (RATE_LAG[0] * thrust_lag).max(RATE_LAG[1]);
         let cuboid = CUBOID.map(|edge| edge * size);
         let body = Model {
             mass,
@@ -126,7 +138,8 @@ impl Estimates {
             limited: (stated_ratio != ratio).then_some(ratio),
             of_crazyflie: None,
             thrust_lag,
-            rate_lag: (RATE_LAG[0] * thrust_lag).max(RATE_LAG[1]),
+            rate_lag: [rate_lag; 3],
+            yaw_gains: YAW_GAINS,
             rate_max: if size > LARGE {
                 [10.0, 10.0, 4.0]
             } else {
@@ -135,18 +148,20 @@ impl Estimates {
         })
     }
 
-    /// Takes the least maximum thrust of a Crazyflie's firmware that lifts a vehicle of this mass, kg, with a reserve, if one does.
+    /// Takes the yaw of a Crazyflie's firmware, and its least maximum thrust that lifts a vehicle of this mass, kg, with a reserve, if
+    /// one does.
     #[must_use]
     pub fn of_a_crazyflie(self, mass: f64) -> Self {
         let lifts = |(thrust, _): &&(f64, &str)| *thrust >= CRAZYFLIE_RATIO * mass * GRAVITY;
-        CRAZYFLIE_THRUSTS
-            .iter()
-            .find(lifts)
-            .map_or(self, |&(thrust_max, motors)| Self {
-                thrust_max,
-                of_crazyflie: Some(motors),
-                ..self
-            })
+        let thrust = CRAZYFLIE_THRUSTS.iter().find(lifts);
+        let [x, y, _] = self.rate_lag;
+        Self {
+            thrust_max: thrust.map_or(self.thrust_max, |&(thrust_max, _)| thrust_max),
+            of_crazyflie: thrust.map(|&(_, motors)| motors),
+            rate_lag: [x, y, CRAZYFLIE_YAW_LAG],
+            yaw_gains: CRAZYFLIE_YAW_GAINS,
+            ..self
+        }
     }
 }
 

@@ -373,7 +373,7 @@ fn model(airframe: &Airframe, estimates: &Estimates) -> String {
          radio_latency = 0.005           # s, from the frame to its acting: data sheet; `gerono identify`, when the lags are right\n",
         vector(*cuboid),
         number(*thrust_lag),
-        number(*rate_lag),
+        number(rate_lag[0]),
     )
 }
 
@@ -381,7 +381,7 @@ fn controller(airframe: &Airframe, estimates: &Estimates) -> String {
     let mass = airframe.mass;
     let (gains, measured) = (Gains::for_unmeasured(mass), Gains::for_measured(mass));
     let learning = number(gains.lambda_disturbance);
-    let mass_max = 2.0 * mass;
+    let (mass_max, [yaw_kp, yaw_ki]) = (2.0 * mass, estimates.yaw_gains);
     format!(
         "\n# --- The control law: docs/tuning.md -----------------------------------------------------------------------------------\n\
          # Slow enough for a thrust and lags that are estimates. When they are measured: k1 = {:?}, k2 = {:?} and Λb = {}.\n\
@@ -405,8 +405,8 @@ fn controller(airframe: &Airframe, estimates: &Estimates) -> String {
          inertia = {}  # kg m²: estimate, a factor of three does no harm; a bifilar pendulum. β and Λw follow\n\
          \n\
          [controller.rates]              # body rates, not torque\n\
-         yaw_kp = 4.0\n\
-         yaw_ki = 0.5\n",
+         yaw_kp = {yaw_kp:?}\n\
+         yaw_ki = {yaw_ki:?}\n",
         measured.k1,
         measured.k2,
         number(measured.lambda_disturbance),
@@ -425,7 +425,7 @@ fn controller(airframe: &Airframe, estimates: &Estimates) -> String {
 
 fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surroundings) -> String {
     let mass = airframe.mass;
-    let lag = number(estimates.rate_lag);
+    let [lag, _, yaw_lag] = estimates.rate_lag.map(number);
     let (start, initial_thrust) = match surroundings {
         Surroundings::Simulated => (
             "\n[vehicle.initial]\nposition = [0.4, 0.2, -0.8]     # m, in the air, 0.7 m from the start of the path\n",
@@ -445,7 +445,7 @@ fn vehicle(airframe: &Airframe, estimates: &Estimates, surroundings: Surrounding
          {start}\n\
          [vehicle.actuators]\n\
          thrust_lag = {}              # s: estimate\n\
-         rate_lag = [{lag}, {lag}, {lag}]  # s: estimate\n\
+         rate_lag = [{lag}, {lag}, {yaw_lag}]  # s: estimate\n\
          thrust_max = {}               # N{}\n\
          rate_max = {}  # rad/s\n\
          {initial_thrust}\
