@@ -75,6 +75,15 @@ status=0
 "$GERONO" rc motors "$scenario" --propellers-off --set "rc_output.transmitter.reversed='A'" >reversed.txt || status=$?
 cat reversed.txt
 [ "$status" = 6 ] && grep -q 'roll rate .*WRONG: the motors turn the vehicle the other way' reversed.txt
+# Its motors rest after it, wherever it is interrupted.
+python3 "$here/sitl_rest.py" 127.0.0.1 5761
+for after in 0.5 1.5 2.5 3.5; do
+    status=0
+    timeout --signal=INT "$after" "$GERONO" rc motors "$scenario" --propellers-off >interrupted.txt 2>&1 || status=$?
+    cat interrupted.txt
+    [ "$status" = 124 ]
+    python3 "$here/sitl_rest.py" 127.0.0.1 5761
+done
 "$GERONO" run "$scenario" --host realtime --out "$work/flight" >flight.txt 2>&1 &
 flight=$!
 patience=60
