@@ -116,7 +116,11 @@ pub fn probe(
         let text = sections(system, stated, body, received.rate());
         let written = file.write_all(text.as_bytes()).and_then(|()| file.finish());
         written.map_err(|error| not_written(path, &error))?;
-        print(format!("calibration written to {}\n", path.display()));
+        print(format!(
+            "calibration written to {}\nPut its keys in place of the same ones in your scenario, and keep all others, such as \
+             `marker_offset_deviation` and `latency`.\n",
+            path.display()
+        ));
     }
     Ok(Exit::Success)
 }

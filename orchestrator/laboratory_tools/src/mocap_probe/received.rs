@@ -7,7 +7,7 @@ use comfy_table::{Table, presets};
 use motion_capture::diagnosis::FAR;
 use motion_capture::figures::Moments;
 use motion_capture::transport::CaptureSource;
-use motion_capture::wire::{CapturePose, Frame, Name, PoseError, WireBody};
+use motion_capture::wire::{Frame, Name, PoseError, WireBody};
 use nalgebra::{Matrix3, Vector3};
 use scenario::{BodyNumbers, CaptureSystem};
 use shared_types::rotation::orthonormalized;
@@ -32,8 +32,6 @@ pub(super) struct Body {
     tracked: u64,
     coordinates: [Moments; 3],
     rotation: Matrix3<f64>,
-    turned: Moments,
-    first: Option<CapturePose>,
 }
 
 impl Body {
@@ -47,8 +45,6 @@ impl Body {
             tracked: 0,
             coordinates: [Moments::default(); 3],
             rotation: Matrix3::zeros(),
-            turned: Moments::default(),
-            first: None,
         }
     }
 
@@ -81,10 +77,6 @@ impl Body {
             moments.push(*coordinate);
         }
         self.rotation += pose.capture_from_markers;
-        let first = self.first.get_or_insert(*pose);
-        // For small angles |R1 − R2|F = √2 times the angle.
-        let turned = (pose.capture_from_markers - first.capture_from_markers).norm() / 2.0_f64.sqrt();
-        self.turned.push(turned);
     }
 
     /// Returns the mean position in the capture frame, m.
@@ -100,10 +92,22 @@ impl Body {
             .fold(0.0, f64::max)
     }
 
-    pub(super) fn mean_rotation(&self) -> Matrix3<f64> {
+    /// Returns the mean of the rotation matrices, which is no rotation.
+    fn mean_matrix(&self) -> Matrix3<f64> {
         #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
-        let mean = self.rotation / self.tracked.max(1) as f64;
-        (0..8).fold(mean, |rotation, _| orthonormalized(&rotation))
+        let tracked = self.tracked.max(1) as f64;
+        self.rotation / tracked
+    }
+
+    pub(super) fn mean_rotation(&self) -> Matrix3<f64> {
+        (0..8).fold(self.mean_matrix(), |rotation, _| orthonormalized(&rotation))
+    }
+
+    /// Returns the standard deviation of the attitude about each axis, root mean square, rad.
+    fn attitude_deviation(&self) -> f64 {
+        // For small angles θ about the mean rotation, tr(R̄ᵀ R) = 3 − |θ|².
+        let square = 3.0 - (self.mean_rotation().transpose() * self.mean_matrix()).trace();
+        (square.max(0.0) / 3.0).sqrt()
     }
 }
 
@@ -272,7 +276,7 @@ impl ReceivedPackets {
             "tracked [%]",
             "position, capture frame [m]",
             "position σ [mm]",
-            "attitude [mrad]",
+            "attitude σ [mrad]",
         ]);
         for body in self.bodies.values() {
             #[expect(clippy::cast_precision_loss, reason = "an hour of frames is exact")]
@@ -285,7 +289,7 @@ impl ReceivedPackets {
                 "moves".to_owned()
             };
             let turned = if is_at_rest {
-                format!("{:.2}", 1e3 * body.turned.mean())
+                format!("{:.2}", 1e3 * body.attitude_deviation())
             } else {
                 String::new()
             };
@@ -315,7 +319,9 @@ fn seconds(ns: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use motion_capture::wire::Stamp;
+    use motion_capture::wire::{CapturePose, Stamp};
+    use shared_types::noise::{Noise, Stream};
+    use shared_types::rotation::exp;
 
     /// Returns the warnings about the bodies after a hundred frames with each at its position, with this noise.
     fn warnings(system: CaptureSystem, bodies: &[(&[u8], f64)], noise: f64) -> String {
@@ -344,6 +350,23 @@ mod tests {
             .values()
             .map(|body| received.warnings(body))
             .collect()
+    }
+
+    #[test]
+    fn the_noise_of_an_attitude_is_that_about_an_axis() {
+        let (mut noise, deviation) = (Noise::new(1, Stream::CameraNoise), 2e-3);
+        let at_rest = exp(&Vector3::new(0.3, -0.2, 1.0));
+        let mut body = Body::new(1);
+        for number in 0..4000 {
+            let turned = at_rest * exp(&(noise.at(number).normal3() * deviation));
+            body.add(&WireBody {
+                name: Name::EMPTY,
+                number: 1,
+                pose: Some(CapturePose::new([0.0; 3], turned).unwrap()),
+            });
+        }
+        let found = body.attitude_deviation();
+        assert!((found / deviation - 1.0).abs() < 0.03, "{found}");
     }
 
     #[test]
