@@ -23,7 +23,7 @@ const TURNED: f64 = 0.26;
 const SAME_ROTATION: f64 = 0.5;
 
 /// Tilt at rest from which the body was created while it was not level, rad.
-const NOT_LEVEL: f64 = 0.087;
+pub const NOT_LEVEL: f64 = 0.087;
 
 /// Volume of three rotation axes below which two of them are the same.
 const SAME_AXES: f64 = 0.3;

@@ -11,6 +11,7 @@ use command_line::failure::Failure;
 use command_line::interrupt;
 use command_line::output::{print, write_json};
 use command_line::progress::waiting;
+use hand_test::cause::NOT_LEVEL;
 use hand_test::record::HandTestRecord;
 use hand_test::steps::{Quantity, Step};
 use hand_test::test::{Awaits, HandTest, Pose, StepResult, Verdict};
@@ -96,7 +97,7 @@ pub fn check(scenario: &Scenario, name: &str, seconds: f64, file: &Path) -> Resu
         };
         return Err(Failure::trouble(reason));
     };
-    print(conclusion(&record));
+    print(conclusion(&record, file));
     write_json(file, &record)?;
     print(format!("written to {}\n", file.display()));
     Ok(if record.hand_test_passed {
@@ -136,8 +137,13 @@ fn size(step: Step, value: f64) -> String {
 
 fn described(test: &HandTest, result: &StepResult) -> String {
     if let Some(rest) = test.rest().filter(|_| result.step == Step::Rest) {
+        let verdict = if rest.tilt > NOT_LEVEL {
+            "WRONG: tilted"
+        } else {
+            "ok"
+        };
         return format!(
-            "  ok: {:.1} poses per second; noise {:.2} mm, {:.2} mrad; z {:.3} m, tilt {:.1}°, yaw {:.0}°\n",
+            "  {verdict}: {:.1} poses per second; noise {:.2} mm, {:.2} mrad; z {:.3} m, tilt {:.1}°, yaw {:.0}°\n",
             rest.rate,
             1e3 * rest.position_deviation,
             1e3 * rest.attitude_deviation,
@@ -176,7 +182,7 @@ fn view(test: &HandTest) -> String {
     }
 }
 
-fn conclusion(record: &HandTestRecord) -> String {
+fn conclusion(record: &HandTestRecord, path: &Path) -> String {
     let mut text = String::from("\n");
     for cause in &record.causes {
         writeln!(text, "WRONG: {cause}").expect("a String takes all");
@@ -184,13 +190,15 @@ fn conclusion(record: &HandTestRecord) -> String {
     if let Some(latency) = record.rest.latency {
         writeln!(text, "age of poses on arrival: {:.1} ms", 1e3 * latency).expect("a String takes all");
     }
-    text += if record.hand_test_passed {
+    if !record.hand_test_passed {
+        return text + "Do not fly: correct what is wrong, and repeat the test.\n";
+    }
+    let (path, [.., z]) = (path.display(), record.rest.position);
+    text + &format!(
         "Axes and signs of the cameras are right: the vehicle may fly with these sections `[motion_capture]` and this body.\n\
-         Not tested: the radio link (`gerono rc probe`), the kill switch (`gerono operator probe`), the motors.\n"
-    } else {
-        "Do not fly: correct what is wrong, and repeat the test.\n"
-    };
-    text
+         Not tested: the radio link (`gerono rc probe`), the kill switch (`gerono operator probe`), the motors.\n\
+         State it in `[flight]`, so that nothing else is armed: hand_test = \"{path}\", ground = {z:.3}, ground_tolerance = 0.05\n"
+    )
 }
 
 #[cfg(test)]

@@ -113,6 +113,10 @@ takeoff_height = 0.8            # m
 takeoff_speed = 0.4             # m/s
 landing_speed = 0.3             # m/s
 position_sigma_max = 0.01       # m
+# `gerono lab check` prints these three lines for your vehicle; without them a vehicle in a hand, or with wrong axes, is armed, too.
+# hand_test = "hand_test.json"
+# ground = 0.0                  # m, z of the vehicle on the ground
+# ground_tolerance = 0.05       # m
 
 [envelope]
 after = 0.05                    # s

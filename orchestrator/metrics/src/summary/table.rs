@@ -3,6 +3,7 @@
 use std::fmt::{Display, Formatter, Result};
 
 use scenario::Vector;
+use shared_types::FlightPhase;
 
 use super::faults::{BEFORE, faults_in_words};
 use super::flight;
@@ -116,6 +117,9 @@ impl Summary {
         if let Some(kill) = &self.killed {
             writeln!(formatter, "{}", wrapped(&format!("KILLED {kill}")))?;
         }
+        if self.has_stayed_on_the_ground() {
+            writeln!(formatter, "the vehicle did not take off")?;
+        }
         if let Some(response) = &self.response {
             writeln!(formatter, "{}", wrapped(&format!("WRONG: {response}")))?;
         }
@@ -134,6 +138,16 @@ impl Summary {
             writeln!(formatter, "{}", wrapped(&text))?;
         }
         Ok(())
+    }
+
+    /// Returns whether the vehicle of a flight with phases was on the ground all the time.
+    fn has_stayed_on_the_ground(&self) -> bool {
+        let is_on_the_ground = |phase: &str| {
+            [FlightPhase::Disarmed, FlightPhase::Armed]
+                .map(FlightPhase::name)
+                .contains(&phase)
+        };
+        !self.flight.is_empty() && self.flight.iter().all(|begin| is_on_the_ground(begin.phase))
     }
 
     /// Returns whether the battery, measured or modelled, fell below its lowest voltage.

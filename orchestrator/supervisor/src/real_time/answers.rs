@@ -79,27 +79,49 @@ impl Flight<'_> {
         run_client::identity(&self.run, self.scenario)
     }
 
-    /// Returns a likely error of the laboratory's configuration, if there is one: it does not prevent arming, but may
-    /// lose the vehicle.
+    /// Returns likely errors of the laboratory's configuration, if there are any: they do not prevent arming, but may lose the
+    /// vehicle.
     fn warning_at_arming(&self) -> Option<String> {
-        let kalman = &self.scenario.estimator.as_ref()?.kalman;
-        let model = self.scenario.model.clone().unwrap_or_default();
+        let warnings = [self.scatter(), self.unknown_markers(), self.untested()];
+        let warnings: Vec<_> = warnings.into_iter().flatten().collect();
+        (!warnings.is_empty()).then(|| warnings.join("; "))
+    }
+
+    /// Returns the warning of cameras that scatter more than stated.
+    fn scatter(&self) -> Option<String> {
+        let stated = self.scenario.estimator.as_ref()?.kalman.position_deviation;
         let state = self.recorder.newest::<VehicleState>()?;
-        let stated = kalman.position_deviation;
         let stands = self.phase() == Some(FlightPhase::Disarmed);
         // On the ground the filter starts from each capture, with the measured noise.
-        if stands && state.position_sigma > NOISIER * stated {
-            return Some(format!(
+        (stands && state.position_sigma > NOISIER * stated).then(|| {
+            format!(
                 "the cameras scatter by some {:.1} mm, and `estimator.kalman.position_deviation` says {:.1} mm",
                 2e3 * state.position_sigma,
                 1e3 * stated
-            ));
-        }
+            )
+        })
+    }
+
+    /// Returns the warning of markers whose position in the body of a real vehicle is unknown.
+    fn unknown_markers(&self) -> Option<String> {
+        let kalman = &self.scenario.estimator.as_ref()?.kalman;
+        let model = self.scenario.model.clone().unwrap_or_default();
         let is_offset_known = model.marker_offset != [0.0; 3] || kalman.marker_offset_deviation > 0.0;
         let is_real = !self.schedule.simulates_the_world();
         (is_real && !is_offset_known).then(|| {
             "the position of the markers is unknown: a vehicle with markers 15 mm off its centre of mass may be lost; fly \
              with `estimator.kalman.marker_offset_deviation = 0.02`, and `gerono identify` measures the offset"
+                .to_owned()
+        })
+    }
+
+    /// Returns the warning of real cameras that nobody has tested with the vehicle.
+    fn untested(&self) -> Option<String> {
+        let flight = self.scenario.flight.as_ref()?;
+        let is_untested = flight.hand_test.is_none() && flight.ground.is_none();
+        (self.scenario.capture_system().is_some() && is_untested).then(|| {
+            "neither `flight.hand_test` nor `flight.ground` is stated: a vehicle in a hand, or with wrong axes, is armed like \
+             any other; `gerono lab check` prints both"
                 .to_owned()
         })
     }

@@ -61,8 +61,8 @@ impl Flight<'_> {
             && let Some(problem) = newly_unsafe(&before, &scenario)
         {
             return Err(format!(
-                "the vehicle is in the air, and {}; {}",
-                problem.reason, problem.fix
+                "the vehicle is in the air, and {}: {}; {}",
+                problem.key, problem.reason, problem.fix
             ));
         }
         let from_tick = self.clock.tick() + nanoseconds(NOTICE).div_ceil(self.schedule.tick_ns());
