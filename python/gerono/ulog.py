@@ -11,11 +11,15 @@ from __future__ import annotations
 import importlib
 import math
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 # PX4 projects on a sphere of this radius, m.
 RADIUS = 6_371_000.0
+
+# Accuracy of a velocity from which nothing follows, m/s.
+UNKNOWN_VELOCITY = 100.0
 
 # What PX4 calls RTK float and RTK fixed, as `gerono import` numbers them.
 KINDS = {5: 1, 6: 2}
@@ -82,7 +86,7 @@ def place(row: Row) -> tuple[float, float, float]:
 def table(log: Ulog) -> tuple[list[tuple[int, str, list[float]]], tuple[float, float, float], dict[str, int]]:
     """The lines in the order of time, the place of the first fix, and the number of lines that were left out, by their reason."""
     lines: list[tuple[int, str, list[float]]] = []
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for row in log.needed("sensor_combined"):
         lines.append((row["timestamp"], "imu", vector(row, "accelerometer_m_s2") + vector(row, "gyro_rad")))
     for row in log.needed("vehicle_magnetometer"):
@@ -91,13 +95,19 @@ def table(log: Ulog) -> tuple[list[tuple[int, str, list[float]]], tuple[float, f
         lines.append((measured(row), "baro", [row["baro_alt_meter"]]))
     first = None
     for row in log.needed("vehicle_gps_position", "sensor_gps"):
-        if row["fix_type"] < 3:
-            left_out["fixes without a position"] = left_out.get("fixes without a position", 0) + 1
+        # 8 is extrapolated, and measures nothing.
+        if not 3 <= row["fix_type"] <= 6:
+            left_out["fixes without a position"] += 1
             continue
         latitude, longitude, height = place(row)
         first = first or (latitude, longitude, height)
         velocity = [row["vel_n_m_s"], row["vel_e_m_s"], row["vel_d_m_s"]]
-        reported = [float(KINDS.get(row["fix_type"], 0)), row["eph"], row["epv"], row["s_variance_m_s"]]
+        speed_accuracy = row["s_variance_m_s"]
+        # Versions of PX4 before the flag have valid ones.
+        if not row.get("vel_ned_valid", True):
+            left_out["velocities of fixes, which are not valid"] += 1
+            velocity, speed_accuracy = [0.0, 0.0, 0.0], UNKNOWN_VELOCITY
+        reported = [float(KINDS.get(row["fix_type"], 0)), row["eph"], row["epv"], speed_accuracy]
         lines.append((row["timestamp"], "gps", [height * 1e3, longitude * 1e7, latitude * 1e7, *velocity, *reported]))
     if first is None:
         raise Refused("no fix of the log has a position")
@@ -108,7 +118,7 @@ def table(log: Ulog) -> tuple[list[tuple[int, str, list[float]]], tuple[float, f
     lines.sort(key=lambda line: (line[1], line[0]))
     kept = lines[:1] + [line for before, line in zip(lines, lines[1:]) if line[:2] != before[:2]]
     if len(kept) < len(lines):
-        left_out["samples of a time that was there already"] = len(lines) - len(kept)
+        left_out["samples of a time that was there already"] += len(lines) - len(kept)
     kept.sort(key=lambda line: line[0])
     return kept, first, left_out
 

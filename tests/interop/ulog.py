@@ -27,19 +27,29 @@ FORMATS = {
     "float y;float z;float vx;float vy;float vz;bool xy_global;bool z_global;bool v_xy_valid;bool v_z_valid;",
 }
 
+# Those of each fix: horizontal, vertical (m), and of the velocity (m/s).
+ACCURACIES = [0.9, 1.8, 0.2]
+
+# Relative error of a number that was rounded to single precision.
+ROUNDED = 2.0**-24
+
 
 def message(kind: str, body: bytes) -> bytes:
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def ulog(samples: list, states: list) -> bytes:
+def ulog(samples: list, states: list, velocity_is_valid: bool | None = None) -> bytes:
+    """The log of a version of PX4 that says of each fix whether its velocity is valid, or of one that does not."""
+    formats = dict(FORMATS)
+    if velocity_is_valid is not None:
+        formats["vehicle_gps_position"] += "bool vel_ned_valid;"
     identifiers = {name: index for index, name in enumerate(FORMATS)}
 
     def data(name: str, layout: str, *values) -> bytes:
         return message("D", struct.pack("<H" + layout, identifiers[name], *values))
 
     parts = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", int(samples[0][0])), message("B", bytes(40))]
-    parts += [message("F", f"{name}:{fields}".encode()) for name, fields in FORMATS.items()]
+    parts += [message("F", f"{name}:{fields}".encode()) for name, fields in formats.items()]
     key = b"float EKF2_GPS_DELAY"
     parts.append(message("P", bytes([len(key)]) + key + struct.pack("<f", 110.0)))
     parts += [message("A", struct.pack("<BH", 0, index) + name.encode()) for name, index in identifiers.items()]
@@ -61,7 +71,8 @@ def ulog(samples: list, states: list) -> bytes:
             height, longitude, latitude, *velocity = numbers
             origin = origin or (latitude * 1e-7, longitude * 1e-7, height * 1e-3)
             place = (round(latitude), round(longitude), round(height))
-            parts.append(data("vehicle_gps_position", "Q3i6fB", time, *place, *velocity, 0.9, 1.8, 0.2, 3))
+            flags = [3] if velocity_is_valid is None else [3, velocity_is_valid]
+            parts.append(data("vehicle_gps_position", f"Q3i6f{len(flags)}B", time, *place, *velocity, *ACCURACIES, *flags))
     for time, *numbers in states:
         time, (w, x, y, z, vn, ve, vd, pn, pe, pd) = int(time), [float(number) for number in numbers[:10]]
         latitude, longitude, height = origin
@@ -81,13 +92,18 @@ def rows(path: Path) -> list:
         return list(csv.reader(file))
 
 
-def compare(first: list, second: list, within: float) -> None:
-    """Fails unless the rows are the same, except for the rounding of single precision."""
-    assert len(first) == len(second), (len(first), len(second))
+def compare(first: list, second: list, relative: float, absolute: float = 0.0) -> None:
+    """Fails unless the rows are the same up to these errors. The first number of each is a time, which is exact."""
+    assert len(first) == len(second) > 0, (len(first), len(second))
     for one, other in zip(first, second):
-        for a, b in zip(one, other):
-            if a != b:
-                assert math.isclose(float(a), float(b), rel_tol=1e-6, abs_tol=within), (one, other)
+        assert len(one) == len(other) and int(one[0]) == int(other[0]), (one, other)
+        for a, b in zip(one[1:], other[1:]):
+            assert math.isclose(float(a), float(b), rel_tol=relative, abs_tol=absolute), (one, other)
+
+
+def fixes(table: Path) -> list:
+    """The fixes of a table, each as its time and the numbers."""
+    return [[time, *map(float, numbers)] for time, kind, *numbers in rows(table) if kind == "gps"]
 
 
 def convert(log: Path, *tables: Path) -> subprocess.CompletedProcess:
@@ -105,13 +121,27 @@ def main() -> None:
     assert done.returncode == 0, done.stderr
     print(done.stdout, end="")
     assert "= 0.11\n" in done.stdout, done.stdout
-    used = ["imu", "mag", "baro", "gps", "landed"]
-    for kind in used:
+    for kind in ["imu", "mag", "baro", "landed"]:
         went_in = [[time, *numbers] for time, name, *numbers in samples if name == kind]
-        came_out = [[time, *numbers[: len(went_in[0]) - 1]] for time, name, *numbers in rows(tables[0]) if name == kind]
-        # Heights and angles are integers in this message.
-        compare(went_in, came_out, 0.51 if kind == "gps" else 1e-6)
-    compare([row[:11] for row in states], rows(tables[1])[1:], 2e-4)
+        compare(went_in, [[time, *numbers] for time, name, *numbers in rows(tables[0]) if name == kind], ROUNDED)
+    # Heights and angles are integers in this message: mm and 1e-7 degrees.
+    sent = [[time, *map(float, numbers)] for time, kind, *numbers in samples if kind == "gps"]
+    compare([[time, *map(round, numbers[:3])] for time, *numbers in sent], [row[:4] for row in fixes(tables[0])], 0.0, 1e-6)
+    compare([[row[0], *row[4:]] for row in sent], [[row[0], *row[4:7]] for row in fixes(tables[0])], ROUNDED)
+    compare([[row[0], 0.0, *ACCURACIES] for row in sent], [[row[0], *row[7:]] for row in fixes(tables[0])], ROUNDED)
+    # The position is that of PX4, in single precision, from another origin.
+    compare([row[:8] for row in states], [row[:8] for row in rows(tables[1])[1:]], ROUNDED)
+    compare([[row[0], *row[8:11]] for row in states], [[row[0], *row[8:]] for row in rows(tables[1])[1:]], 0.0, 5e-5)
+
+    # A velocity that is not valid is that of no motion; a log that says of all that they are valid is as one that says nothing.
+    flagged, other = folder / "flagged.ulg", folder / "flagged.csv"
+    for is_valid, velocity in [(True, None), (False, [0.0, 0.0, 0.0, 0.0, *ACCURACIES[:2], 100.0])]:
+        flagged.write_bytes(ulog(samples, [], is_valid))
+        done = convert(flagged, other)
+        assert done.returncode == 0, done.stderr
+        assert (f"left out: {len(sent)} velocities of fixes, which are not valid" in done.stdout) is not is_valid, done.stdout
+        expected = [row if velocity is None else [*row[:4], *velocity] for row in fixes(tables[0])]
+        compare(expected, fixes(other), ROUNDED)
     # A log that ends too soon is read up to there by PX4's reader; one that is damaged, or lacks a sensor, is refused.
     whole = log.read_bytes()
     (folder / "damaged.ulg").write_bytes(whole[:200_000] + bytes(400) + whole[200_400:])
