@@ -23,7 +23,7 @@ metadata=$(cargo metadata --format-version 1 --manifest-path "$ekf2/Cargo.toml")
     echo "SKIPPED: the crate ekf2 cannot be fetched" >&2
     exit 3
 }
-data=$(echo "$metadata" | python3 -c 'import json, os, sys
+data=$(printf '%s' "$metadata" | python3 -c 'import json, os, sys
 print(*(os.path.dirname(p["manifest_path"]) for p in json.load(sys.stdin)["packages"] if p["name"] == "ekf2"))')/tests/data
 
 if [ -z "${GERONO:-}" ]; then
