@@ -104,8 +104,10 @@ pub struct Imported {
     pub unused: BTreeMap<&'static str, u64>,
     /// m, subtracted from the recorded altitudes: the first one is that of the first fix.
     pub altitude_offset: f64,
-    /// Differences of the estimator from the recording's own estimate.
+    /// Differences of the estimator from the recording's own estimate; `None` if no row of it could be compared.
     pub differences: Option<Differences>,
+    /// Rows of that estimate at which the estimator did not track the vehicle; `None` without one.
+    pub untracked_rows: Option<u64>,
 }
 
 /// `gerono import`.
@@ -136,6 +138,10 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
     let placed = Placed::new(&recording, &stated, &clock, arguments.thin)
         .map_err(|error| wrong(&arguments.file, &error))?;
     let duration = clock.duration(&placed);
+    let span = [
+        arguments.from.unwrap_or(0.0),
+        arguments.to.unwrap_or(f64::INFINITY).min(duration),
+    ];
     let reference = match &arguments.reference {
         None => None,
         Some(path) => {
@@ -144,7 +150,9 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
             let track = track::read(&text, &frame, place(&recording.fixes[0]), |time_ns| {
                 time_ns.checked_sub(clock.start_ns)
             });
-            Some(track.map_err(|error| wrong(path, &error))?)
+            let track = track.map_err(|error| wrong(path, &error))?;
+            check_overlap(&track, span, path)?;
+            Some(track)
         }
     };
 
@@ -175,13 +183,10 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let log = folder.run_log();
     let estimate = fly(&scenario, &log, vec![Box::new(sensors), Box::new(motors.clone())])?;
-    let mut differences = None;
+    let (mut differences, mut untracked_rows) = (None, None);
     if let Some((scenario, track)) = reference {
-        let span = [
-            arguments.from.unwrap_or(0.0),
-            arguments.to.unwrap_or(f64::INFINITY),
-        ];
-        differences = Differences::of(&estimate, &track, span);
+        let (found, untracked) = Differences::of(&estimate, &track, span);
+        (differences, untracked_rows) = (found, Some(untracked));
         let beside = RunFolder::create(Some(&folder.path().join("reference")), &name);
         let beside = beside.map_err(Failure::not_written)?;
         let services: Vec<Box<dyn ErasedService>> = vec![
@@ -198,7 +203,29 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
         unused: recording.unused,
         altitude_offset,
         differences,
+        untracked_rows,
     })
+}
+
+/// Requires rows of a reference within `[from, to]`, s since the first sample.
+fn check_overlap(track: &Track, span: [f64; 2], path: &Path) -> Result<(), Failure> {
+    if track.within(span).next().is_some() {
+        return Ok(());
+    }
+    let [from, to] = span;
+    let has = match (track.0.first(), track.0.last()) {
+        (Some((first_ns, _)), Some((last_ns, _))) => format!(
+            "its rows are from {:.1} s to {:.1} s",
+            *first_ns as f64 * 1e-9,
+            *last_ns as f64 * 1e-9
+        ),
+        _ => "it has none after the first sample that is aligned".to_owned(),
+    };
+    Err(Failure::bad_input(format!(
+        "{}: no row is between {from:.1} s and {to:.1} s of the recording: {has}; both tables need the same clock, and --from and --to \
+         must lie within",
+        path.display()
+    )))
 }
 
 fn text_of(path: &Path) -> Result<String, Failure> {
@@ -486,7 +513,7 @@ fn fly(scenario: &Scenario, log: &Path, services: Vec<Box<dyn ErasedService>>) -
     Ok(sink.states)
 }
 
-fn shown(imported: &Imported) -> String {
+pub(crate) fn shown(imported: &Imported) -> String {
     let mut text = format!("{}: {:.3} s\n", imported.log.display(), imported.duration);
     for source in &imported.sources {
         text += &format!(
@@ -509,6 +536,16 @@ fn shown(imported: &Imported) -> String {
         "altitudes: {:.2} m subtracted, so that the first is the height of the first fix\n",
         imported.altitude_offset
     );
+    if let Some(rows) = imported.untracked_rows.filter(|rows| *rows > 0) {
+        let compared = if imported.differences.is_none() {
+            "nothing"
+        } else {
+            "not all"
+        };
+        text += &format!(
+            "{compared} of the reference was compared: at {rows} of its rows the estimator did not track the vehicle\n"
+        );
+    }
     if let Some(found) = &imported.differences {
         let [from, to] = found.span;
         text += &format!(

@@ -43,6 +43,9 @@ impl WrongLine {
     }
 }
 
+/// Longest time without a line of any kind, ns: a longer one is a step of the recorder's clock, and not a gap.
+const LONGEST_SILENCE_NS: u64 = 60_000_000_000;
+
 /// Value of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed<T> {
@@ -51,6 +54,13 @@ pub struct Timed<T> {
     /// Number of the line, from 1.
     pub line: usize,
     pub value: T,
+}
+
+impl<T> Timed<T> {
+    /// Returns the time, ns of the recorder's clock, and the number of the line.
+    fn place(&self) -> (u64, usize) {
+        (self.time_ns, self.line)
+    }
 }
 
 /// Samples of a recorded flight, of each kind in the order of time. Times of measurements within them are not filled in.
@@ -93,8 +103,34 @@ impl Recording {
                 0,
                 format!("there is no line of `{kind}`, and the estimator needs such"),
             )),
-            None => Ok(recording),
+            None => recording.check_clock().map(|()| recording),
         }
+    }
+
+    /// Checks that the recorder's clock does not step forward: a single such line would make a flight of hours.
+    fn check_clock(&self) -> Result<(), WrongLine> {
+        let mut times: Vec<_> = (self.imu.iter().map(Timed::place))
+            .chain(self.fixes.iter().map(Timed::place))
+            .chain(self.altitudes.iter().map(Timed::place))
+            .chain(self.fields.iter().map(Timed::place))
+            .chain(self.landed.iter().map(Timed::place))
+            .chain(self.armed.iter().map(Timed::place))
+            .collect();
+        times.sort_unstable();
+        let is_step = |pair: &&[(u64, usize)]| pair[1].0 - pair[0].0 > LONGEST_SILENCE_NS;
+        let Some(&[(from_ns, before), (to_ns, line)]) = times.windows(2).find(is_step) else {
+            return Ok(());
+        };
+        Err(WrongLine::new(
+            line,
+            format!(
+                "between {} µs (line {before}) and {} µs there is no line for {:.0} s: if the recorder's clock was set, correct the \
+                 times on one side, and if these are two flights, import each alone",
+                from_ns / 1000,
+                to_ns / 1000,
+                (to_ns - from_ns) as f64 * 1e-9
+            ),
+        ))
     }
 
     fn add(&mut self, line: usize, text: &str) -> Result<(), String> {

@@ -18,7 +18,7 @@ use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame,
 use shared_types::{ServiceId, Topic};
 use zerocopy::FromBytes;
 
-use crate::command::{Import, Imported, run};
+use crate::command::{Import, Imported, run, shown};
 use crate::recording::{Recording, WrongLine};
 
 /// Latency of fixes in the scenario, µs.
@@ -177,7 +177,8 @@ fn import(folder: &Path, samples: &str, more: &[&str]) -> Result<Imported, Strin
         out.to_str().unwrap(),
     ];
     let arguments = Alone::parse_from(stated.iter().chain(more)).import;
-    run(&arguments).map_err(|failure| format!("{:?}", failure.report))
+    // In one line, whatever the width of the terminal.
+    run(&arguments).map_err(|failure| format!("{:?}", failure.report).replace("\n  │ ", " "))
 }
 
 /// Returns the samples of a topic in a log that measure something.
@@ -340,6 +341,46 @@ fn a_recording_of_another_place_is_refused_with_the_place() {
     assert!(error.contains("48.13715"), "{error}");
 }
 
+#[test]
+fn a_reference_without_a_row_to_compare_is_refused_or_named() {
+    let (scenario, flown) = flown();
+    let (samples, folder) = (table(&flown), tempfile::tempdir().unwrap());
+    let reference = folder.path().join("states.csv");
+    let path = reference.to_str().unwrap();
+    std::fs::write(&reference, states(&scenario, &flown)).unwrap();
+    for span in [["--from", "100"], ["--to", "0.5"]] {
+        let error = import(folder.path(), &samples, &["--reference", path, span[0], span[1]]).unwrap_err();
+        assert!(
+            error.contains("states.csv: no row is between") && error.contains("its rows are from 11"),
+            "{error}"
+        );
+    }
+    // States of another clock, and such that are 9 s too early, when the vehicle was not tracked yet.
+    let shifted = |by_us: i64| -> String {
+        let text = states(&scenario, &flown);
+        let line = |line: &str| match line.split_once(',') {
+            Some((time, rest)) if time != "Timestamp" => {
+                format!("{},{rest}\n", time.parse::<i64>().unwrap() + by_us)
+            }
+            _ => format!("{line}\n"),
+        };
+        text.lines().map(line).collect()
+    };
+    std::fs::write(&reference, shifted(900_000_000)).unwrap();
+    let error = import(folder.path(), &samples, &["--reference", path]).unwrap_err();
+    assert!(error.contains("both tables need the same clock"), "{error}");
+    assert!(!folder.path().join("out/run.mcap").exists());
+    std::fs::write(&reference, shifted(-9_000_000)).unwrap();
+    let imported = import(folder.path(), &samples, &["--reference", path, "--to", "9"]).unwrap();
+    let rows = imported.untracked_rows.unwrap();
+    assert!(imported.differences.is_none() && rows > 50, "{imported:?}");
+    let text = shown(&imported);
+    let words = format!(
+        "nothing of the reference was compared: at {rows} of its rows the estimator did not track the vehicle"
+    );
+    assert!(text.contains(&words), "{text}");
+}
+
 /// A table of two samples of each sensor.
 const GOOD: &str = "1000,imu,0,0,-9.81,0,0,0\n1000,mag,0.2,0,0.4\n1000,baro,488.1\n\
                     1000,gps,488103.0,85456073.0,473977508.0,0,0,0\n1000,landed,1.0\n\
@@ -384,6 +425,25 @@ fn each_wrong_line_is_refused_with_its_number() {
         let error = Recording::read(&format!("{GOOD}{line}")).unwrap_err();
         assert_eq!(error.line, 7, "{line}");
         assert!(error.reason.contains(reason), "{line}: {error}");
+    }
+    // Of a clock that steps forward a single line is enough, of any kind.
+    for line in [
+        "imu,0,0,-9.81,0,0,0",
+        "gps,488103,85456073,473977508,0,0,0",
+        "baro,488",
+        "mag,0.2,0,0.4",
+        "landed,1",
+        "armed,0",
+    ] {
+        assert!(Recording::read(&format!("{GOOD}60004000,{line}\n")).is_ok());
+        let error = Recording::read(&format!("{GOOD}60006000,{line}\n")).unwrap_err();
+        assert_eq!(error.line, 7);
+        assert!(
+            error
+                .reason
+                .contains("between 5000 µs (line 6) and 60006000 µs there is no line for 60 s"),
+            "{error}"
+        );
     }
     for kind in ["imu", "gps", "baro", "mag", "landed"] {
         let others: String = GOOD

@@ -58,6 +58,12 @@ impl Track {
         self.0.push((state.state_time_ns, motion));
     }
 
+    /// Returns the rows within `[from, to]`, s.
+    pub(crate) fn within(&self, [from, to]: [f64; 2]) -> impl Iterator<Item = &(u64, Motion)> {
+        let is_within = move |(time_ns, _): &&(u64, Motion)| (from..=to).contains(&(*time_ns as f64 * 1e-9));
+        self.0.iter().filter(is_within)
+    }
+
     /// Returns the motion at a time, interpolated between two rows; `None` outside of them, and in a gap of more than a second.
     #[must_use]
     pub fn at(&self, time_ns: u64) -> Option<Motion> {
@@ -170,14 +176,17 @@ pub struct Differences {
 }
 
 impl Differences {
-    /// Compares an estimate with a reference over `[from, to]`, s; `None` if they have no time in common.
+    /// Compares an estimate with the rows of a reference within `[from, to]`, s. Returns the differences, `None` if no row could
+    /// be compared, and the number of rows at which the estimator did not track the vehicle.
     #[must_use]
-    pub fn of(estimate: &Track, reference: &Track, [from, to]: [f64; 2]) -> Option<Self> {
+    pub fn of(estimate: &Track, reference: &Track, span: [f64; 2]) -> (Option<Self>, u64) {
         let mut found = Self::default();
+        let mut untracked = 0;
         let mut errors: [Vec<Vector3<f64>>; 3] = Default::default();
-        for (time_ns, expected) in &reference.0 {
+        for (time_ns, expected) in reference.within(span) {
             let time = *time_ns as f64 * 1e-9;
-            let Some(motion) = estimate.at(*time_ns).filter(|_| (from..=to).contains(&time)) else {
+            let Some(motion) = estimate.at(*time_ns) else {
+                untracked += 1;
                 continue;
             };
             errors[0].push(motion.velocity_world - expected.velocity_world);
@@ -190,11 +199,12 @@ impl Differences {
             largest: errors.iter().map(Vector3::amax).fold(0.0, f64::max),
             rms: (errors.iter().map(Vector3::norm_squared).sum::<f64>() / errors.len().max(1) as f64).sqrt(),
         });
-        (found.rows > 0).then_some(Self {
+        let differences = (found.rows > 0).then_some(Self {
             velocity,
             position,
             attitude,
             ..found
-        })
+        });
+        (differences, untracked)
     }
 }
