@@ -292,7 +292,9 @@ mod tests {
     /// Returns whether a thread without a port opens its source before a second attempt would be due.
     fn opens_at_once() -> bool {
         let (sender, _events) = sync_channel(1);
-        let source: ReceiverSource = "udp:127.0.0.1:0".parse().unwrap();
+        let free = std::net::UdpSocket::bind(("127.0.0.1", 0)).unwrap();
+        let source = ReceiverSource::Udp(free.local_addr().unwrap());
+        drop(free);
         let began = Instant::now();
         let thread = ReceiverThread::start(0, source, 38_400, None, sender).unwrap();
         while !thread.shared.is_open.load(Ordering::Relaxed) {

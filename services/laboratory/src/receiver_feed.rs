@@ -8,6 +8,9 @@
 //! taken the stated latency. `NAV-PVT` is mapped in the same way, by its time of the week: by UTC a fix would be as wrong as this
 //! machine's clock, and the clock may be set in flight.
 //!
+//! **Spans** of inertial samples are those of the autopilot's stamps, because a rate is integrated over them: where the relation of the
+//! clocks moves, times follow it by 1 % of a span. After a move of more than 10 ms there is a gap of as much, which the filter knows.
+//!
 //! **Samples.** The mean of the inertial samples since the publication before is published, with the time of the last one, so that
 //! rates need not agree; of other sensors the newest sample.
 //!
@@ -25,6 +28,7 @@ use navigation_receivers::Packet;
 use navigation_receivers::autopilot::{GpsRawInt, HighresImu};
 use navigation_receivers::ubx::NavPvt;
 use shared_types::gnss::FixKind;
+use shared_types::navigation_limits::LONGEST_IMU_PERIOD_NS;
 use shared_types::receiver_figures::ReceiverFigures;
 use shared_types::sample::{Field, Flag};
 use shared_types::samples::GnssFix;
@@ -39,6 +43,10 @@ const MAX_AGE_NS: u64 = 2_000_000_000;
 const FIX_SILENCE_NS: u64 = 1_000_000_000;
 /// The same of inertial samples, ns.
 const IMU_SILENCE_NS: u64 = 100_000_000;
+/// Distance of a time from the clock's line up to which it continues by the stamps, ns.
+const FOLLOWS_NS: u64 = LONGEST_IMU_PERIOD_NS;
+/// Share of a span by which its end comes nearer to the line.
+const FOLLOWS_BY: i64 = 100;
 /// Length of a week, ns.
 const WEEK_NS: i64 = 604_800_000_000_000;
 /// Accuracy of a velocity from which nothing follows, m/s.
@@ -75,11 +83,21 @@ impl Origin {
 struct Timeline {
     origin: Option<Origin>,
     clock: RemoteClock,
+    /// Stamp of the last sample.
     last_stamp_ns: Option<i64>,
     /// Arrival of the last packet of this sender, ns of the local clock.
     arrived_ns: u64,
     /// Time of the last sample, ns of the local clock.
     last_ns: u64,
+}
+
+/// What the times of a sensor's samples are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Times {
+    /// A motion is integrated over the spans between them.
+    Spans,
+    /// Each stands for itself.
+    Instants,
 }
 
 impl Timeline {
@@ -107,6 +125,7 @@ impl Timeline {
     /// Returns the time of a sample, ns of the local clock.
     fn measured_ns(
         &mut self,
+        times: Times,
         stamp_ns: i64,
         arrived_ns: u64,
         latency_ns: u64,
@@ -132,17 +151,39 @@ impl Timeline {
             figures.repeated += 1;
             return None;
         }
-        self.last_stamp_ns = Some(stamp_ns);
-        let measured_ns = u64::try_from(sent_ns)
+        let by_line_ns = u64::try_from(sent_ns)
             .unwrap_or(0)
             .min(arrived_ns)
             .saturating_sub(latency_ns);
-        if measured_ns <= self.last_ns || arrived_ns - measured_ns > MAX_AGE_NS {
+        let measured_ns = match times {
+            Times::Spans => self.continued_ns(stamp_ns, by_line_ns),
+            Times::Instants => Some(by_line_ns),
+        };
+        let is_possible = |measured_ns: &u64| {
+            *measured_ns > self.last_ns && arrived_ns.saturating_sub(*measured_ns) <= MAX_AGE_NS
+        };
+        let Some(measured_ns) = measured_ns.filter(is_possible) else {
             figures.mistimed += 1;
             return None;
-        }
-        self.last_ns = measured_ns;
+        };
+        (self.last_stamp_ns, self.last_ns) = (Some(stamp_ns), measured_ns);
         Some(measured_ns)
+    }
+
+    /// Returns the time of a sample that continues the last one by their stamps, and approaches that by the clock's line, ns of the local
+    /// clock. Where the two are far apart it is that by the line, once the span is long enough for a gap; `None` until then.
+    fn continued_ns(&self, stamp_ns: i64, by_line_ns: u64) -> Option<u64> {
+        let Some(last_stamp_ns) = self.last_stamp_ns else {
+            return Some(by_line_ns);
+        };
+        let span_ns = stamp_ns.saturating_sub(last_stamp_ns);
+        let continued_ns = self.last_ns.saturating_add_signed(span_ns);
+        let behind_ns = by_line_ns.checked_signed_diff(continued_ns)?;
+        if behind_ns.unsigned_abs() > FOLLOWS_NS {
+            return Some(by_line_ns).filter(|time_ns| *time_ns > self.last_ns + FOLLOWS_NS);
+        }
+        let most_ns = span_ns / FOLLOWS_BY;
+        Some(continued_ns.saturating_add_signed(behind_ns.clamp(-most_ns, most_ns)))
     }
 
     fn save(&self) -> TimelineMemory {
@@ -357,10 +398,13 @@ impl ReceiverFeed {
             return;
         }
         let stamp_ns = microseconds(sample.time_us);
-        let Some(measured_ns) =
-            self.motion
-                .measured_ns(stamp_ns, arrived_ns, self.latency_ns, &mut self.figures)
-        else {
+        let Some(measured_ns) = self.motion.measured_ns(
+            Times::Spans,
+            stamp_ns,
+            arrived_ns,
+            self.latency_ns,
+            &mut self.figures,
+        ) else {
             return;
         };
         let mut dropped = 0;
@@ -392,10 +436,13 @@ impl ReceiverFeed {
     }
 
     fn add_fix(&mut self, fix: Option<GnssFix>, stamp_ns: i64, arrived_ns: u64) {
-        let Some(valid_ns) =
-            self.fixes
-                .measured_ns(stamp_ns, arrived_ns, self.fix_latency_ns, &mut self.figures)
-        else {
+        let Some(valid_ns) = self.fixes.measured_ns(
+            Times::Instants,
+            stamp_ns,
+            arrived_ns,
+            self.fix_latency_ns,
+            &mut self.figures,
+        ) else {
             return;
         };
         let Some(fix) = fix else {

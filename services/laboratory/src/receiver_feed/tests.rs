@@ -2,6 +2,7 @@ use super::*;
 use mavlink_frame::Sender;
 use navigation_receivers::autopilot::Heartbeat;
 use navigation_receivers::ubx::{Carrier, Solution};
+use proptest::prelude::*;
 use shared_types::samples::{BaroAltitude, ImuSample, MagField};
 use shared_types::service::{OutputSlot, Outputs};
 use zerocopy::IntoBytes;
@@ -131,6 +132,73 @@ fn inertial_samples_are_published_as_their_mean_at_the_time_of_the_last_one() {
     assert_eq!(published.imu.specific_force_body[2], -9.81);
     assert_eq!(published.field.field_body, [0.2, 0.0, 0.4]);
     assert!(!publish(&mut feed, 410).imu.measured.is_set(), "once");
+}
+
+/// Adds inertial samples every 4 ms, each of which takes 3 ms, a delay that changes every second, and one of its own, µs. Returns stamps
+/// and times of those that are used, ns of the sender's clock.
+fn timed(feed: &mut ReceiverFeed, delays_us: &[u64], own_us: &[u64]) -> Vec<(u64, u64)> {
+    let mut times = Vec::new();
+    let mut arrived_ns = 0;
+    for (index, own_us) in (0_u64..).zip(own_us) {
+        let at_ms = 4 * index;
+        let delay_us = delays_us[usize::try_from(at_ms / 1000).unwrap() % delays_us.len()];
+        arrived_ns = arrived_ns.max(OFFSET_NS + (at_ms + 3) * MS + (delay_us + own_us) * 1000);
+        let packet = Packet::HighresImu(AUTOPILOT, inertial(at_ms, 0.0, 30.0));
+        feed.add(&packet, 0, arrived_ns);
+        let used = feed.inertial.0.drain(..);
+        times.extend(used.map(|(time_ns, _)| (at_ms * MS, time_ns - OFFSET_NS)));
+    }
+    times
+}
+
+proptest! {
+    /// A rate is integrated over these spans: one that is too long by 4 ms turns the vehicle by 4 mrad at 1 rad/s.
+    #[test]
+    fn spans_of_inertial_samples_are_those_of_their_stamps(
+        delays_us in prop::collection::vec(0..7000_u64, 5),
+        own_us in prop::collection::vec(0..2000_u64, 1250),
+    ) {
+        let times = timed(&mut feed(), &delays_us, &own_us);
+        // Those of the first 0.2 s relate the clocks.
+        prop_assert!(times.len() > 1190, "{}", times.len());
+        for pair in times.windows(2) {
+            let [(stamp_ns, time_ns), (next_stamp_ns, next_ns)] = [pair[0], pair[1]];
+            let stamps_ns = next_stamp_ns - stamp_ns;
+            prop_assert_eq!(stamps_ns, 4 * MS, "none is lost");
+            prop_assert!((next_ns - time_ns).abs_diff(stamps_ns) <= stamps_ns / 100, "{pair:?}");
+            // The fastest packet took 3 ms, of which 2 are stated.
+            prop_assert!((stamp_ns..=stamp_ns + 11 * MS).contains(&time_ns), "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn a_span_that_is_not_that_of_the_stamps_is_a_gap(
+        delays_us in prop::collection::vec(0..50_000_u64, 5),
+        own_us in prop::collection::vec(0..8000_u64, 1250),
+    ) {
+        let times = timed(&mut feed(), &delays_us, &own_us);
+        prop_assert!(times.len() > 900, "{}", times.len());
+        for pair in times.windows(2) {
+            let (stamps_ns, span_ns) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+            prop_assert!(
+                span_ns.abs_diff(stamps_ns) <= stamps_ns / 100 || span_ns > LONGEST_IMU_PERIOD_NS,
+                "{pair:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_restarted_driver_continues_the_spans() {
+    let mut before = feed();
+    add_inertial(&mut before, 0..400);
+    let last_ns = before.motion.last_ns;
+    let mut after = ReceiverFeed::new(LATENCIES_NS, -0.2, false);
+    after.restore(&before.save(), OFFSET_NS + 401 * MS);
+    // 5 ms late: the clock's line does not follow yet, and neither does the time.
+    let packet = Packet::HighresImu(AUTOPILOT, inertial(400, 0.0, 30.0));
+    after.add(&packet, 0, OFFSET_NS + 408 * MS);
+    assert_eq!(after.inertial.0[0].0, last_ns + 4 * MS);
 }
 
 #[test]
