@@ -50,6 +50,11 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
             ask("the flight", || (now()? > began + FLOWN).then_some(()));
         };
         wait();
+        let shown = ask("the receivers", || place.look()?.receivers);
+        assert!(
+            shown.packets > 1000 && shown.rates.iter().all(|rate| *rate > 1.0),
+            "{shown:?}"
+        );
         let driver = || Some(place.look()?.services.swap_remove(ServiceId::Plant.index()));
         let before = ask("the driver", driver).pid;
         signal(before, Signal::KILL);

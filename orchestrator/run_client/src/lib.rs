@@ -361,7 +361,7 @@ fn retried<T>(
 
 #[cfg(test)]
 mod tests {
-    use super::snapshot::{CamerasSnapshot, LiveEvent, ServiceSnapshot};
+    use super::snapshot::{CamerasSnapshot, LiveEvent, ReceiversSnapshot, ServiceSnapshot};
     use super::*;
 
     #[test]
@@ -381,6 +381,11 @@ mod tests {
                 trouble: Some(hostile()),
                 refused: Some(hostile()),
                 ..CamerasSnapshot::default()
+            }),
+            receivers: Some(ReceiversSnapshot {
+                trouble: Some(hostile()),
+                refused: Some(hostile()),
+                ..ReceiversSnapshot::default()
             }),
             events: vec![LiveEvent {
                 time: 0.0,

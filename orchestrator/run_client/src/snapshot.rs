@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use metrics::summary::timing::Quantiles;
 use shared_types::FlightPhase;
+use shared_types::receiver_figures::ReceiverFigures;
 
 /// State of a run in real time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,6 +34,9 @@ pub struct Snapshot {
     pub capture_to_frame: Option<Quantiles>,
     /// State of the cameras; `None` if they are simulated.
     pub cameras: Option<CamerasSnapshot>,
+    /// State of the receivers of a flight outdoors; `None` if they are simulated. Runs of earlier versions send none.
+    #[serde(default)]
+    pub receivers: Option<ReceiversSnapshot>,
     /// State of the radio link; `None` if it is simulated.
     pub radio_link: Option<LinkSnapshot>,
     /// Battery of the vehicle, measured or modelled; `None` without a voltage. Runs of earlier versions send none.
@@ -84,9 +88,12 @@ impl Snapshot {
         told.into_iter().flatten().for_each(&mut change);
         let cameras = self.cameras.iter_mut();
         let cameras = cameras.flat_map(|cameras| [&mut cameras.trouble, &mut cameras.refused]);
+        let receivers = self.receivers.iter_mut();
+        let receivers = receivers.flat_map(|receivers| [&mut receivers.trouble, &mut receivers.refused]);
         let radio_link = self.radio_link.as_mut().and_then(|link| link.trouble.as_mut());
         let battery = self.battery.as_mut().and_then(|battery| battery.trouble.as_mut());
         cameras
+            .chain(receivers)
             .flatten()
             .chain(radio_link)
             .chain(battery)
@@ -137,6 +144,24 @@ pub struct CamerasSnapshot {
     /// Reasons of refused packets and poses as text, each with its count; `None` without refusals.
     #[serde(default)]
     pub refused: Option<String>,
+}
+
+/// State of the receivers of a flight outdoors; counts are since the start of the receiving process.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReceiversSnapshot {
+    /// Reason why inertial navigation cannot rely on them; `None` if it can.
+    pub trouble: Option<String>,
+    /// Samples of each of [`SENSORS`](Self::SENSORS) in the last whole second, Hz.
+    pub rates: [f64; 4],
+    /// Packets that were read.
+    pub packets: u64,
+    /// Reasons of refused packets as text, each with its count; `None` without refusals.
+    pub refused: Option<String>,
+}
+
+impl ReceiversSnapshot {
+    /// Names of the sensors' samples.
+    pub const SENSORS: [&str; 4] = ReceiverFigures::SENSORS;
 }
 
 /// State of a laboratory's radio link; counts are since the start of the sending process.

@@ -189,7 +189,12 @@ impl Flight<'_> {
         let block = self.supervisor.page().control_block();
         let Operator { land, killed, .. } = self.operator();
         let elapsed_ns = self.clock.elapsed_ns();
-        let (radio_link, cameras) = self.laboratory.snapshot(block, elapsed_ns);
+        let Snapshot {
+            cameras,
+            receivers,
+            radio_link,
+            ..
+        } = self.laboratory.snapshot(block, elapsed_ns);
         Snapshot {
             time: seconds(elapsed_ns),
             armed: self.is_armed(),
@@ -203,6 +208,7 @@ impl Flight<'_> {
             services: self.services(),
             capture_to_frame: self.monitor.capture_to_frame(),
             cameras,
+            receivers,
             radio_link,
             battery: self
                 .laboratory

@@ -15,7 +15,8 @@ use shared_types::{Schedule, ServiceId};
 
 use crate::battery;
 use metrics::summary::laboratory::LaboratoryReport;
-use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot};
+use run_client::Snapshot;
+use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot, ReceiversSnapshot};
 use run_log::{CaptureFigures, LinkFigures};
 
 /// Maximum age of the last pose or sample for arming, s.
@@ -169,14 +170,10 @@ impl<'a> Laboratory<'a> {
         self.link.map(|_| status.read())
     }
 
-    /// Returns the state of link and cameras for clients, at a time since the start of the flight.
+    /// Returns a snapshot for clients with the state of link, cameras and receivers, at a time since the start of the flight.
     #[must_use]
-    pub fn snapshot(
-        &self,
-        block: &ControlBlock,
-        elapsed_ns: u64,
-    ) -> (Option<LinkSnapshot>, Option<CamerasSnapshot>) {
-        let [link_trouble, cameras_trouble, _] = self.failures(block, elapsed_ns);
+    pub fn snapshot(&self, block: &ControlBlock, elapsed_ns: u64) -> Snapshot {
+        let [link_trouble, cameras_trouble, receivers_trouble] = self.failures(block, elapsed_ns);
         let link = self.link(block).map(|figures| LinkSnapshot {
             trouble: link_trouble,
             sent: figures.sent,
@@ -191,7 +188,18 @@ impl<'a> Laboratory<'a> {
             believed: figures.believed,
             refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
         });
-        (link, cameras)
+        let receivers = self.received(block).map(|figures| ReceiversSnapshot {
+            trouble: receivers_trouble,
+            rates: figures.rates,
+            packets: figures.packets,
+            refused: Some(figures.reason().into_owned()).filter(|reason| !reason.is_empty()),
+        });
+        Snapshot {
+            radio_link: link,
+            cameras,
+            receivers,
+            ..Snapshot::default()
+        }
     }
 
     /// Returns the figures for the summary; `None` without a laboratory.
@@ -415,12 +423,19 @@ mod tests {
     }
 
     #[test]
-    fn who_looks_sees_how_both_are() {
+    fn a_snapshot_has_the_state_of_all_devices() {
         let stated = stated();
         let block = told(&good(), LinkFigures::STATE_LOST);
-        let (link, cameras) = laboratory(&stated).snapshot(&block, NOW_NS);
-        assert!(link.unwrap().trouble.unwrap().contains("`crsf` is lost"));
-        let cameras = cameras.unwrap();
+        let shown = laboratory(&stated).snapshot(&block, NOW_NS);
+        assert!(
+            shown
+                .radio_link
+                .unwrap()
+                .trouble
+                .unwrap()
+                .contains("`crsf` is lost")
+        );
+        let cameras = shown.cameras.unwrap();
         assert_eq!((cameras.trouble, cameras.rate), (None, 100.0));
         let nothing = Laboratory {
             cameras: None,
@@ -432,7 +447,33 @@ mod tests {
             low_checks: 0,
             was_low: false,
         };
-        assert_eq!(nothing.snapshot(&block, NOW_NS), (None, None));
+        assert_eq!(nothing.snapshot(&block, NOW_NS), Snapshot::default());
+
+        let receivers = Receivers {
+            sources: vec!["udp:0.0.0.0:14550".to_owned()],
+            ..Receivers::default()
+        };
+        let outdoors = Laboratory {
+            receivers: Some((&receivers, [250.0, 10.0, 25.0, 50.0])),
+            ..nothing
+        };
+        let figures = ReceiverFigures {
+            rates: [249.6, 4.9, 25.0, 50.0],
+            arrived_ns: [NOW_NS; 4],
+            samples: [9; 4],
+            packets: 36,
+            open: 1,
+            ..ReceiverFigures::new_zeroed()
+        };
+        block.hardware_status[ServiceId::Plant.index()].write(&figures);
+        let shown = outdoors.snapshot(&block, NOW_NS).receivers.unwrap();
+        assert_eq!((shown.rates, shown.packets), (figures.rates, 36));
+        assert!(
+            shown
+                .trouble
+                .unwrap()
+                .contains("4.9 samples for `gnss/fix` come a second")
+        );
     }
 
     #[test]

@@ -5,18 +5,27 @@ use ratatui::text::Span;
 
 use crate::words::{cut, short_time};
 use run_client::Snapshot;
-use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot};
+use run_client::snapshot::{BatterySnapshot, CamerasSnapshot, LinkSnapshot, ReceiversSnapshot};
 
-/// Returns the state of cameras and radio link, failures first, because a narrow terminal cuts off the end. `None` in a
+/// Returns the state of cameras, receivers and radio link, failures first, because a narrow terminal cuts off the end. `None` in a
 /// flight without them.
 pub(super) fn line(snapshot: &Snapshot, width: u16) -> Option<Vec<Span<'static>>> {
-    let is_there = snapshot.cameras.is_some() || snapshot.radio_link.is_some() || snapshot.battery.is_some();
+    let is_there = snapshot.cameras.is_some()
+        || snapshot.receivers.is_some()
+        || snapshot.radio_link.is_some()
+        || snapshot.battery.is_some();
     let (mut troubles, mut figures) = (Vec::new(), Vec::new());
     if let Some(cameras) = &snapshot.cameras {
         troubles.extend(cameras.trouble.clone());
         figures.push(Span::raw(in_words(cameras)));
         // A failure already contains its reason.
         let refused = cameras.refused.iter().filter(|_| cameras.trouble.is_none());
+        figures.extend(refused.map(|reason| Span::raw(cut(reason, width.into())).yellow()));
+    }
+    if let Some(receivers) = &snapshot.receivers {
+        troubles.extend(receivers.trouble.clone());
+        figures.push(Span::raw(samples(receivers)));
+        let refused = receivers.refused.iter().filter(|_| receivers.trouble.is_none());
         figures.extend(refused.map(|reason| Span::raw(cut(reason, width.into())).yellow()));
     }
     if let Some(link) = &snapshot.radio_link {
@@ -47,6 +56,14 @@ fn in_words(cameras: &CamerasSnapshot) -> String {
         cameras.believed,
         cameras.frames
     )
+}
+
+fn samples(receivers: &ReceiversSnapshot) -> String {
+    let rates = ReceiversSnapshot::SENSORS.iter().zip(receivers.rates);
+    let rates: Vec<_> = rates
+        .map(|(sensor, rate)| format!("{sensor} {rate:.1}"))
+        .collect();
+    format!("receivers, Hz: {}", rates.join(", "))
 }
 
 fn volts(battery: &BatterySnapshot) -> String {

@@ -6,7 +6,8 @@ use super::super::keys::Key;
 use super::*;
 use metrics::summary::timing::Quantiles;
 use run_client::snapshot::{
-    BatterySnapshot, CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ServiceSnapshot,
+    BatterySnapshot, CamerasSnapshot, InputSnapshot, LinkSnapshot, LiveEvent, ReceiversSnapshot,
+    ServiceSnapshot,
 };
 
 const DOCUMENT: &str = include_str!("../../../../docs/viewing.md");
@@ -86,6 +87,7 @@ fn snapshot(time: f64) -> Snapshot {
         services,
         capture_to_frame: times(58e-6, 140e-6, 1.9e-3),
         cameras: None,
+        receivers: None,
         radio_link: None,
         battery: None,
         position_error: Some(0.0167 + 0.5 / (1.0 + time * time)),
@@ -242,6 +244,43 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
         "{stranger}"
     );
     assert_eq!(drawn(None), "link 812 sent, 3 lost");
+}
+
+#[test]
+fn receivers_have_their_rates_in_the_line_of_the_laboratory_and_a_failure_comes_first() {
+    let line = |receivers: &ReceiversSnapshot| {
+        let snapshot = Snapshot {
+            receivers: Some(receivers.clone()),
+            ..snapshot(45.0)
+        };
+        let view = View {
+            run: "4711-0",
+            snapshot: Some(&snapshot),
+            history: &History::default(),
+            controls: &selecting(3),
+            silence: None,
+        };
+        view.without_keys(200).lines().nth(3).unwrap().to_owned()
+    };
+    let good = ReceiversSnapshot {
+        rates: [249.6, 9.96, 25.0, 0.0],
+        packets: 9012,
+        ..ReceiversSnapshot::default()
+    };
+    let figures = "receivers, Hz: inertial 249.6, fixes 10.0, altitudes 25.0, fields 0.0";
+    assert_eq!(line(&good), figures);
+    let refused = Some("3 times HIGHRES_IMU had wrong checksum".to_owned());
+    let spoilt = ReceiversSnapshot { refused, ..good };
+    assert_eq!(
+        line(&spoilt),
+        format!("{figures}  3 times HIGHRES_IMU had wrong checksum")
+    );
+    let trouble = "no sample for `gnss/fix` has come".to_owned();
+    let lost = ReceiversSnapshot {
+        trouble: Some(trouble.clone()),
+        ..spoilt
+    };
+    assert_eq!(line(&lost), format!("{trouble}  {figures}"));
 }
 
 #[test]

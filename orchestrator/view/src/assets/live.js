@@ -240,7 +240,7 @@ function drawServices({ services }) {
   byId("services").replaceChildren(tableOf(["service", "Hz", "age", "step p99", "missed", "restarts"], rows));
 }
 
-function drawLaboratory({ cameras, radio_link: link, battery, capture_to_frame: chain }) {
+function drawLaboratory({ cameras, receivers, radio_link: link, battery, capture_to_frame: chain }) {
   const lines = [];
   if (chain !== null) lines.push(["", `capture to frame: p50 ${inUnits(chain.p50)}, p99 ${inUnits(chain.p99)}`]);
   if (cameras !== null) {
@@ -248,11 +248,17 @@ function drawLaboratory({ cameras, radio_link: link, battery, capture_to_frame: 
     if (cameras.trouble !== null) lines.push(["trouble", cameras.trouble]);
     else if (cameras.refused !== null) lines.push(["", cameras.refused]);
   }
+  // Runs of earlier versions send no receivers and no battery.
+  if (receivers) {
+    const sensors = ["inertial", "fixes", "altitudes", "fields"];
+    lines.push(["", `receivers: ${sensors.map((sensor, place) => `${sensor} ${receivers.rates[place].toFixed(1)} Hz`).join(", ")}`]);
+    if (receivers.trouble !== null) lines.push(["trouble", receivers.trouble]);
+    else if (receivers.refused !== null) lines.push(["", receivers.refused]);
+  }
   if (link !== null) {
     lines.push(["", `radio link: ${link.sent} sent, ${link.lost} lost`]);
     if (link.trouble !== null) lines.push(["trouble", link.trouble]);
   }
-  // Runs of earlier versions send no battery.
   if (battery) {
     const age = battery.age === null ? "modelled" : `${battery.age.toFixed(1)} s old`;
     const factor = battery.factor === null ? "" : `, thrust times ${battery.factor.toFixed(2)}`;
