@@ -134,6 +134,10 @@ fn receivers_that_cannot_be_flown_by_are_refused_with_the_fix() {
     let taken = format!("udp:{}", taken.local_addr().unwrap());
     for (source, piece) in [
         ("/dev/no-such-receiver", "is it plugged in?"),
+        (
+            "upd:127.0.0.1:14550",
+            "`upd:127.0.0.1:14550` is not the address of a receiver",
+        ),
         (&recorded, "name a serial device or a socket"),
         (&taken, "a port that no other program uses"),
     ] {
@@ -142,6 +146,21 @@ fn receivers_that_cannot_be_flown_by_are_refused_with_the_fix() {
         assert!(!refused.status.success());
         assert!(complaint(&refused).contains(piece), "{}", complaint(&refused));
     }
+    // Packets of a simulation could be taken for those of a vehicle.
+    let foreign = [
+        "--set",
+        "receivers.sources=['udp:192.0.2.1:14550']",
+        "--out",
+        "world",
+    ];
+    let refused = output(&mut place.gerono(&arguments_of(OUTDOOR, "world", &settings, &foreign)));
+    assert_eq!(refused.status.code(), Some(2));
+    let complaint = complaint(&refused);
+    assert!(
+        complaint.contains("`udp:192.0.2.1:14550` is no address of this machine"),
+        "{complaint}"
+    );
+    assert!(!place.path("world").exists());
 }
 
 #[test]

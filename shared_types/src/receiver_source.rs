@@ -18,7 +18,10 @@ pub enum ReceiverSource {
 
 /// Text that is not the address of a receiver.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not an address; give tcp:ADDRESS:PORT, udp:ADDRESS:PORT, or the path of a device or file")]
+#[error(
+    "`{0}` is not an address; give tcp:ADDRESS:PORT, udp:ADDRESS:PORT, or the path of a device or file, with ./ or / before a name that \
+     has a colon"
+)]
 pub struct ReceiverSourceError(String);
 
 impl ReceiverSource {
@@ -34,10 +37,16 @@ impl FromStr for ReceiverSource {
 
     fn from_str(text: &str) -> Result<Self, ReceiverSourceError> {
         let refused = || ReceiverSourceError(text.to_owned());
-        let address = |address: &str| address.parse().map_err(|_| refused());
+        // Nothing arrives at port 0.
+        let address = |address: &str| {
+            let address: Option<SocketAddr> = address.parse().ok();
+            address.filter(|address| address.port() != 0).ok_or_else(refused)
+        };
         match text.split_once(':') {
             Some(("tcp", rest)) => address(rest).map(Self::Tcp),
             Some(("udp", rest)) => address(rest).map(Self::Udp),
+            // A misspelt kind of address, or an address without one.
+            Some((kind, _)) if !kind.contains('/') => Err(refused()),
             _ if text.is_empty() => Err(refused()),
             _ => Ok(Self::Path(text.into())),
         }
@@ -70,7 +79,20 @@ mod tests {
                 "udp:0.0.0.0:14550",
                 Some(ReceiverSource::Udp("0.0.0.0:14550".parse().unwrap())),
             ),
+            (
+                "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0",
+                Some(ReceiverSource::Path(
+                    "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0".into(),
+                )),
+            ),
+            ("./upd:14550", Some(ReceiverSource::Path("./upd:14550".into()))),
             ("udp:14550", None),
+            ("udp:0.0.0.0:0", None),
+            ("tcp:localhost:5760", None),
+            ("upd:0.0.0.0:14550", None),
+            ("UDP:0.0.0.0:14550", None),
+            (" udp:0.0.0.0:14550", None),
+            ("127.0.0.1:14550", None),
             ("", None),
         ] {
             assert_eq!(text.parse().ok(), source);

@@ -4,7 +4,7 @@
 //! first source of the flight, `HIGHRES_IMU` to the last one.
 
 use std::collections::VecDeque;
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use mavlink_frame::{Definition, Sender};
 use runtime::flight_clock::monotonic_ns;
@@ -51,6 +51,12 @@ pub enum ReceiversError {
         "the simulated receivers send over UDP only, and `{0}` is no such source; state `receivers.sources = [\"udp:127.0.0.1:14550\"]`"
     )]
     NotUdp(ReceiverSource),
+    /// A source is that of another machine, where the packets of a simulation could be taken for those of a vehicle.
+    #[error(
+        "`udp:{0}` is no address of this machine, and the simulated receivers send to a flight on the same machine only; state \
+         `receivers.sources = [\"udp:127.0.0.1:14550\"]`"
+    )]
+    OtherMachine(SocketAddr),
     /// The socket could not be opened.
     #[error("cannot open a socket: {0}")]
     Socket(#[from] std::io::Error),
@@ -75,6 +81,7 @@ struct Packet {
 /// Packets to a destination, oldest first.
 #[derive(Debug)]
 struct Line {
+    socket: UdpSocket,
     to: SocketAddr,
     latency_ns: u64,
     pending: VecDeque<Packet>,
@@ -83,7 +90,6 @@ struct Line {
 /// Simulated receivers.
 #[derive(Debug)]
 pub struct ReceiverSender {
-    socket: UdpSocket,
     fixes: Line,
     motion: Line,
     /// Height of the origin of {I} above the pressure level, m.
@@ -104,15 +110,22 @@ impl ReceiverSender {
             .into_iter()
             .map(destination)
             .collect::<Result<Vec<_>, _>>()?;
-        let line = |to: Option<&SocketAddr>, latency: f64| Line {
-            to: to.copied().unwrap_or_else(|| (Ipv4Addr::LOCALHOST, 0).into()),
-            latency_ns: nanoseconds(latency),
-            pending: VecDeque::new(),
+        let line = |to: Option<&SocketAddr>, latency: f64| {
+            let to = to.copied().unwrap_or_else(|| (Ipv4Addr::LOCALHOST, 0).into());
+            let from: IpAddr = match to {
+                SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+                SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+            };
+            UdpSocket::bind((from, 0)).map(|socket| Line {
+                socket,
+                to,
+                latency_ns: nanoseconds(latency),
+                pending: VecDeque::new(),
+            })
         };
         Ok(Self {
-            socket: UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?,
-            fixes: line(destinations.first(), stated.fix_latency),
-            motion: line(destinations.last(), stated.latency),
+            fixes: line(destinations.first(), stated.fix_latency)?,
+            motion: line(destinations.last(), stated.latency)?,
             height: scenario.datum_or_default().height,
             sequence: 0,
             sent: 0,
@@ -145,7 +158,7 @@ impl ReceiverSender {
         for line in [&mut self.fixes, &mut self.motion] {
             while let Some(packet) = line.pending.pop_front_if(|packet| packet.due_ns <= now_ns) {
                 // Without a flight nobody receives them.
-                let _ = self.socket.send_to(&packet.bytes, line.to);
+                let _ = line.socket.send_to(&packet.bytes, line.to);
                 self.late.add(monotonic_ns().saturating_sub(packet.due_ns));
                 self.sent += 1;
             }
@@ -176,9 +189,18 @@ impl Line {
 fn destination(source: ReceiverSource) -> Result<SocketAddr, ReceiversError> {
     match source {
         ReceiverSource::Udp(at) if at.ip().is_unspecified() => Ok((Ipv4Addr::LOCALHOST, at.port()).into()),
+        // A socket can be bound to an address of this machine, and to those of groups.
+        ReceiverSource::Udp(at) if is_group(at.ip()) || UdpSocket::bind((at.ip(), 0)).is_err() => {
+            Err(ReceiversError::OtherMachine(at))
+        }
         ReceiverSource::Udp(at) => Ok(at),
         other => Err(ReceiversError::NotUdp(other)),
     }
+}
+
+/// Returns whether an address is that of several machines.
+fn is_group(address: IpAddr) -> bool {
+    address.is_multicast() || matches!(address, IpAddr::V4(address) if address.is_broadcast())
 }
 
 /// Encodes `NAV-PVT` of a fix without UTC, valid at a time since the start, ns.
@@ -250,4 +272,39 @@ fn highres_imu(measured: &Measured, since_start_ns: u64, height: f64, sequence: 
         bytes.extend_from_slice(part);
     });
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packets_are_sent_to_a_flight_on_this_machine_only() {
+        let sent_to = |source: &str| {
+            let found = destination(source.parse().unwrap());
+            found
+                .map(|address| address.to_string())
+                .map_err(|error| error.to_string())
+        };
+        for source in ["udp:127.0.0.1:14550", "udp:0.0.0.0:14550"] {
+            assert_eq!(sent_to(source).as_deref(), Ok("127.0.0.1:14550"));
+        }
+        for source in [
+            "udp:192.0.2.1:14550",
+            "udp:224.0.0.1:14550",
+            "udp:255.255.255.255:14550",
+            "udp:[2001:db8::1]:14550",
+            "udp:[ff02::1]:14550",
+        ] {
+            let refused = sent_to(source).unwrap_err();
+            assert!(
+                refused.contains(&format!("`{source}` is no address of this machine"))
+                    && refused.contains("udp:127.0.0.1:14550"),
+                "{refused}"
+            );
+        }
+        for source in ["/dev/ttyACM0", "tcp:127.0.0.1:5760"] {
+            assert!(sent_to(source).unwrap_err().contains("send over UDP only"));
+        }
+    }
 }

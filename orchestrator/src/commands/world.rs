@@ -18,7 +18,7 @@ use hil_simulator::betaflight::Betaflight;
 use hil_simulator::cameras::CameraSender;
 use hil_simulator::radio::Radio;
 use hil_simulator::receiver_input::ReceiverInput;
-use hil_simulator::receivers::ReceiverSender;
+use hil_simulator::receivers::{ReceiverSender, ReceiversError};
 use hil_simulator::record::Record;
 use hil_simulator::summary::{self, Summary};
 use hil_simulator::{HilSimulator, Sensing, Timing};
@@ -109,8 +109,11 @@ fn sensing(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Resul
             "only the poses of cameras are moved by hand; leave out --by-hand",
         ));
     }
-    let receivers = ReceiverSender::open(scenario, receivers).map_err(Failure::trouble)?;
-    Ok(Sensing::Receivers(Box::new(receivers)))
+    let opened = ReceiverSender::open(scenario, receivers).map_err(|error| match error {
+        ReceiversError::Socket(_) => Failure::trouble(error),
+        _ => Failure::bad_input(error),
+    })?;
+    Ok(Sensing::Receivers(Box::new(opened)))
 }
 
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {

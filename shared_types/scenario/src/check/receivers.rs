@@ -21,7 +21,7 @@ impl Scenario {
                 found.add(
                     key.then(index),
                     format!("`{source}` is not the address of a receiver"),
-                    "give tcp:ADDRESS:PORT, udp:ADDRESS:PORT, or the path of a device; names are not resolved",
+                    "give tcp:ADDRESS:PORT, udp:ADDRESS:PORT, or the path of a device, with ./ or / before a colon; names are not resolved",
                 );
             } else if receivers.sources[..index].contains(source) {
                 found.add(
