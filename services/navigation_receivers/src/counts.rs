@@ -134,6 +134,16 @@ impl Counts {
         self.refused[message as usize][reason as usize]
     }
 
+    /// Returns whether an autopilot sends here: frames of MAVLink, used, refused or others.
+    #[must_use]
+    pub fn has_mavlink(&self) -> bool {
+        let sent =
+            |message: Message| self.packets(message) + self.refused[message as usize].iter().sum::<u64>();
+        let is_mavlink = |message: &Message| !matches!(message, Message::NavPvt | Message::NavRelposned);
+        let messages = Message::ALL.into_iter().filter(is_mavlink);
+        self.other_mavlink > 0 || messages.map(sent).sum::<u64>() > 0
+    }
+
     /// Returns the number of all packets.
     #[must_use]
     pub fn total(&self) -> u64 {

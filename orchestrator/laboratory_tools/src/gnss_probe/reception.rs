@@ -263,7 +263,7 @@ impl Reception {
     pub fn findings(&self, counts: &Counts, source: &ReceiverSource) -> Vec<String> {
         let mut found = Vec::new();
         let mut add = |finding: String| found.push(finding);
-        let is_autopilot = self.of(Message::Heartbeat).count > 0 || counts.other_mavlink > 0;
+        let is_autopilot = counts.has_mavlink();
         let has_fixes = self.newest.is_some();
         if counts.bytes == 0 {
             add(self.silence(source));
@@ -566,6 +566,51 @@ mod tests {
             assert_eq!(usable, is_usable, "{found}");
             assert!(found.contains(words), "{words}: {found}");
         }
+    }
+
+    /// Returns a frame of MAVLink 2.
+    fn mavlink(id: u8, crc_extra: u8, payload: &[u8]) -> Vec<u8> {
+        let mut frame = vec![u8::try_from(payload.len()).unwrap(), 0, 0, 0, 1, 1, id, 0, 0];
+        frame.extend(payload);
+        let checksum = frame
+            .iter()
+            .chain([&crc_extra])
+            .fold(0xffff_u16, |checksum, byte| {
+                let mixed = byte ^ checksum.to_le_bytes()[0];
+                let mixed = u16::from(mixed ^ mixed << 4);
+                checksum >> 8 ^ mixed << 8 ^ mixed << 3 ^ mixed >> 4
+            });
+        frame.extend(checksum.to_le_bytes());
+        [vec![0xfd], frame].concat()
+    }
+
+    #[test]
+    fn an_autopilot_is_never_told_to_send_as_a_receiver() {
+        let mut imu = [0; 62];
+        imu[..8].copy_from_slice(&1_000_000_u64.to_le_bytes());
+        imu[60] = 0x3f;
+        let imu = mavlink(105, 93, &imu);
+        let mut spoilt = imu.clone();
+        spoilt[20] ^= 1;
+        for (bytes, is_usable) in [
+            (imu.clone(), true),
+            (spoilt, false),
+            (mavlink(0, 50, &[0, 0, 0, 0, 2, 12, 0, 4, 3]), false),
+            // `ATTITUDE`, which is not used.
+            (mavlink(30, 39, &[1; 28]), false),
+        ] {
+            let (usable, found) = findings(&bytes.repeat(3));
+            assert_eq!(usable, is_usable, "{found}");
+            assert!(
+                found.contains("the autopilot does not send") && !found.contains("NAV-PVT"),
+                "{found}"
+            );
+        }
+        // Beside the packets of a receiver it is not the receiver that is missing.
+        let both: Vec<u8> = (0..20)
+            .flat_map(|k| [pvt(100 * k, 3, 2), imu.clone()].concat())
+            .collect();
+        assert!(!findings(&both).1.contains("NAV-PVT"));
     }
 
     #[test]
