@@ -70,17 +70,22 @@ fn with_the_errors_that_the_filter_models_its_innovations_are_those_that_it_pred
     }
 }
 
-/// The airspeed at the barometer is no error that the filter models.
+/// The airspeed at the barometer is no error that the filter models, and smaller than the noise that it does.
 #[test]
-fn as_shipped_only_the_barometer_is_inconsistent() {
+fn as_shipped_no_source_is_inconsistent_and_with_a_worse_barometer_it_is() {
     for seed in 1..=5 {
         for source in flown(seed, |_| ()) {
-            assert!(
-                source.problem().is_none() || source.source == "altitude",
-                "{seed}: {source:?}"
-            );
+            assert_eq!(source.problem(), None, "{seed}: {source:?}");
         }
     }
+    let worse = flown(1, |scenario| {
+        scenario.sensors.as_mut().unwrap().barometer.white = 0.2;
+    });
+    let problems: Vec<_> = worse.iter().filter_map(SourceInnovations::problem).collect();
+    assert!(
+        problems.len() == 1 && problems[0].starts_with("altitude inconsistent, its innovations "),
+        "{problems:?}"
+    );
 }
 
 /// Of half the stated mass, in calm air, it hovers by a thrust that could not carry the stated vehicle.

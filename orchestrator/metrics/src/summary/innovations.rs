@@ -32,15 +32,18 @@ const INERTIAL: &str = "inertial";
 /// Time without its samples above which it counts as cut off, s: the state is not tracked then.
 const NO_MOTION: f64 = 0.1;
 
-/// Time without a fused measurement above which a source counts as cut off, s: the state coasts then without fixes.
-const CUT_OFF: f64 = 1.0;
+/// Time without a fused measurement above which a source counts as cut off, s. Without fixes the state coasts then; heading and height
+/// drift by less than the noise of a field and of an altitude in theirs.
+const CUT_OFF: [f64; CONTINUOUS] = [1.0, 1.0, 3.0, 3.0];
 
-/// Ratio of the mean normalised square to its expectation above which a source is wrong by more than the filter believes. The 95 %
-/// interval of a whole flight is so narrow that any unmodelled error leaves it.
-const INCONSISTENT: f64 = 1.5;
+/// Ratio of the mean normalised square to its expectation above which a source is inconsistent: then the errors that the filter does
+/// not model are larger than those that it does. Any unmodelled error leaves the 95 % interval of a whole flight, which is narrow:
+/// airspeed at a typical barometer makes 1.6 of 1.
+const INCONSISTENT: f64 = 2.0;
 
-/// Share of refused measurements above which a source is inconsistent: 0.1 % of consistent ones are beyond the gate.
-const REFUSED: f64 = 0.02;
+/// Share of refused measurements above which a source is inconsistent: 0.1 % of consistent ones are beyond the gate, and 4.3 % of those
+/// whose variance is twice the predicted one. Airspeed at a typical barometer makes 3 %.
+const REFUSED: f64 = 0.05;
 
 /// What became of the measurements of a source.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -184,7 +187,11 @@ impl SourceInnovations {
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         let Self { source, .. } = self;
-        let most = if *source == INERTIAL { NO_MOTION } else { CUT_OFF };
+        let limits = SOURCES.iter().zip(CUT_OFF);
+        let most = limits
+            .into_iter()
+            .find_map(|(name, limit)| (name == source).then_some(limit));
+        let most = most.unwrap_or(NO_MOTION);
         let cut_off = self.largest_gap.filter(|gap| *gap > most);
         let cut_off = cut_off.map(|gap| format!("cut off for {gap:.1} s from {:.1} s on", self.gap_begins));
         let of = |mean: f64| mean > INCONSISTENT * self.freedom && mean > self.freedom + self.half_width;
@@ -290,13 +297,16 @@ mod tests {
             problems(watched(1.0, 5)),
             [None, None, None, cut_off.clone(), None, None]
         );
-        let refused = Some("field 50 of 1051 measurements refused".to_owned());
+        let refused = Some("field 60 of 1061 measurements refused".to_owned());
+        assert_eq!(problems(watched(1.0, 50))[2], None);
         assert_eq!(
-            problems(watched(1.0, 50)),
+            problems(watched(1.0, 60)),
             [None, None, refused, cut_off.clone(), None, None]
         );
-        let both = "field inconsistent, its innovations 2.0 times as large as predicted, 50 of 1051 measurements refused";
-        assert_eq!(problems(watched(4.0, 50))[2].as_deref(), Some(both));
+        let both = "field inconsistent, its innovations 2.0 times as large as predicted, 60 of 1061 measurements refused";
+        assert_eq!(problems(watched(4.0, 60))[2].as_deref(), Some(both));
+        assert_eq!(problems(watched(1.95, 0))[1], None);
+        assert!(problems(watched(2.05, 0))[1].is_some());
         let wrong = Some("velocity inconsistent, its innovations 2.0 times as large as predicted".to_owned());
         assert_eq!(problems(watched(4.0, 0))[1], wrong);
     }
