@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::EdgeName;
+use crate::check::six_digits;
 use crate::range::{length, moment, positive, positive_up_to};
 use crate::timing::LONGEST_DELAY;
 use shared_types::wiring::ServiceId;
@@ -216,11 +217,8 @@ impl std::fmt::Display for Fault {
             FaultKind::Freeze => write!(formatter, "`{target}` stands still"),
             FaultKind::Delay => write!(formatter, "`{target}` is late by {} s", number(self.by)),
             FaultKind::Intermittent => {
-                write!(
-                    formatter,
-                    "`{target}` loses {} of its samples",
-                    number(self.fraction)
-                )
+                let percent = six_digits(100.0 * number(self.fraction));
+                write!(formatter, "`{target}` loses {percent} % of its samples")
             }
             FaultKind::Stuck => write!(formatter, "`{target}` repeats its last sample"),
             FaultKind::Wrong => {
