@@ -8,6 +8,7 @@ mod machine;
 mod motion_capture;
 mod mutations;
 mod optional;
+mod outdoors;
 mod programs;
 mod radio_link;
 mod semantics;

@@ -6,7 +6,7 @@ use crate::suggest::known_names;
 use crate::timing::names::unknown_edge;
 use crate::{EdgeName, Fault, FaultKind, Key, Scenario, Target};
 use shared_types::sample::Member;
-use shared_types::wiring::{ServiceId, Topic};
+use shared_types::wiring::ServiceId;
 
 impl Scenario {
     /// Checks the planned faults.
@@ -15,7 +15,7 @@ impl Scenario {
         for (index, fault) in self.fault.iter().enumerate() {
             fault.check(self.duration, &at.then(index), found);
             if let Some(Target::Edge(edge)) = fault.target() {
-                self.check_input_exists(edge, &at.then(index).then("edge"), found);
+                self.check_published(edge.topic, at.then(index).then("edge"), found);
             }
         }
         for (later, fault) in self.fault.iter().enumerate() {
@@ -38,25 +38,6 @@ impl Scenario {
                     "merge them into one fault, or start one after the other has ended",
                 );
             }
-        }
-    }
-}
-
-impl Scenario {
-    /// Requires that the samples of a faulty input exist in the flight.
-    fn check_input_exists(&self, edge: EdgeName, key: &Key, found: &mut Findings) {
-        if !self.has_topic(edge.topic) && edge.topic.is_of_flight_outdoors() {
-            found.add(
-                key.clone(),
-                format!("the flight has no `{}`", edge.topic),
-                "add `[sensors]`, which may be empty, or leave the fault out",
-            );
-        } else if edge.topic == Topic::MocapPose && self.navigation.is_some() {
-            found.add(
-                key.clone(),
-                "no camera captures a vehicle with inertial navigation",
-                "name the input of a sensor, such as `gnss/fix -> estimator`",
-            );
         }
     }
 }

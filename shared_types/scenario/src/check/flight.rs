@@ -12,7 +12,11 @@ impl Scenario {
         let latest = requests
             .filter_map(|(_, time)| time)
             .fold(self.duration, f64::min);
-        let fitting = if latest > 1.0 { 1.0 } else { 0.0 };
+        let fitting = match &self.navigation {
+            Some(navigation) => navigation.ready_at(),
+            None if latest > 1.0 => 1.0,
+            None => 0.0,
+        };
         Some(Problem::new(
             Key::root().then("flight").then("arm_at"),
             "the vehicle is never armed: `gerono arm` works only in real time, and this flight is in simulated time",

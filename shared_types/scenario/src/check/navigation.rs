@@ -4,7 +4,7 @@ use super::Findings;
 use super::events::Events;
 use super::six_digits;
 use crate::navigation::LONGEST_HORIZON;
-use crate::{FixChange, Key, Scenario, Sensors};
+use crate::{FixChange, Key, Navigation, Scenario, Sensors, Timing};
 use shared_types::flight_phase::ARM_WITHIN;
 use shared_types::gnss::FixKind;
 use shared_types::navigation_limits::{
@@ -29,7 +29,44 @@ impl Scenario {
                 "add `[sensors]`, which may be empty, or leave `[datum]` out",
             );
         }
+        let Timing {
+            period,
+            phase,
+            latency,
+            ..
+        } = &self.schedule;
+        for (table, times) in [("period", period), ("phase", phase), ("latency", latency)] {
+            for name in times.keys() {
+                if let Some(topic) = name.split(" -> ").next().and_then(Topic::from_name) {
+                    self.check_published(topic, Key::root().then("schedule").then(table).then(name), found);
+                }
+            }
+        }
         self.check_navigation(found);
+    }
+
+    /// Requires that something is published on the topic that a key names.
+    pub(super) fn check_published(&self, topic: Topic, key: Key, found: &mut Findings) {
+        // That inertial navigation lacks its sensors is reported once.
+        let is_reported = self.navigation.is_some() && topic.is_of_flight_outdoors();
+        if topic == Topic::MocapPose && self.navigation.is_some() {
+            found.add(
+                key,
+                "no camera captures a vehicle with inertial navigation",
+                "leave it out, or name a sensor, such as `gnss/fix`",
+            );
+        } else if !self.has_topic(topic) && !is_reported {
+            let section = if topic.is_of_flight_outdoors() {
+                "`[sensors]`"
+            } else {
+                "`controller.telemetry`"
+            };
+            found.add(
+                key,
+                format!("the flight has no `{topic}`"),
+                format!("add {section}, or leave it out"),
+            );
+        }
     }
 
     fn check_navigation(&self, found: &mut Findings) {
@@ -77,7 +114,7 @@ impl Scenario {
                 format!("raise it above {}, or improve the fixes", six_digits(2.0 * attainable)),
             );
         }
-        let healthy = ALIGNMENT + navigation.healthy_for;
+        let healthy = navigation.ready_at() - SETTLES;
         if let Some(arm_at) = flight.arm_at.filter(|arm_at| arm_at + ARM_WITHIN < healthy) {
             found.add(
                 Key::root().then("flight").then("arm_at"),
@@ -87,7 +124,7 @@ impl Scenario {
                     six_digits(arm_at),
                     six_digits(healthy)
                 ),
-                format!("raise it to {} or more", six_digits(healthy + SETTLES)),
+                format!("raise it to {} or more", six_digits(navigation.ready_at())),
             );
         }
         if let Ok(schedule) = self.schedule() {
@@ -136,8 +173,6 @@ impl Scenario {
         for topic in others {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
             let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
-            let late = real.unwrap_or(simulated);
-            let needed = late + 2.0 * imu;
             if real.is_some() && simulated > 0.0 {
                 let edge = format!("{topic} -> estimator");
                 found.add(
@@ -145,22 +180,36 @@ impl Scenario {
                     format!("samples of real receivers are late by themselves, and would be held back for {simulated:?} s"),
                     "leave it out, and state `receivers.latency` and `receivers.fix_latency`",
                 );
-            } else if late + imu > horizon {
-                let key = Key::root().then("navigation").then("horizon");
-                let fix = if needed > LONGEST_HORIZON {
-                    format!("it is {LONGEST_HORIZON} at most: lower `schedule.latency` of the input")
-                } else {
-                    format!("raise it to {} or more", six_digits(needed))
+                continue;
+            }
+            // A real sample arrives between two ticks of its topic, and waits for the next.
+            let (late, waits) = real.map_or((simulated, imu), |late| (late, period_of(topic)));
+            if late + waits > horizon {
+                let needed = late + waits + imu;
+                let fix = match real {
+                    _ if needed <= LONGEST_HORIZON => format!("raise it to {} or more", six_digits(needed)),
+                    None => format!("it is {LONGEST_HORIZON} at most: lower `schedule.latency` of the input"),
+                    Some(_) => format!(
+                        "it is {LONGEST_HORIZON} at most: let the receiver send sooner (`receivers.fix_latency`), or more often \
+                         (`schedule.period.\"{topic}\"`)"
+                    ),
                 };
                 found.add(
-                    key,
+                    Key::root().then("navigation").then("horizon"),
                     format!(
-                        "samples of `{topic}` are late by {late:?} s, and the filter would refuse all of them"
+                        "samples of `{topic}` are late by {late:?} s and wait for up to {waits:?} s, and the filter would refuse them"
                     ),
                     fix,
                 );
             }
         }
+    }
+}
+
+impl Navigation {
+    /// Returns a time at which the vehicle can be armed, s.
+    pub(super) fn ready_at(&self) -> f64 {
+        ALIGNMENT + self.healthy_for + SETTLES
     }
 }
 
