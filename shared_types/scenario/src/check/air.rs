@@ -1,7 +1,6 @@
 //! Checks of wind and fan.
 
 use super::Findings;
-use super::events::Events;
 use crate::{Fan, Key, Vector, Wind};
 
 impl Wind {
@@ -43,13 +42,8 @@ impl Fan {
         for (index, waypoint) in self.moves.iter().enumerate() {
             check_direction(&waypoint.direction, &at.then(index).then("direction"), found);
         }
-        let moves = Events {
-            singular: "move",
-            plural: "moves",
-            at: at.clone(),
-            times: self.moves.iter().map(|waypoint| waypoint.at).collect(),
-        };
-        moves.check(duration, found);
+        let times: Vec<_> = self.moves.iter().map(|waypoint| waypoint.at).collect();
+        found.check_events(["move", "moves"], at, &times, duration);
         if self.moves.first().is_some_and(|waypoint| waypoint.at == 0.0) {
             found.add(
                 at.then(0).then("at"),

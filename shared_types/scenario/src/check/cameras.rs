@@ -1,7 +1,6 @@
 //! Checks of the simulated cameras.
 
 use super::Findings;
-use super::events::Events;
 use crate::{Cameras, Key, MarkerSwap, Scenario};
 use shared_types::service::seconds;
 use shared_types::wiring::Topic;
@@ -12,31 +11,16 @@ impl Cameras {
         for (index, swap) in self.marker_swap.iter().enumerate() {
             swap.check(&at.then("marker_swap").then(index), found);
         }
-        self.check_times(duration, at, found);
-    }
-
-    fn check_times(&self, duration: f64, at: &Key, found: &mut Findings) {
-        let (times, lengths): (_, Vec<_>) =
-            self.occlusion.iter().map(|event| (event.at, event.lasts)).unzip();
-        let occlusions = Events {
-            singular: "occlusion",
-            plural: "occlusions",
-            at: at.then("occlusion"),
-            times,
-        };
-        occlusions.check_lasting(&lengths, duration, found);
-        let (times, lengths): (_, Vec<_>) = self
-            .marker_swap
-            .iter()
-            .map(|event| (event.at, event.lasts))
-            .unzip();
-        let swaps = Events {
-            singular: "marker swap",
-            plural: "marker swaps",
-            at: at.then("marker_swap"),
-            times,
-        };
-        swaps.check_lasting(&lengths, duration, found);
+        let spans = self.occlusion.iter().map(|event| (event.at, event.lasts));
+        found.check_intervals(
+            ["occlusion", "occlusions"],
+            &at.then("occlusion"),
+            spans,
+            duration,
+        );
+        let spans = self.marker_swap.iter().map(|event| (event.at, event.lasts));
+        let swaps = ["marker swap", "marker swaps"];
+        found.check_intervals(swaps, &at.then("marker_swap"), spans, duration);
     }
 }
 

@@ -1,6 +1,5 @@
 //! Checks of the controller's gains and bounds: the conditions of the theorem.
 
-use super::events::Events;
 use super::vehicle::check_inertia;
 use super::{Findings, six_digits};
 use crate::{Bounds, Controller, Key};
@@ -34,13 +33,8 @@ impl Controller {
                 changed.check_saturation(&at.then("k1"), found);
             }
         }
-        let changes = Events {
-            singular: "change",
-            plural: "changes",
-            at,
-            times: self.change.iter().map(|change| change.at).collect(),
-        };
-        changes.check(duration, found);
+        let times: Vec<_> = self.change.iter().map(|change| change.at).collect();
+        found.check_events(["change", "changes"], &at, &times, duration);
     }
 
     /// Requires σmax > ‖δ‖/k1, the condition of the theorem: otherwise no position error balances δ.

@@ -8,36 +8,26 @@ use crate::Key;
 /// Tolerance of a sum of decimals, s: less than the shortest base tick.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// Events of one kind in an array of the scenario.
-pub(super) struct Events<'a> {
-    /// Name of an event, singular.
-    pub(super) singular: &'a str,
-    /// Name of an event, plural.
-    pub(super) plural: &'a str,
-    /// Key of the array.
-    pub(super) at: Key,
-    /// Start of each event, s.
-    pub(super) times: Vec<f64>,
-}
-
-impl Events<'_> {
-    /// Requires events within the flight of `duration` s, in chronological order and at different times.
-    pub(super) fn check(&self, duration: f64, found: &mut Findings) {
-        let (singular, plural) = (self.singular, self.plural);
-        for (index, &time) in self.times.iter().enumerate() {
-            found.in_flight(&self.key(index), &format!("the {singular}"), time, duration);
+impl Findings {
+    /// Requires events of the array `at` within the flight of `duration` s, in chronological order and at different times.
+    /// Their names are singular and plural.
+    pub(super) fn check_events(&mut self, names: [&str; 2], at: &Key, times: &[f64], duration: f64) {
+        let [singular, plural] = names;
+        let key = |index: usize| at.then(index).then("at");
+        for (index, &time) in times.iter().enumerate() {
+            self.in_flight(&key(index), &format!("the {singular}"), time, duration);
         }
-        for (index, pair) in self.times.windows(2).enumerate() {
+        for (index, pair) in times.windows(2).enumerate() {
             let [earlier, later] = [pair[0], pair[1]];
             if later < earlier {
-                found.add(
-                    self.key(index + 1),
+                self.add(
+                    key(index + 1),
                     format!("the {singular} at {later:?} s is listed after the one at {earlier:?} s"),
                     format!("put the {plural} in the order of their times"),
                 );
             } else if later == earlier {
-                found.add(
-                    self.key(index + 1),
+                self.add(
+                    key(index + 1),
                     format!("two {plural} happen at {later:?} s"),
                     format!("merge them into one {singular}, or move one of them"),
                 );
@@ -45,16 +35,21 @@ impl Events<'_> {
         }
     }
 
-    /// Checks as [`Events::check`], and that events of these lengths (s) do not overlap.
-    pub(super) fn check_lasting(&self, lengths: &[f64], duration: f64, found: &mut Findings) {
-        self.check(duration, found);
-        let ends = self.times.iter().zip(lengths);
-        for (index, (&begin, &length)) in ends.enumerate() {
-            let (singular, end) = (self.singular, begin + length);
-            let next = self.times.get(index + 1);
-            if let Some(next) = next.filter(|&&next| begin < next && next + ROUNDING < end) {
-                found.add(
-                    self.key(index + 1),
+    /// Checks as [`Self::check_events`], and that events with these starts and lengths, s, do not overlap.
+    pub(super) fn check_intervals(
+        &mut self,
+        names: [&str; 2],
+        at: &Key,
+        spans: impl Iterator<Item = (f64, f64)>,
+        duration: f64,
+    ) {
+        let (times, lengths): (Vec<_>, Vec<_>) = spans.unzip();
+        self.check_events(names, at, &times, duration);
+        for (index, (pair, length)) in times.windows(2).zip(lengths).enumerate() {
+            let (singular, [begin, next], end) = (names[0], [pair[0], pair[1]], pair[0] + length);
+            if begin < next && next + ROUNDING < end {
+                self.add(
+                    at.then(index + 1).then("at"),
                     format!(
                         "the {singular} at {next:?} s begins before the one at {begin:?} s ends at {end:?} s"
                     ),
@@ -64,12 +59,6 @@ impl Events<'_> {
         }
     }
 
-    fn key(&self, index: usize) -> Key {
-        self.at.then(index).then("at")
-    }
-}
-
-impl Findings {
     /// Requires a time within a flight of `duration` s.
     pub(super) fn in_flight(&mut self, key: &Key, what: &str, time: f64, duration: f64) {
         if time > duration {

@@ -1,7 +1,6 @@
 //! Checks of flight outdoors: sensors, their rates, and the estimator over them.
 
 use super::Findings;
-use super::events::Events;
 use super::six_digits;
 use crate::navigation::LONGEST_HORIZON;
 use crate::{FixChange, Key, Navigation, Scenario, Sensors, Timing};
@@ -216,13 +215,9 @@ impl Navigation {
 impl Sensors {
     fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
         let at = at.then("gnss");
-        let changes = Events {
-            singular: "change of the fixes",
-            plural: "changes of the fixes",
-            at: at.then("change"),
-            times: self.gnss.change.iter().map(|change| change.at).collect(),
-        };
-        changes.check(duration, found);
+        let times: Vec<_> = self.gnss.change.iter().map(|change| change.at).collect();
+        let changes = ["change of the fixes", "changes of the fixes"];
+        found.check_events(changes, &at.then("change"), &times, duration);
         let mut kind = FixKind::from(self.gnss.kind);
         for (index, change) in self.gnss.change.iter().enumerate() {
             if FixKind::from(change.kind) == kind {
@@ -234,18 +229,8 @@ impl Sensors {
             }
             kind = change.kind.into();
         }
-        let (times, lengths): (_, Vec<_>) = self
-            .gnss
-            .spoofing
-            .iter()
-            .map(|event| (event.at, event.lasts))
-            .unzip();
-        let spoofing = Events {
-            singular: "spoofing",
-            plural: "intervals of spoofing",
-            at: at.then("spoofing"),
-            times,
-        };
-        spoofing.check_lasting(&lengths, duration, found);
+        let spans = self.gnss.spoofing.iter().map(|event| (event.at, event.lasts));
+        let spoofing = ["spoofing", "intervals of spoofing"];
+        found.check_intervals(spoofing, &at.then("spoofing"), spans, duration);
     }
 }

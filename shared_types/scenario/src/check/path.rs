@@ -1,7 +1,6 @@
 //! Checks of the path: timing law, yaw steps and curve.
 
 use super::Findings;
-use super::events::Events;
 use crate::{Curve, Key, Line, Path, Vector, Waypoints};
 
 impl Path {
@@ -16,18 +15,9 @@ impl Path {
                 "lower `alpha1` or raise `alpha2`; the paper uses 0.5 and 1.5",
             );
         }
-        self.check_yaw_steps(duration, &at.then("yaw_step"), found);
+        let times: Vec<_> = self.yaw_step.iter().map(|step| step.at).collect();
+        found.check_events(["yaw step", "yaw steps"], &at.then("yaw_step"), &times, duration);
         self.curve.check(&at.then("curve"), found);
-    }
-
-    fn check_yaw_steps(&self, duration: f64, at: &Key, found: &mut Findings) {
-        let steps = Events {
-            singular: "yaw step",
-            plural: "yaw steps",
-            at: at.clone(),
-            times: self.yaw_step.iter().map(|step| step.at).collect(),
-        };
-        steps.check(duration, found);
     }
 }
 

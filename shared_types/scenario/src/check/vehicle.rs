@@ -1,6 +1,5 @@
 //! Checks of the vehicle and its changes.
 
-use super::events::Events;
 use super::{Findings, six_digits};
 use crate::{Key, Vector, Vehicle, VehicleChange};
 
@@ -16,13 +15,8 @@ impl Vehicle {
         for (index, change) in self.change.iter().enumerate() {
             change.check(&at.then("change").then(index), found);
         }
-        let changes = Events {
-            singular: "change",
-            plural: "changes",
-            at: at.then("change"),
-            times: self.change.iter().map(|change| change.at).collect(),
-        };
-        changes.check(duration, found);
+        let times: Vec<_> = self.change.iter().map(|change| change.at).collect();
+        found.check_events(["change", "changes"], &at.then("change"), &times, duration);
         check_center_of_mass(&self.center_of_mass, &at.then("center_of_mass"), found);
         self.check_rig(duration, at, found);
     }

@@ -58,19 +58,16 @@ fn a_flight_in_the_laboratory_has_no_problem() {
 
 #[test]
 fn a_centre_of_mass_outside_of_the_vehicle_is_refused() {
-    refused(
-        |scenario| scenario.vehicle.center_of_mass = [0.3, 0.0, -0.4],
+    let (key, reason, fix) = (
         "vehicle.center_of_mass",
         "lies 0.5 m from the origin",
         "less than 0.5 m away",
     );
-    refused(
-        |scenario| scenario.vehicle.change[0].center_of_mass = Some([0.0, 5.0, 0.0]),
-        "vehicle.change.0.center_of_mass",
-        "lies 5.0 m from the origin",
-        "less than 0.5 m away",
-    );
-    accepted(|scenario| scenario.vehicle.center_of_mass = [0.28, 0.0, -0.4]);
+    refused(|s| s.vehicle.center_of_mass = [0.3, 0.0, -0.4], key, reason, fix);
+    let changed = |s: &mut Scenario| s.vehicle.change[0].center_of_mass = Some([0.0, 5.0, 0.0]);
+    let key = "vehicle.change.0.center_of_mass";
+    refused(changed, key, "lies 5.0 m from the origin", fix);
+    accepted(|s| s.vehicle.center_of_mass = [0.28, 0.0, -0.4]);
 }
 
 #[test]
@@ -88,12 +85,10 @@ fn a_change_of_the_centre_of_mass_alone_is_a_change() {
 
 #[test]
 fn a_thrust_at_the_start_above_the_largest_is_refused() {
-    refused(
-        |scenario| actuators(scenario).initial_thrust = 5.6,
-        "vehicle.actuators.initial_thrust",
-        "5.6 N is above the maximum of 5.5 N",
-        "lower `initial_thrust`",
-    );
+    let key = "vehicle.actuators.initial_thrust";
+    let reason = "5.6 N is above the maximum of 5.5 N";
+    let fix = "lower `initial_thrust`";
+    refused(|s| actuators(s).initial_thrust = 5.6, key, reason, fix);
     accepted(|scenario| actuators(scenario).initial_thrust = 5.5);
 }
 
@@ -122,12 +117,10 @@ fn a_link_that_cannot_ask_for_the_thrust_to_hover_is_refused() {
         "1.98331 N must be commanded to hold the vehicle in the air, but the thrust channel reaches from 2.3071 N to 5.4451 N",
         "the paper's numbers need [-1.0, 1.0]",
     );
-    refused(
-        |scenario| link(scenario).thrust_slope = 0.1,
-        "rc_output.thrust_range",
-        "1.98331 N must be commanded",
-        "another `thrust_offset` and `thrust_slope`",
-    );
+    let key = "rc_output.thrust_range";
+    let reason = "1.98331 N must be commanded";
+    let fix = "another `thrust_offset` and `thrust_slope`";
+    refused(|s| link(s).thrust_slope = 0.1, key, reason, fix);
     refused(
         |scenario| link(scenario).thrust_range = [-1.0, 0.0],
         "rc_output.thrust_range",
@@ -187,12 +180,10 @@ fn air_that_blows_nowhere_is_refused() {
 
 #[test]
 fn a_fan_that_is_moved_at_the_start_is_refused() {
-    refused(
-        |scenario| fan(scenario).moves[0].at = 0.0,
-        "vehicle.fan.moves.0.at",
-        "moves at 0.0 s, when it is at `position`",
-        "as the fan's `position` and `direction`",
-    );
+    let key = "vehicle.fan.moves.0.at";
+    let reason = "moves at 0.0 s, when it is at `position`";
+    let fix = "as the fan's `position` and `direction`";
+    refused(|s| fan(s).moves[0].at = 0.0, key, reason, fix);
 }
 
 /// Events in flight: key, and a change that sets two times in s.
@@ -259,22 +250,12 @@ fn events_lie_within_the_flight_and_in_order() {
 
 #[test]
 fn a_fan_is_switched_within_the_flight_at_whole_ticks() {
-    refused(
-        |scenario| fan(scenario).off_at = Some(61.0),
-        "vehicle.fan.off_at",
-        "switching the fan off at 61.0 s comes after the end",
-        "raise `duration`",
-    );
-    let late = problems(|scenario| {
-        fan(scenario).on_at = 61.0;
-        fan(scenario).off_at = None;
-    });
-    assert_only(
-        &late,
-        "vehicle.fan.on_at",
-        "switching the fan on at 61.0 s comes after the end",
-        "raise `duration`",
-    );
+    let reason = "switching the fan off at 61.0 s comes after the end";
+    let (off_at, fix) = ("vehicle.fan.off_at", "raise `duration`");
+    refused(|s| fan(s).off_at = Some(61.0), off_at, reason, fix);
+    let late = |s: &mut Scenario| (fan(s).on_at, fan(s).off_at) = (61.0, None);
+    let reason = "switching the fan on at 61.0 s comes after the end";
+    refused(late, "vehicle.fan.on_at", reason, fix);
     for (key, set) in [
         (
             "vehicle.fan.on_at",
@@ -344,12 +325,9 @@ fn a_marker_swap_of_nothing_is_refused() {
 
 #[test]
 fn jitter_beyond_the_frame_before_is_refused() {
-    refused(
-        |scenario| cameras(scenario).jitter = 0.011,
-        "cameras.jitter",
-        "exposed up to 0.011 s early, but their period is 0.01 s",
-        "lower `jitter` to 0.01 or less",
-    );
+    let reason = "exposed up to 0.011 s early, but their period is 0.01 s";
+    let fix = "lower `jitter` to 0.01 or less";
+    refused(|s| cameras(s).jitter = 0.011, "cameras.jitter", reason, fix);
     accepted(|scenario| cameras(scenario).jitter = 0.01);
     accepted(|scenario| {
         scenario.schedule.period.insert("mocap/pose".to_owned(), 0.02);
@@ -381,40 +359,32 @@ fn an_empty_range_is_refused() {
 #[test]
 fn rate_channels_that_turn_one_way_only_are_refused() {
     for range in [[0.0, 1.0], [-1.0, 0.0], [0.2, 0.8]] {
-        refused(
-            |scenario| link(scenario).rate_range = range,
-            "rc_output.rate_range",
-            "the vehicle cannot turn both ways",
-            "with 0 inside",
-        );
+        let (key, reason) = ("rc_output.rate_range", "the vehicle cannot turn both ways");
+        refused(|s| link(s).rate_range = range, key, reason, "with 0 inside");
     }
 }
 
 #[test]
 fn a_link_that_cannot_pull_is_refused() {
-    refused(
-        |scenario| link(scenario).thrust_offset = -4.0,
-        "rc_output.thrust_range",
-        "no travel of the thrust channel commands a thrust above 0 N",
-        "check `thrust_offset`",
-    );
+    let key = "rc_output.thrust_range";
+    let reason = "no travel of the thrust channel commands a thrust above 0 N";
+    let fix = "check `thrust_offset`";
+    refused(|s| link(s).thrust_offset = -4.0, key, reason, fix);
 }
 
 #[test]
 fn a_range_without_a_step_of_the_link_is_refused() {
+    let bits = |scenario: &mut Scenario, bits| {
+        (link(scenario).resolution, link(scenario).rate_range) = (bits, [-0.3, 0.3]);
+    };
+    let reason = "the range is 0.6 wide, less than one of the steps of 0.666667";
     refused(
-        |scenario| {
-            link(scenario).resolution = 2;
-            link(scenario).rate_range = [-0.3, 0.3];
-        },
+        |s| bits(s, 2),
         "rc_output.rate_range",
-        "the range is 0.6 wide, less than one of the steps of 0.666667",
+        reason,
         "raise `resolution`",
     );
-    accepted(|scenario| {
-        link(scenario).resolution = 3;
-        link(scenario).rate_range = [-0.3, 0.3];
-    });
+    accepted(|s| bits(s, 3));
 }
 
 #[test]
@@ -441,24 +411,15 @@ fn modelled_latencies_are_whole_ticks() {
 
 #[test]
 fn a_roll_out_that_does_not_fill_the_hold_is_refused() {
-    refused(
-        |scenario| rates(scenario).roll_out_step = 0.0015,
-        "controller.rates.roll_out_step",
-        "0.0015 s does not divide the 0.022 s for which a command is held",
-        "use 0.00146667",
-    );
-    refused(
-        |scenario| rates(scenario).roll_out_step = 0.05,
-        "controller.rates.roll_out_step",
-        "0.05 s does not divide the 0.022 s",
-        "use 0.022",
-    );
-    refused(
-        |scenario| rates(scenario).roll_out_step = 0.00001,
-        "controller.rates.roll_out_step",
-        "2200.0 steps for one command",
-        "raise `roll_out_step` to 2.2e-5 or more",
-    );
+    let held = "0.0015 s does not divide the 0.022 s for which a command is held";
+    for (step, reason, fix) in [
+        (0.0015, held, "use 0.00146667"),
+        (0.05, "0.05 s does not divide the 0.022 s", "use 0.022"),
+        (0.00001, "2200.0 steps for one command", "to 2.2e-5 or more"),
+    ] {
+        let key = "controller.rates.roll_out_step";
+        refused(|scenario| rates(scenario).roll_out_step = step, key, reason, fix);
+    }
     for parts in [1.0, 3.0, 7.0, 22.0, 1000.0] {
         accepted(|scenario| rates(scenario).roll_out_step = 0.022 / parts);
     }
@@ -466,64 +427,45 @@ fn a_roll_out_that_does_not_fill_the_hold_is_refused() {
 
 #[test]
 fn body_rates_need_a_vehicle_that_follows_them_a_model_and_a_filter() {
+    let key = "controller.rates";
+    let no_loop = "the vehicle has no rate loop that follows them";
     refused(
-        |scenario| scenario.vehicle.actuators = None,
-        "controller.rates",
-        "the vehicle has no rate loop that follows them",
+        |s| s.vehicle.actuators = None,
+        key,
+        no_loop,
         "add `[vehicle.actuators]`",
     );
-    refused(
-        |scenario| scenario.model = None,
-        "controller.rates",
-        "by a model of the vehicle, but there is none",
-        "add `[model]`",
-    );
-    refused(
-        |scenario| scenario.estimator = None,
-        "controller.rates",
-        "needs a thrust and an acceleration that only a filter estimates",
-        "add `[estimator.kalman]`",
-    );
+    let no_model = "by a model of the vehicle, but there is none";
+    refused(|s| s.model = None, key, no_model, "add `[model]`");
+    let no_filter = "needs a thrust and an acceleration that only a filter estimates";
+    refused(|s| s.estimator = None, key, no_filter, "add `[estimator.kalman]`");
 }
 
 #[test]
 fn sections_for_body_rates_are_refused_with_a_controller_of_torque() {
-    refused(
-        |scenario| scenario.controller.rates = None,
-        "vehicle.actuators",
-        "the vehicle's rate loop follows body rates, but the controller commands torque",
-        "add `[controller.rates]`",
-    );
-    refused(
-        |scenario| {
-            scenario.controller.rates = None;
-            scenario.vehicle.actuators = None;
-        },
-        "rc_output",
+    let mut scenario = rig();
+    scenario.controller.rates = None;
+    let mut refused = |leave_out: fn(&mut Scenario), key, reason, fix| {
+        assert_only(&scenario.problems(), key, reason, fix);
+        leave_out(&mut scenario);
+    };
+    let reason = "the vehicle's rate loop follows body rates, but the controller commands torque";
+    let fix = "add `[controller.rates]`";
+    refused(|s| s.vehicle.actuators = None, "vehicle.actuators", reason, fix);
+    let (reason, fix) = (
         "the radio link carries body rates, but",
         "or leave `rc_output` out",
     );
+    refused(|s| s.rc_output = None, "rc_output", reason, fix);
+    let reason = "the filter predicts by the body rates of the frames, but";
     refused(
-        |scenario| {
-            scenario.controller.rates = None;
-            scenario.vehicle.actuators = None;
-            scenario.rc_output = None;
-        },
+        |s| s.estimator = None,
         "estimator",
-        "the filter predicts by the body rates of the frames, but",
+        reason,
         "or leave `estimator` out",
     );
-    refused(
-        |scenario| {
-            scenario.controller.rates = None;
-            scenario.vehicle.actuators = None;
-            scenario.rc_output = None;
-            scenario.estimator = None;
-        },
-        "cameras",
-        "these cameras measure poses only",
-        "or leave `cameras` out",
-    );
+    let (reason, fix) = ("these cameras measure poses only", "or leave `cameras` out");
+    refused(|_| (), "cameras", reason, fix);
 }
 
 #[test]
