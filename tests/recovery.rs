@@ -187,6 +187,15 @@ fn a_flight_by_satellites_with_every_service_killed_in_turn_is_that_flight() {
     committed_is_the_same_with("outdoor_events", &in_turn.chain(estimator).collect::<Vec<_>>());
 }
 
+/// In the hall, in its gate and outdoors each service dies.
+#[test]
+fn a_flight_in_and_out_of_a_hall_with_every_service_killed_in_turn_is_that_flight() {
+    let turns = ServiceId::ALL.into_iter().cycle().zip(1..15);
+    let in_turn = turns.map(|(service, turn)| format!("{service}@{}:after-step", 6_300 * turn));
+    let estimator = [30_000, 33_000, 40_000, 52_000].map(|tick| format!("estimator@{tick}:after-step"));
+    committed_is_the_same_with("indoor_outdoor", &in_turn.chain(estimator).collect::<Vec<_>>());
+}
+
 fn pid_named(child: &Begun, wanted: &str) -> u32 {
     until(wanted, || {
         let processes = processes_of(child.id());

@@ -370,6 +370,31 @@ crate::sample! {
         /// Explicit padding.
         pub pad0: [u8; 2],
     }
+
+    /// Innovations of the poses that inertial navigation fuses: of position and attitude the last, and what became of them.
+    pub struct PoseInnovations {
+        /// Common header.
+        pub header: Header,
+        /// Time of validity of the last measurement of each source, ns since the start of the flight; 0 for none. Sources: position
+        /// and attitude of a pose.
+        pub valid_ns: [u64; 2],
+        /// Innovations of these measurements, three numbers a source: m in {I}, and rad in {B}.
+        pub innovations: [f64; 6],
+        /// Their predicted variances.
+        pub variances: [f64; 6],
+        /// Their normalised squares: χ² of three degrees of freedom.
+        pub normalised_squares: [f64; 2],
+        /// Measurements fused since the start of the flight.
+        pub fused: [u32; 2],
+        /// Measurements beyond the gate since the start of the flight.
+        pub refused: [u32; 2],
+        /// Measurements that were late, from the future, not finite, or too many, since the start of the flight.
+        pub unusable: [u32; 2],
+        /// `true` if the last measurement was within the gate.
+        pub accepted: [Flag; 2],
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
 }
 
 impl MocapPose {

@@ -153,6 +153,7 @@ pub struct Schedule {
     has_telemetry: bool,
     has_sensors: bool,
     has_captures: bool,
+    fuses_poses: bool,
 }
 
 impl Schedule {
@@ -183,6 +184,7 @@ impl Schedule {
             has_telemetry: false,
             has_sensors: false,
             has_captures: true,
+            fuses_poses: false,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -247,19 +249,20 @@ impl Schedule {
         self
     }
 
-    /// Returns the same schedule outdoors, where no cameras capture the vehicle.
+    /// Returns the same schedule with inertial navigation, which fuses the poses of cameras or flies where there are none.
     #[must_use]
-    pub fn without_captures(mut self) -> Self {
-        self.has_captures = false;
+    pub fn with_navigation(mut self, fuses_poses: bool) -> Self {
+        (self.has_captures, self.fuses_poses) = (fuses_poses, fuses_poses);
         self
     }
 
-    /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values, and samples of sensors
-    /// only if it states sensors.
+    /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values, samples of sensors only
+    /// if it states sensors, and innovations of poses only if inertial navigation fuses them.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => self.has_telemetry,
+            Topic::PoseInnovations => self.fuses_poses,
             topic if topic.is_of_flight_outdoors() => self.has_sensors,
             _ => true,
         }
@@ -490,7 +493,7 @@ impl Schedule {
             self.latencies.iter().flatten().sum::<u64>() + late.map(EdgeFault::ticks_late).sum::<u64>();
         let topics = Topic::ALL
             .into_iter()
-            .filter(|topic| self.has_sensors || !topic.is_of_flight_outdoors());
+            .filter(|&topic| topic == Topic::ControlTelemetry || self.has_topic(topic));
         let periods: u64 = self
             .services
             .iter()

@@ -9,7 +9,8 @@ use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, Sample
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
     BaroAltitude, ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, GnssFix, ImuSample,
-    MagField, MocapPose, NavigationInnovations, PathReference, RcFrame, RunEvent, VehicleState, VehicleTruth,
+    MagField, MocapPose, NavigationInnovations, PathReference, PoseInnovations, RcFrame, RunEvent,
+    VehicleState, VehicleTruth,
 };
 
 /// Set of external services: for each service in the order of the wiring table, whether a program replaces it.
@@ -147,6 +148,7 @@ impl Topic {
                 | Self::BaroAltitude
                 | Self::MagField
                 | Self::NavigationInnovations
+                | Self::PoseInnovations
         )
     }
 
@@ -385,6 +387,8 @@ wiring! {
         MagField = "mag/field";
         /// The innovations of inertial navigation; all zero without it.
         NavigationInnovations = "navigation/innovations";
+        /// The innovations of the poses that inertial navigation fuses; only where the scenario lets it.
+        PoseInnovations = "navigation/poses";
     }
     services {
         /// Rigid body, actuators, disturbances and the simulated cameras and sensors.
@@ -401,7 +405,9 @@ wiring! {
                 pose: MocapPose, frame: RcFrame after 1, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
                 field: MagField
             }
-            EstimatorOutputs { state: VehicleState, innovations: NavigationInnovations }
+            EstimatorOutputs {
+                state: VehicleState, innovations: NavigationInnovations, poses: PoseInnovations
+            }
         }
         /// The path and its timing law.
         PathGenerator = path_generator {

@@ -7,7 +7,6 @@ use metrics::summary::{limit_in_words, not_level_in_words};
 use scenario::Scenario;
 use shared_types::ServiceId;
 use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady, ReadyLimits};
-use shared_types::gnss::FixKind;
 use shared_types::rotation::tilt;
 use shared_types::samples::{RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds, seconds};
@@ -163,9 +162,14 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
         match NotReady::find(&limits, Some((state, state_age_ns)), frame)? {
             NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
             NotReady::Sight if scenario.navigation.is_some() => {
-                "the position is not known: fixes have not been fused for `navigation.healthy_for` without a break, or inertial \
-                 samples are missing"
-                    .to_owned()
+                let what = match scenario.fuses_poses() {
+                    Some(true) => "neither fixes nor poses have",
+                    _ => "fixes have not",
+                };
+                format!(
+                    "the position is not known: {what} been fused for `navigation.healthy_for` without a break, or inertial \
+                     samples are missing"
+                )
             }
             NotReady::Sight => "the cameras do not see the vehicle".to_owned(),
             NotReady::Estimate => format!(
@@ -189,7 +193,7 @@ fn off_the_place(scenario: &Scenario, state: &VehicleState) -> Option<String> {
     if !state.tracked.is_set() {
         return None;
     }
-    let kind = FixKind::from(scenario.sensors.as_ref()?.gnss.kind);
+    let kind = scenario.sensors.as_ref()?.gnss.kind.kind()?;
     let [_, height_deviation, _] = scenario.navigation.as_ref()?.errors()[kind as usize].deviations();
     let [across_limit, up_limit] = OFF_THE_PLACE;
     let up_limit = up_limit + DEVIATIONS * height_deviation;

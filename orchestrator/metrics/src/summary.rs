@@ -318,7 +318,10 @@ impl FlightSummary {
                 .capture_system()
                 .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
             battery: None,
-            innovations: scenario.navigation.as_ref().map(|_| Box::default()),
+            innovations: scenario
+                .navigation
+                .as_ref()
+                .map(|_| Box::new(InnovationWatch::new(scenario))),
             imu_edge: EdgeName::between(Topic::ImuSample, ServiceId::Estimator)
                 .filter(|edge| recorded[edge.topic.index()] == Recorded::All)
                 .map(|edge| schedule.edge(edge.service, edge.input)),
@@ -380,6 +383,11 @@ impl FlightSummary {
             Topic::NavigationInnovations => {
                 if let Some(innovations) = &mut self.innovations {
                     view(bytes, |sample| innovations.observe(sample));
+                }
+            }
+            Topic::PoseInnovations => {
+                if let Some(innovations) = &mut self.innovations {
+                    view(bytes, |sample| innovations.observe_poses(sample));
                 }
             }
         }

@@ -3,11 +3,12 @@
 //! A value that a sample does not have is NaN.
 
 use control_law::yaw::shorter_way;
-use metrics::summary::innovations::{FREEDOM, SOURCES};
+use metrics::summary::innovations::{FREEDOM, POSE_SOURCES, SOURCES};
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{
-    ControlAdaptation, ControlCommand, ControlErrors, NavigationInnovations, PathReference, VehicleTruth,
+    ControlAdaptation, ControlCommand, ControlErrors, NavigationInnovations, PathReference, PoseInnovations,
+    VehicleTruth,
 };
 
 /// Channels of `vehicle/truth`.
@@ -136,6 +137,17 @@ pub fn innovations(sample: &NavigationInnovations) -> [f64; INNOVATIONS.len()] {
     std::array::from_fn(|index| match sample.valid_ns[index] {
         0 => f64::NAN,
         _ => (sample.normalised_squares[index] / FREEDOM[index]).sqrt(),
+    })
+}
+
+/// Channels of `navigation/poses`.
+pub const POSES: [&str; POSE_SOURCES.len()] = POSE_SOURCES;
+
+/// The same of poses.
+pub fn poses(sample: &PoseInnovations) -> [f64; POSES.len()] {
+    std::array::from_fn(|index| match sample.valid_ns[index] {
+        0 => f64::NAN,
+        _ => (sample.normalised_squares[index] / FREEDOM[SOURCES.len() + index]).sqrt(),
     })
 }
 

@@ -105,6 +105,7 @@ struct Gatherer<'a> {
     references: Table,
     telemetry: Table,
     innovations: Table,
+    poses: Table,
     track: Track,
     marks: Marks,
     summary: FlightSummary,
@@ -141,6 +142,13 @@ impl<'a> Gatherer<'a> {
                 match scenario.navigation {
                     Some(_) => &channels::INNOVATIONS,
                     None => &[],
+                },
+            ),
+            poses: table(
+                Topic::PoseInnovations,
+                match scenario.fuses_poses() {
+                    Some(true) => &channels::POSES,
+                    _ => &[],
                 },
             ),
             track: Track::new(schedule),
@@ -189,6 +197,7 @@ impl<'a> Gatherer<'a> {
             Topic::NavigationInnovations => {
                 self.innovations.add(tick, &channels::innovations(&read(bytes)));
             }
+            Topic::PoseInnovations => self.poses.add(tick, &channels::poses(&read(bytes))),
         }
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);
@@ -221,6 +230,7 @@ impl<'a> Gatherer<'a> {
             (Topic::PathReference, self.references),
             (Topic::ControlTelemetry, self.telemetry),
             (Topic::NavigationInnovations, self.innovations),
+            (Topic::PoseInnovations, self.poses),
         ];
         // A laboratory flight has no truth; for all others the truth replaces the estimate.
         let omitted = match self.tracker.source() {

@@ -42,6 +42,7 @@ const COMMAND: &str = "control/command";
 const ADAPTATION: &str = "control/adaptation";
 const REFERENCE: &str = "path/reference";
 const INNOVATIONS: &str = "navigation/innovations";
+const POSES: &str = "navigation/poses";
 
 const fn curve(topic: &'static str, channel: &'static str, label: &'static str, dash: u8) -> Curve {
     Curve {
@@ -57,8 +58,8 @@ const fn group(name: &'static str, curves: &'static [Curve]) -> Group {
 }
 
 macro_rules! innovation {
-    ($source:literal) => {
-        group($source, &[curve(INNOVATIONS, $source, $source, 0)])
+    ($source:literal of $topic:ident) => {
+        group($source, &[curve($topic, $source, $source, 0)])
     };
 }
 
@@ -207,12 +208,14 @@ const PANELS: [Panel; 14] = [
             "Innovations over their predicted deviation",
             "1",
             &[
-                innovation!("position"),
-                innovation!("velocity"),
-                innovation!("field"),
-                innovation!("altitude"),
-                innovation!("zero velocity"),
-                innovation!("resting rate"),
+                innovation!("position" of INNOVATIONS),
+                innovation!("velocity" of INNOVATIONS),
+                innovation!("field" of INNOVATIONS),
+                innovation!("altitude" of INNOVATIONS),
+                innovation!("zero velocity" of INNOVATIONS),
+                innovation!("resting rate" of INNOVATIONS),
+                innovation!("pose position" of POSES),
+                innovation!("pose attitude" of POSES),
             ],
         )
     },
@@ -246,7 +249,7 @@ mod tests {
             .flat_map(|group| group.curves)
             .map(|curve| (curve.topic, curve.channel))
             .collect();
-        let tables: [(&str, &[&str]); 7] = [
+        let tables: [(&str, &[&str]); 8] = [
             (TRUTH, &channels::TRUTH),
             (STATE, &channels::STATE),
             (ERRORS, &channels::ERRORS),
@@ -254,6 +257,7 @@ mod tests {
             (ADAPTATION, &channels::ADAPTATION),
             (REFERENCE, &channels::REFERENCE),
             (INNOVATIONS, &channels::INNOVATIONS),
+            (POSES, &channels::POSES),
         ];
         let channels: BTreeSet<_> = tables
             .into_iter()

@@ -15,6 +15,7 @@ use super::{Compression, Manifest, RunLogWriter, Written, partial_path};
 pub fn scenario_of_own_controller(tick: f64, duration: f64) -> Scenario {
     let mut scenario = scenario(tick, duration);
     scenario.controller.telemetry.clear();
+    scenario.navigation = None;
     scenario
 }
 
@@ -24,7 +25,7 @@ pub fn scenario(tick: f64, duration: f64) -> Scenario {
         "description = \"a test\"\nduration = {duration}\nschedule.tick = {tick}\n\
          [vehicle]\nmass = 0.2\ninertia = [1e-3, 1e-3, 2e-3]\nchange = [{{ at = {}, mass = 0.3 }}]\n\
          [path.curve.hover]\nposition = [0.0, 0.0, -1.0]\n\
-         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n[sensors]\n",
+         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n[sensors]\n[navigation.poses]\n",
         duration / 2.0
     ))
     .unwrap()
@@ -49,9 +50,8 @@ pub fn samples(schedule: &Schedule) -> impl Iterator<Item = (Topic, Vec<u8>)> {
 /// A log, never closed, of so many chunks that unpack to so many bytes each and are next to nothing in the file.
 pub fn bomb(path: &Path, chunks: u64, bytes: usize) {
     let scenario = scenario(0.05, 1.0);
-    let schedule = scenario.schedule().unwrap();
     let topic = Topic::VehicleTruth;
-    let same = sample(topic, schedule.header(topic, 0));
+    let same = sample(topic, scenario.schedule().unwrap().header(topic, 0));
     let mut writer = RunLogWriter::create(path, &Manifest::new(&scenario), Compression::Zstd).unwrap();
     for _ in 0..chunks {
         for _ in 0..bytes / same.len() {

@@ -1,6 +1,6 @@
 //! Warnings about valid scenarios in which the vehicle probably does not return safely.
 
-use scenario::{Key, Navigation, OrchestratorLoss, Problem, Scenario, Vector};
+use scenario::{Gnss, Key, Navigation, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::flight_phase::DESCENT;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
 use shared_types::{ServiceId, Topic};
@@ -302,8 +302,8 @@ fn estimate_warning(scenario: &Scenario) -> Option<Problem> {
 /// Returns the limit (m) of the standard deviation of the position that is advised: with fixes alone it is not exceeded.
 fn advised_sigma(scenario: &Scenario, navigation: &Navigation) -> f64 {
     let gnss = scenario.sensors.as_ref().map(|sensors| &sensors.gnss);
-    let attainable = gnss.map(|gnss| navigation.attainable_sigma(gnss.least_accurate()));
-    POSITION_SIGMA.max(2.0 * attainable.unwrap_or(0.0))
+    let kind = gnss.and_then(Gnss::least_accurate);
+    POSITION_SIGMA.max(2.0 * navigation.attainable_sigma(kind))
 }
 
 /// Warns of a law that levels the vehicle before the path has decelerated: without tracking the vehicle keeps its velocity.
@@ -397,6 +397,7 @@ mod tests {
     fn the_advised_limit_of_the_estimate_is_above_what_its_fixes_attain() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
         let outdoors = [
+            ("indoor_outdoor", "0.5"),
             ("laboratory_outdoor", "0.5"),
             ("outdoor_50m", "0.5"),
             ("outdoor_events", "3"),

@@ -12,9 +12,9 @@
 //!
 //! Failure policy, besides that of the filter (`inertial_navigation::filter`):
 //! * an impossible sample is refused and counted, and so is one from the future;
-//! * a state counts as tracked once fixes have been fused for [`healthy_for`](scenario::Navigation::healthy_for) without
-//!   a break of a second; then as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the
-//!   inertial measurement unit arrive. It coasts while fixes are missing for more than a second;
+//! * a state counts as tracked once fixes or positions of poses have been fused for [`healthy_for`](scenario::Navigation::healthy_for)
+//!   without a break of a second; then as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples
+//!   of the inertial measurement unit arrive. It coasts while they are missing for more than a second;
 //! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
 //!   that is accepted again) is no step of the published one, which follows over [`ramp`](scenario::Navigation::ramp), and by at
 //!   most 1 m/s; and so with the velocity, above 0.1 m/s and by at most 1 m/s². After a silence, or when the position is more than
@@ -23,7 +23,7 @@
 use inertial_navigation::error_state::POSITION;
 use inertial_navigation::parameters::InertialNoise;
 use inertial_navigation::{
-    Altitude, Correction, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters,
+    Altitude, Correction, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters, Pose,
     Source, SourceStatus,
 };
 use nalgebra::Vector3;
@@ -32,18 +32,20 @@ use shared_types::flight_phase::airborne_thrust;
 use shared_types::geodesy::{Geodetic, LocalFrame};
 use shared_types::gnss::FixKind;
 use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity};
-use shared_types::rotation::to_row_major;
+use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::{Field as _, Flag};
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, NavigationInnovations, RcFrame};
+use shared_types::samples::{
+    BaroAltitude, GnssFix, ImuSample, MagField, MocapPose, NavigationInnovations, PoseInnovations, RcFrame,
+};
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
-use shared_types::{Now, Schedule, Service, ServiceId, Topic};
+use shared_types::{Input, Now, Schedule, Service, ServiceId, Topic};
 use vehicle_model::lag::Lag;
 
 use crate::kalman::commands::{Command, CommandHistory, Stretch};
 use crate::kalman::filter::schedule_of;
 use crate::kalman::motion::{Actuation, NominalState, VehicleModel};
-use crate::source::Estimate;
+use crate::source::{Estimate, is_attitude};
 
 /// Largest magnitudes of a sample: rate (rad/s), specific force (m/s²), velocity (m/s), height and altitude (m), and field (G).
 const LARGEST_RATE: f64 = 200.0;
@@ -55,7 +57,7 @@ const LARGEST_FIELD: f64 = 20.0;
 /// Lowest frequency at which a vibration may appear in the samples, Hz: below it the vehicle follows.
 const LOWEST_VIBRATION: f64 = 25.0;
 
-/// Time without a fused fix above which the state coasts, ns.
+/// Time without a fused position above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
 /// Correction of the position (m) above which the published one follows slowly, and the highest speed at which it does, m/s.
 const POSITION_FOLLOWS: [f64; 2] = [0.05, 1.0];
@@ -90,7 +92,7 @@ shared_types::sample! {
         pub position_offset: Offset,
         /// Published minus estimated velocity, m/s.
         pub velocity_offset: Offset,
-        /// Time since which fixes are fused without a break, ns since the start of the flight; all ones while they are not.
+        /// Time since which positions are fused without a break, ns since the start of the flight; all ones while they are not.
         pub healthy_since_ns: u64,
         /// State of the input validator of samples of the inertial measurement unit.
         pub imu: GateState,
@@ -100,6 +102,8 @@ shared_types::sample! {
         pub altitude: GateState,
         /// State of that of fields.
         pub field: GateState,
+        /// State of that of poses.
+        pub pose: GateState,
         /// The last good ones.
         pub imu_held: ImuSample,
         /// The last good fix.
@@ -108,7 +112,9 @@ shared_types::sample! {
         pub altitude_held: BaroAltitude,
         /// The last good field.
         pub field_held: MagField,
-        /// `true` if fixes have been healthy for long enough once.
+        /// The last good pose.
+        pub pose_held: MocapPose,
+        /// `true` if positions have been healthy for long enough once.
         pub was_healthy: Flag,
         /// `true` if the motors turn.
         pub motors_turn: Flag,
@@ -117,6 +123,24 @@ shared_types::sample! {
         /// Explicit padding.
         pub pad0: [u8; 5],
     }
+}
+
+/// Writes the last innovation of these sources to a sample, which has a place for each.
+macro_rules! write_sources {
+    ($service:ident, $sample:ident, $sources:expr) => {
+        for (index, source) in $sources.iter().enumerate() {
+            let status = $service.filter.source(*source);
+            let three = 3 * index..3 * index + 3;
+            $sample.valid_ns[index] = status.fused_ns.max(status.refused_ns);
+            $sample.innovations[three.clone()].copy_from_slice(&status.innovation);
+            $sample.variances[three].copy_from_slice(&status.variance);
+            $sample.normalised_squares[index] = status.squared_distance;
+            $sample.fused[index] = status.fused;
+            $sample.refused[index] = status.refused;
+            $sample.unusable[index] = status.unusable;
+            $sample.accepted[index] = (status.fused > 0 && status.fused_ns >= status.refused_ns).into();
+        }
+    };
 }
 
 shared_types::sample! {
@@ -180,6 +204,8 @@ pub struct InertialEstimatorService {
     fix: InputValidator<GnssFix>,
     altitude: InputValidator<BaroAltitude>,
     field: InputValidator<MagField>,
+    pose: InputValidator<MocapPose>,
+    fuses_poses: bool,
 }
 
 impl InertialEstimatorService {
@@ -193,7 +219,7 @@ impl InertialEstimatorService {
         let model = scenario.model.clone().unwrap_or_default();
         let datum = scenario.datum_or_default();
         let schedule = schedule_of(scenario)?;
-        check_times(&navigation, &model, &schedule)?;
+        check_times(scenario, &navigation, &model, &schedule)?;
         if let Some(sensors) = &scenario.sensors {
             check_vibration(&sensors.imu, &schedule)?;
         }
@@ -227,6 +253,8 @@ impl InertialEstimatorService {
             fix: InputValidator::default(),
             altitude: InputValidator::default(),
             field: InputValidator::default(),
+            pose: InputValidator::default(),
+            fuses_poses: navigation.poses.is_some(),
         })
     }
 
@@ -272,6 +300,9 @@ impl InertialEstimatorService {
                 field_body: sample.field_body.into(),
             });
         }
+        if self.fuses_poses {
+            self.add_pose(now, &inputs.pose);
+        }
         let verdict = self.imu.look(&inputs.imu, LARGEST, |sample, held| {
             let is_next = held.is_none_or(|held| sample.measured_ns > held.measured_ns);
             let is_possible = sample.angular_velocity_body.is_within(LARGEST_RATE)
@@ -301,6 +332,32 @@ impl InertialEstimatorService {
                 self.velocity_offset
                     .correct(now, self.ramp, VELOCITY_FOLLOWS, velocity_world);
             }
+        }
+    }
+
+    /// Validates a pose, and passes its measured parts to the filter.
+    fn add_pose(&mut self, now: &Now, input: &Input<'_, MocapPose>) {
+        let position = |pose: &MocapPose| {
+            let is_there = pose.has_position() && pose.position_world.is_within(LARGEST);
+            is_there.then(|| pose.position_world.into())
+        };
+        let attitude = |pose: &MocapPose| {
+            let is_there = pose.has_attitude() && is_attitude(pose);
+            is_there.then(|| from_row_major(&pose.world_from_body))
+        };
+        let verdict = self.pose.look(input, LARGEST, |pose, held| {
+            let is_next = held.is_none_or(|held| pose.capture_time_ns > held.capture_time_ns);
+            let is_possible = pose.capture_time_ns <= now.time_ns
+                && is_next
+                && (position(pose).is_some() || attitude(pose).is_some());
+            judged(pose.tracked, is_possible)
+        });
+        if let (Some(Validity::Good), Some(pose)) = (verdict, self.pose.held()) {
+            self.filter.add_pose(&Pose {
+                time_ns: pose.capture_time_ns,
+                position_world: position(pose),
+                world_from_body: attitude(pose),
+            });
         }
     }
 
@@ -361,9 +418,9 @@ impl InertialEstimatorService {
     }
 
     /// Returns the time since a position was fused last, ns; `None` before the first.
-    fn without_fix_for_ns(&self, now: &Now) -> Option<u64> {
-        let status = self.filter.source(Source::FixPosition);
-        (status.fused > 0).then(|| now.time_ns.saturating_sub(status.fused_ns))
+    fn without_position_for_ns(&self, now: &Now) -> Option<u64> {
+        let positioned_ns = self.filter.positioned_ns()?;
+        Some(now.time_ns.saturating_sub(positioned_ns))
     }
 
     /// Returns whether the newest sample of the inertial measurement unit is recent.
@@ -373,13 +430,13 @@ impl InertialEstimatorService {
 
     /// Returns whether the state is tracked, and whether it coasts.
     fn trust(&mut self, now: &Now) -> [bool; 2] {
-        let without_fix_ns = self.without_fix_for_ns(now);
-        let coasts = without_fix_ns.is_none_or(|without| without > COASTS_AFTER_NS);
+        let without_ns = self.without_position_for_ns(now);
+        let coasts = without_ns.is_none_or(|without| without > COASTS_AFTER_NS);
         let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| !coasts);
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
             since_ns.is_some_and(|since| now.time_ns.saturating_sub(since) >= self.healthy_for_ns);
-        let is_recent = without_fix_ns.is_some_and(|without| without <= self.coast_ns);
+        let is_recent = without_ns.is_some_and(|without| without <= self.coast_ns);
         let behind = self.position_offset.now(now, self.ramp, POSITION_FOLLOWS).norm();
         self.coasts = coasts || behind > if self.coasts { CAUGHT_UP } else { FAR_BEHIND };
         [
@@ -388,20 +445,14 @@ impl InertialEstimatorService {
         ]
     }
 
-    /// Writes the last innovation of each source.
+    /// Writes the last innovation of each source but of poses.
     fn write_innovations(&self, sample: &mut NavigationInnovations) {
-        for (index, source) in Source::ALL.into_iter().enumerate() {
-            let status = self.filter.source(source);
-            let three = 3 * index..3 * index + 3;
-            sample.valid_ns[index] = status.fused_ns.max(status.refused_ns);
-            sample.innovations[three.clone()].copy_from_slice(&status.innovation);
-            sample.variances[three].copy_from_slice(&status.variance);
-            sample.normalised_squares[index] = status.squared_distance;
-            sample.fused[index] = status.fused;
-            sample.refused[index] = status.refused;
-            sample.unusable[index] = status.unusable;
-            sample.accepted[index] = (status.fused > 0 && status.fused_ns >= status.refused_ns).into();
-        }
+        write_sources!(self, sample, Source::ALL[..Source::PosePosition as usize]);
+    }
+
+    /// Writes the last innovations of poses.
+    fn write_pose_innovations(&self, sample: &mut PoseInnovations) {
+        write_sources!(self, sample, Source::ALL[Source::PosePosition as usize..]);
     }
 
     /// Returns the number of samples that were refused, by the validators and by the filter.
@@ -411,6 +462,7 @@ impl InertialEstimatorService {
             self.fix.refused(),
             self.altitude.refused(),
             self.field.refused(),
+            self.pose.refused(),
         ];
         let of_filter = Source::ALL.map(|source| {
             let SourceStatus {
@@ -448,6 +500,9 @@ impl Service for InertialEstimatorService {
         if let Some(innovations) = outputs.innovations.due() {
             self.write_innovations(innovations);
         }
+        if let Some(poses) = outputs.poses.due() {
+            self.write_pose_innovations(poses);
+        }
     }
 
     fn save(&self) -> InertialEstimatorState {
@@ -456,6 +511,7 @@ impl Service for InertialEstimatorService {
         let (fix, fix_held) = self.fix.save();
         let (altitude, altitude_held) = self.altitude.save();
         let (field, field_held) = self.field.save();
+        let (pose, pose_held) = self.pose.save();
         InertialEstimatorState {
             last: self.last,
             filter: self.filter.save(),
@@ -472,10 +528,12 @@ impl Service for InertialEstimatorService {
             fix,
             altitude,
             field,
+            pose,
             imu_held,
             fix_held,
             altitude_held,
             field_held,
+            pose_held,
             was_healthy: self.was_healthy.into(),
             coasts: self.coasts.into(),
             motors_turn: self.motors_turn.into(),
@@ -504,6 +562,7 @@ impl Service for InertialEstimatorService {
         self.fix.restore(&state.fix, &state.fix_held);
         self.altitude.restore(&state.altitude, &state.altitude_held);
         self.field.restore(&state.field, &state.field_held);
+        self.pose.restore(&state.pose, &state.pose_held);
     }
 }
 
@@ -550,6 +609,7 @@ fn local_fix(frame: &LocalFrame, fix: &GnssFix) -> Fix {
 
 /// Returns the parameters of the filter, for a field of the earth in {I}, G.
 fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
+    let poses = navigation.poses.unwrap_or_default();
     Parameters {
         gyroscope: InertialNoise {
             noise_density: navigation.gyroscope_noise,
@@ -572,6 +632,7 @@ fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
         altitude_white: navigation.altitude_white,
         altitude_ground_effect: navigation.altitude_ground_effect,
         altitude_walk: navigation.altitude_walk,
+        pose_deviations: [poses.position_deviation, poses.attitude_deviation],
         horizon: navigation.horizon,
         reset_after: navigation.reset_after,
     }
@@ -611,7 +672,12 @@ fn check_field(datum: &Datum) -> Result<(), Problem> {
 }
 
 /// Checks the times between measurements and frames: with these the state is tracked while all samples arrive.
-fn check_times(navigation: &Navigation, model: &Model, schedule: &Schedule) -> Result<(), Problem> {
+fn check_times(
+    scenario: &Scenario,
+    navigation: &Navigation,
+    model: &Model,
+    schedule: &Schedule,
+) -> Result<(), Problem> {
     let key_of = |table, name: &str| Key::root().then("schedule").then(table).then(name);
     let period_ns = |topic| schedule.time_ns(schedule.topic_rate(topic).period);
     let latency_ns = schedule.time_ns(schedule.latency_of(ServiceId::Estimator, Topic::ImuSample));
@@ -627,12 +693,20 @@ fn check_times(navigation: &Navigation, model: &Model, schedule: &Schedule) -> R
         ));
     }
     // A fix is fused when the horizon has come to the time at which it is valid.
-    let fix_age_ns = period_ns(Topic::GnssFix) + nanoseconds(navigation.horizon) + imu_age_ns;
+    let (topic, what) = match scenario
+        .sensors
+        .as_ref()
+        .and_then(|sensors| sensors.gnss.least_accurate())
+    {
+        None if navigation.poses.is_some() => (Topic::MocapPose, "pose"),
+        _ => (Topic::GnssFix, "fix"),
+    };
+    let fix_age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
     if fix_age_ns > COASTS_AFTER_NS {
         return Err(Problem::new(
-            key_of("period", Topic::GnssFix.name()),
+            key_of("period", topic.name()),
             format!(
-                "the state would coast before each fix: the last one is up to {:?} s old by then, and after {:?} s it counts \
+                "the state would coast before each {what}: the last one is up to {:?} s old by then, and after {:?} s it counts \
                  as lost",
                 seconds(fix_age_ns),
                 seconds(COASTS_AFTER_NS)
@@ -644,7 +718,7 @@ fn check_times(navigation: &Navigation, model: &Model, schedule: &Schedule) -> R
         return Err(Problem::new(
             Key::root().then("navigation").then("coast"),
             format!(
-                "the vehicle would be lost before each fix: the last one is up to {:?} s old by then",
+                "the vehicle would be lost before each {what}: the last one is up to {:?} s old by then",
                 seconds(fix_age_ns)
             ),
             "give it several seconds",

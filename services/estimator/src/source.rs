@@ -62,8 +62,13 @@ const ATTITUDE_DEFECT: f64 = 1e-3;
 /// Returns whether a tracked capture has a valid pose.
 #[must_use]
 pub fn is_pose(capture: &MocapPose) -> bool {
-    capture.position_world.is_within(LARGEST)
-        && defect(&from_row_major(&capture.world_from_body)) <= ATTITUDE_DEFECT
+    capture.position_world.is_within(LARGEST) && is_attitude(capture)
+}
+
+/// Returns whether the attitude of a capture is one.
+#[must_use]
+pub fn is_attitude(capture: &MocapPose) -> bool {
+    defect(&from_row_major(&capture.world_from_body)) <= ATTITUDE_DEFECT
 }
 
 /// Source of the state.

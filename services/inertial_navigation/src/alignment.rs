@@ -5,12 +5,15 @@
 //! f̄ = −Rᵀg        ω̄ = b_g        R⁰ᵀB = z̄_B
 //! ```
 //!
+//! Where cameras see the vehicle, the heading is that of the last pose.
+//!
 //! The errors of the start are taken for independent and larger than they are; they become dependent as they should be
 //! (tilt on b_a, heading on b_m) with the measurements of the next seconds, in which the vehicle still rests.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::GRAVITY;
 use shared_types::navigation_limits::ALIGNMENT;
+use shared_types::rotation::{from_row_major, to_row_major};
 use zerocopy::FromZeros;
 
 use crate::error_state::{
@@ -31,6 +34,8 @@ const POSITION_DEVIATION: f64 = 1e3;
 const VELOCITY_DEVIATION: f64 = 0.1;
 const TILT_DEVIATION: f64 = 0.1;
 const HEADING_DEVIATION: f64 = 0.3;
+/// Standard deviation of the heading over that of a pose's attitude, if there is a pose: small enough to refuse a bent field.
+const POSE_FACTOR: f64 = 10.0;
 
 shared_types::sample! {
     /// Sums over the samples since the alignment began.
@@ -53,6 +58,8 @@ shared_types::sample! {
         pub position_world: [f64; 3],
         /// Number of fixes.
         pub fixes: f64,
+        /// The last attitude of a pose, row-major; zero before the first.
+        pub world_from_body: [f64; 9],
     }
 }
 
@@ -82,9 +89,16 @@ impl Alignment {
         add(&mut self.position_world, position_world);
     }
 
+    /// Adds the attitude of a pose.
+    pub fn add_attitude(&mut self, world_from_body: &Matrix3<f64>) {
+        self.world_from_body = to_row_major(world_from_body);
+    }
+
     /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved.
     pub fn start(&mut self, time_ns: u64, parameters: &Parameters) -> Option<Horizon> {
-        if self.span < ALIGNMENT || self.fields == 0.0 {
+        let posed = from_row_major(&self.world_from_body);
+        let has_pose = posed != Matrix3::zeros();
+        if self.span < ALIGNMENT || (self.fields == 0.0 && !has_pose) {
             return None;
         }
         let rate = Vector3::from(self.turn_body) / self.span;
@@ -93,9 +107,16 @@ impl Alignment {
             *self = Self::new_zeroed();
             return None;
         }
-        let field = Vector3::from(self.field_body) / self.fields;
+        // Cameras know the heading better than a field that iron may bend.
+        let (seen_body, seen_world, heading_deviation) = if has_pose {
+            let deviation = POSE_FACTOR * parameters.pose_deviations[1];
+            (posed.tr_mul(&Vector3::x()), Vector3::x(), deviation)
+        } else {
+            let field_body = Vector3::from(self.field_body) / self.fields;
+            (field_body, parameters.field_world, HEADING_DEVIATION)
+        };
         let mut kinematics = Kinematics {
-            world_from_body: attitude(&force, &field, &parameters.field_world),
+            world_from_body: attitude(&force, &seen_body, &seen_world),
             ..Kinematics::AT_REST
         };
         if self.fixes > 0.0 {
@@ -113,7 +134,7 @@ impl Alignment {
             time_ns,
             kinematics,
             biases,
-            covariance: covariance(&kinematics.world_from_body, parameters),
+            covariance: covariance(&kinematics.world_from_body, heading_deviation, parameters),
             transition: Transition::NONE,
         })
     }
@@ -126,8 +147,8 @@ fn add(sum: &mut [f64; 3], vector: &Vector3<f64>) {
     }
 }
 
-/// Returns R of a vehicle at rest with this mean specific force and field: its rows are north, east and down in {B}, turned by
-/// the declination of the field in {I}.
+/// Returns R of a vehicle at rest with this mean specific force and field, or another known direction: its rows are north, east
+/// and down in {B}, turned by the declination of the field in {I}.
 fn attitude(
     force_body: &Vector3<f64>,
     field_body: &Vector3<f64>,
@@ -150,7 +171,7 @@ fn attitude(
 }
 
 /// Returns P of the start.
-fn covariance(world_from_body: &Matrix3<f64>, parameters: &Parameters) -> Covariance {
+fn covariance(world_from_body: &Matrix3<f64>, heading_deviation: f64, parameters: &Parameters) -> Covariance {
     let mut covariance = Covariance::zeros();
     for (row, deviation) in [
         (POSITION, POSITION_DEVIATION),
@@ -166,7 +187,7 @@ fn covariance(world_from_body: &Matrix3<f64>, parameters: &Parameters) -> Covari
     }
     let (tilt, heading) = (
         TILT_DEVIATION * TILT_DEVIATION,
-        HEADING_DEVIATION * HEADING_DEVIATION,
+        heading_deviation * heading_deviation,
     );
     let in_world = Matrix3::from_diagonal(&Vector3::new(tilt, tilt, heading));
     let in_body = world_from_body.transpose() * in_world * world_from_body;

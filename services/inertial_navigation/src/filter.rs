@@ -3,22 +3,25 @@
 //! Failure policy, by the faults of the samples:
 //! * a sample with a number that is not finite is refused, as is one older than the horizon, and one from the future;
 //! * a measurement is fused when its innovation is within the 99.9 % quantile of its source; the position and the velocity
-//!   of a fix are two sources;
+//!   of a fix are two sources, and so are position and attitude of a pose;
 //! * a source that is refused for [`reset_after`](Parameters::reset_after) without a break, and without a silence of more than a second,
-//!   is accepted again: what it measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]);
+//!   is accepted again: what it measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]).
+//!   A fix is not, while poses are fused; the position of a pose is after a second, if nothing else gives a position, as the motion
+//!   drifts away meanwhile; an attitude never is: gravity and the positions show it;
 //! * when the kind of the fixes changes, their slow errors are new;
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
 //!   motion that was not measured;
-//! * without fixes the motion is that of the inertial measurement unit, with a covariance that grows;
+//! * without fixes and poses the motion is that of the inertial measurement unit, with a covariance that grows;
 //! * near the ground, while the motors turn, an altitude that is too low says next to nothing: the air below the rotors is compressed;
 //! * when motors start, the field of the vehicle may change;
 //! * while they turn, there is no alignment: a filter that begins in the air gives no state;
 //! * while their thrust could not carry the vehicle, and it is seen to be still, its velocity is zero and the gyroscope measures its bias.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use shared_types::gnss::{FixErrors, FixKind};
 use shared_types::navigation_limits::LONGEST_IMU_PERIOD_NS;
 pub(crate) use shared_types::navigation_limits::{STORED_MEASUREMENTS as QUEUE, STORED_SAMPLES as RING};
+use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::{Field as _, Flag};
 use shared_types::service::{nanoseconds, seconds};
 use zerocopy::FromZeros;
@@ -29,7 +32,7 @@ use crate::error_state::{
     slow_position_variance,
 };
 use crate::horizon::Horizon;
-use crate::measurement::{self, Altitude, Field, Fix, ImuSample, Linearized};
+use crate::measurement::{self, Altitude, Field, Fix, ImuSample, Linearized, Pose};
 use crate::nominal::{Kinematics, Unbiased};
 use crate::parameters::Parameters;
 
@@ -84,17 +87,21 @@ pub enum Source {
     ZeroVelocity = 4,
     /// Rate of a vehicle at rest, without a gate while the motors are stopped.
     RestingRate = 5,
+    PosePosition = 6,
+    PoseAttitude = 7,
 }
 
 impl Source {
     /// All sources.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::FixPosition,
         Self::FixVelocity,
         Self::Field,
         Self::Altitude,
         Self::ZeroVelocity,
         Self::RestingRate,
+        Self::PosePosition,
+        Self::PoseAttitude,
     ];
 }
 
@@ -147,7 +154,8 @@ shared_types::sample! {
     pub struct QueuedMeasurement {
         /// Time at which it is valid, ns since the start of the flight.
         pub time_ns: u64,
-        /// Position (m), velocity (m/s) and accuracies of a fix; a field (G), or an altitude (m).
+        /// Position (m), velocity (m/s) and accuracies of a fix; a field (G), an altitude (m), or position (m) or attitude
+        /// (row-major) of a pose.
         pub numbers: [f64; 9],
         /// Its [`Source`]; `FixPosition` of a fix.
         pub source: u8,
@@ -198,7 +206,7 @@ pub(crate) struct Memory {
     pub starts_ns: Option<u64>,
     /// Kind of the last fix; `None` before the first.
     pub kind: Option<FixKind>,
-    pub sources: [SourceStatus; 6],
+    pub sources: [SourceStatus; 8],
     /// Sum of the jumps of the position by resets in {I}, m.
     pub jump_world: Vector3<f64>,
 }
@@ -247,7 +255,7 @@ impl InertialFilter {
                 motors_turn: false,
                 starts_ns: None,
                 kind: None,
-                sources: [source; 6],
+                sources: [source; 8],
                 jump_world: Vector3::zeros(),
             },
         }
@@ -292,16 +300,25 @@ impl InertialFilter {
     /// Returns the number of resets of position or velocity, and the sum of the jumps of the position in {I}, m.
     #[must_use]
     pub fn resets(&self) -> (u32, Vector3<f64>) {
-        let fixes = [Source::FixPosition, Source::FixVelocity].map(|source| self.source(source).resets);
-        (fixes[0] + fixes[1], self.memory.jump_world)
+        let sources = [Source::FixPosition, Source::FixVelocity, Source::PosePosition];
+        let resets = sources.map(|source| self.source(source).resets);
+        (resets.iter().sum(), self.memory.jump_world)
     }
 
-    /// Returns the time since the last fused position of a fix at the horizon, s; `None` before the first.
+    /// Returns the time of validity of the last position that was fused, ns since the start of the flight; `None` before the first.
     #[must_use]
-    pub fn without_fix_for(&self) -> Option<f64> {
+    pub fn positioned_ns(&self) -> Option<u64> {
+        let statuses = [Source::FixPosition, Source::PosePosition].map(|source| self.source(source));
+        let fused = statuses.into_iter().filter(|status| status.fused > 0);
+        fused.map(|status| status.fused_ns).max()
+    }
+
+    /// Returns the time since the last fused position at the horizon, s; `None` before the first.
+    #[must_use]
+    pub fn without_position_for(&self) -> Option<f64> {
         let horizon = self.memory.horizon.as_ref()?;
-        let status = self.source(Source::FixPosition);
-        (status.fused > 0).then(|| seconds(horizon.time_ns.saturating_sub(status.fused_ns)))
+        let positioned_ns = self.positioned_ns()?;
+        Some(seconds(horizon.time_ns.saturating_sub(positioned_ns)))
     }
 
     /// States that the motors turn from now on, or not, and whether their thrust could carry the vehicle. One that is not carried
@@ -359,6 +376,26 @@ impl InertialFilter {
             return;
         }
         self.enqueue(Source::Altitude, FixKind::SinglePoint, altitude.time_ns, numbers);
+    }
+
+    /// Adds the measured parts of a pose.
+    pub fn add_pose(&mut self, pose: &Pose) {
+        let kind = FixKind::SinglePoint;
+        if let Some(position_world) = &pose.position_world
+            && self.memory.horizon.is_some()
+        {
+            let [x, y, z]: [f64; 3] = (*position_world).into();
+            let numbers = [x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+            self.enqueue(Source::PosePosition, kind, pose.time_ns, numbers);
+        }
+        if let Some(world_from_body) = &pose.world_from_body {
+            let numbers = to_row_major(world_from_body);
+            if self.memory.horizon.is_none() && numbers.is_finite() {
+                self.memory.alignment.add_attitude(world_from_body);
+                return;
+            }
+            self.enqueue(Source::PoseAttitude, kind, pose.time_ns, numbers);
+        }
     }
 
     /// Inserts a measurement into the queue, by its time.
@@ -626,6 +663,10 @@ impl InertialFilter {
                 };
                 self.fuse_altitude(horizon, &altitude)
             }
+            Source::PosePosition => self.fuse_pose_position(horizon, queued.time_ns, &three(0)),
+            Source::PoseAttitude => {
+                self.fuse_pose_attitude(horizon, queued.time_ns, &from_row_major(numbers))
+            }
             Source::ZeroVelocity | Source::RestingRate => false,
         }
     }
@@ -651,12 +692,8 @@ impl InertialFilter {
         let verdict = self.fuse(horizon, Source::FixPosition, fix.time_ns, &position(horizon));
         let mut is_corrected = verdict == Verdict::Fused;
         if verdict == Verdict::Overdue {
-            let before = horizon.kinematics.position_world;
             forget_errors(horizon);
-            horizon.forget(POSITION, Vector3::repeat(FORGOTTEN[0]));
-            let innovation = horizon.innovation(&position(horizon));
-            is_corrected |= horizon.correct(&innovation);
-            self.memory.jump_world += horizon.kinematics.position_world - before;
+            is_corrected |= self.reset_position(horizon, &position);
         }
 
         let velocity = |horizon: &Horizon| {
@@ -701,6 +738,45 @@ impl InertialFilter {
         verdict != Verdict::Refused
     }
 
+    fn fuse_pose_position(&mut self, horizon: &mut Horizon, time_ns: u64, position: &Vector3<f64>) -> bool {
+        let parameters = self.parameters;
+        let measured =
+            |horizon: &Horizon| measurement::pose_position(position, &horizon.kinematics, &parameters);
+        let verdict = self.fuse(horizon, Source::PosePosition, time_ns, &measured(horizon));
+        if verdict == Verdict::Overdue {
+            // Poses do not measure the velocity, which is as wrong as the position.
+            horizon.forget(VELOCITY, Vector3::repeat(FORGOTTEN[1]));
+            self.reset_position(horizon, &measured);
+        }
+        verdict != Verdict::Refused
+    }
+
+    fn fuse_pose_attitude(&mut self, horizon: &mut Horizon, time_ns: u64, attitude: &Matrix3<f64>) -> bool {
+        let measured = measurement::pose_attitude(attitude, &horizon.kinematics, &self.parameters);
+        self.fuse(horizon, Source::PoseAttitude, time_ns, &measured) == Verdict::Fused
+    }
+
+    /// Forgets the position, takes it from a measurement, and counts the jump.
+    fn reset_position(
+        &mut self,
+        horizon: &mut Horizon,
+        measured: &dyn Fn(&Horizon) -> Linearized<3>,
+    ) -> bool {
+        let before = horizon.kinematics.position_world;
+        horizon.forget(POSITION, Vector3::repeat(FORGOTTEN[0]));
+        let innovation = horizon.innovation(&measured(horizon));
+        let is_corrected = horizon.correct(&innovation);
+        self.memory.jump_world += horizon.kinematics.position_world - before;
+        is_corrected
+    }
+
+    /// Returns whether poses are fused, so that no fix needs to be accepted again.
+    fn is_seen(&self, source: Source, time_ns: u64) -> bool {
+        let status = self.source(Source::PosePosition);
+        let is_recent = status.fused > 0 && time_ns.saturating_sub(status.fused_ns) <= SILENCE_NS;
+        matches!(source, Source::FixPosition | Source::FixVelocity) && is_recent
+    }
+
     /// Returns whether the air below the rotors may be pressed against the ground on which the vehicle rested last.
     fn is_near_the_ground(&self, horizon: &Horizon) -> bool {
         let z = POSITION + 2;
@@ -718,6 +794,8 @@ impl InertialFilter {
     ) -> Verdict {
         let innovation = horizon.innovation(measured);
         let motors_turn = self.memory.motors_turn;
+        let is_seen = self.is_seen(source, time_ns);
+        let positioned_ns = self.positioned_ns().unwrap_or(0);
         let status = &mut self.memory.sources[source as usize];
         status.innovation[..M].copy_from_slice(measured.residual.as_slice());
         status.variance[..M].copy_from_slice(innovation.variances().as_slice());
@@ -725,7 +803,11 @@ impl InertialFilter {
         status.squared_distance = innovation.squared_distance().unwrap_or(f64::MAX).min(f64::MAX);
         let gate = match source {
             Source::Altitude => GATES[0],
-            Source::FixPosition | Source::FixVelocity | Source::Field => GATES[1],
+            Source::FixPosition
+            | Source::FixVelocity
+            | Source::Field
+            | Source::PosePosition
+            | Source::PoseAttitude => GATES[1],
             // Motors that turn may carry a vehicle that is lighter than stated.
             Source::ZeroVelocity | Source::RestingRate if motors_turn => GATES[1],
             Source::ZeroVelocity | Source::RestingRate => f64::MAX,
@@ -742,7 +824,13 @@ impl InertialFilter {
             status.refused_since_ns = time_ns;
         }
         status.refused_ns = time_ns;
-        if time_ns - status.refused_since_ns < self.reset_after_ns {
+        let drifts = time_ns.saturating_sub(positioned_ns) > SILENCE_NS;
+        let patience_ns = match source {
+            Source::PosePosition if drifts => SILENCE_NS.min(self.reset_after_ns),
+            Source::PoseAttitude => u64::MAX,
+            _ => self.reset_after_ns,
+        };
+        if is_seen || time_ns - status.refused_since_ns < patience_ns {
             return Verdict::Refused;
         }
         status.refused_since_ns = u64::MAX;

@@ -5,12 +5,14 @@
 //! z_V = V + R (ω × l) + e_V + n          H = [0  1  −R S(ω × l)  R S(l)  0  0  0  1  0]
 //! z_B = RᵀB + b_m + n                    H = [0  0  S(RᵀB)       0       0  1  0  0  0]
 //! z_h = −p_z + b_h + n                   H = [−e_zᵀ  0  …  0  1]
+//! z_x = p + n                            H = [1  0  …]
+//! z_R = R exp S(n)                       H = [0  0  1  0  …],  residual log(RᵀR_m)
 //! ω_m = b_g + n,  V = 0 + n              of a vehicle at rest
 //! ```
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use shared_types::gnss::{FixErrors, FixKind};
-use shared_types::rotation::skew;
+use shared_types::rotation::{log, skew};
 
 use crate::error_state::{
     ALTITUDE_BIAS, ATTITUDE, ERRORS, FIELD_BIAS, FIX_POSITION, FIX_VELOCITY, GYROSCOPE_BIAS, POSITION,
@@ -63,6 +65,17 @@ pub struct Altitude {
     pub time_ns: u64,
     /// z_h, m.
     pub altitude: f64,
+}
+
+/// Pose of the body's origin by motion capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Time at which it is valid, ns since the start of the flight.
+    pub time_ns: u64,
+    /// z_x in {I}, m; `None` if it is not measured.
+    pub position_world: Option<Vector3<f64>>,
+    /// z_R, body to inertial; `None` if it is not measured.
+    pub world_from_body: Option<Matrix3<f64>>,
 }
 
 /// Measurement linearised about the mean.
@@ -181,6 +194,36 @@ pub fn altitude(
     altitude.derivative[(0, POSITION + 2)] = -1.0;
     altitude.derivative[(0, ALTITUDE_BIAS)] = 1.0;
     altitude
+}
+
+/// Returns the position of a pose.
+#[must_use]
+pub fn pose_position(
+    position_world: &Vector3<f64>,
+    kinematics: &Kinematics,
+    parameters: &Parameters,
+) -> Linearized<3> {
+    let [deviation, _] = parameters.pose_deviations;
+    Linearized::new(
+        position_world - kinematics.position_world,
+        Vector3::repeat(deviation * deviation),
+    )
+    .with(POSITION, &Matrix3::identity())
+}
+
+/// Returns the attitude of a pose.
+#[must_use]
+pub fn pose_attitude(
+    world_from_body: &Matrix3<f64>,
+    kinematics: &Kinematics,
+    parameters: &Parameters,
+) -> Linearized<3> {
+    let [_, deviation] = parameters.pose_deviations;
+    Linearized::new(
+        log(&kinematics.world_from_body.tr_mul(world_from_body)),
+        Vector3::repeat(deviation * deviation),
+    )
+    .with(ATTITUDE, &Matrix3::identity())
 }
 
 /// Returns the velocity 0 of a vehicle at rest, with a standard deviation of `deviation` (m/s).

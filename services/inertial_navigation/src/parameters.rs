@@ -43,6 +43,8 @@ pub struct Parameters {
     pub altitude_ground_effect: f64,
     /// Density of the walk of b_h, the slow error of the altitude, m/√s.
     pub altitude_walk: f64,
+    /// Standard deviations of each component of a pose's position (m), and of its attitude about each axis (rad).
+    pub pose_deviations: [f64; 2],
     /// Delay of the horizon, s: at least the latency of the latest measurement.
     pub horizon: f64,
     /// Time after which a source that is refused without a break is accepted again, s.
@@ -74,6 +76,7 @@ impl Default for Parameters {
             altitude_ground_effect: 1.0,
             // 0.3 m with a correlation time of 100 s: σ √(2/τ).
             altitude_walk: 0.042,
+            pose_deviations: [3e-4, 2e-3],
             horizon: 0.12,
             reset_after: 7.0,
         }

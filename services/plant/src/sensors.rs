@@ -64,7 +64,7 @@ pub struct Truth {
 #[derive(Clone, Copy, Debug)]
 struct Change {
     from_ns: u64,
-    kind: FixKind,
+    kind: Option<FixKind>,
 }
 
 /// Drift of the fixes from `from_ns` (included) to `until_ns` (excluded).
@@ -84,7 +84,9 @@ pub struct Sensors {
     barometer: Barometer,
     magnetometer: Magnetometer,
     frame: LocalFrame,
-    kind: FixKind,
+    kind: Option<FixKind>,
+    /// Building inside of which no satellite is visible.
+    building: Option<scenario::Volume>,
     changes: Vec<Change>,
     spoofing: Vec<Spoofing>,
     /// Frequency of the rotors at which they hold the vehicle, Hz.
@@ -143,14 +145,15 @@ impl Sensors {
                 seed,
             ),
             frame: datum.frame(),
-            kind: sensors.gnss.kind.into(),
+            kind: sensors.gnss.kind.kind(),
+            building: sensors.gnss.building,
             changes: sensors
                 .gnss
                 .change
                 .iter()
                 .map(|change| Change {
                     from_ns: time_ns(change.at),
-                    kind: change.kind.into(),
+                    kind: change.kind.kind(),
                 })
                 .collect(),
             spoofing: sensors
@@ -248,8 +251,16 @@ impl Sensors {
 
     fn write_fix(&mut self, truth: &Truth, now: &Now, sample: &mut GnssFix) {
         let newest = self.changes.iter().rfind(|change| change.from_ns <= now.time_ns);
-        let kind = newest.map_or(self.kind, |change| change.kind);
+        let is_inside = |building: scenario::Volume| building.contains(&truth.motion.position_world.into());
+        let solved = newest
+            .map_or(self.kind, |change| change.kind)
+            .filter(|_| !self.building.is_some_and(is_inside));
+        // The slow errors are those of the satellites: they go on where none is seen.
+        let kind = solved.unwrap_or(FixKind::RtkFixed);
         let fix = self.gnss.sample(now.tick, &true_motion(&truth.motion), kind);
+        if solved.is_none() {
+            return;
+        }
         let mut position_world = fix.position_world;
         let mut velocity_world = fix.velocity_world;
         let drifting = self

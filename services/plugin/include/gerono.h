@@ -391,6 +391,22 @@ typedef struct {
 GERONO_ASSERT(sizeof(gerono_navigation_innovations) == 488, "another layout of gerono_navigation_innovations");
 #define GERONO_NAVIGATION_INNOVATIONS_LAYOUT "aa2faefe0b9882682447cbc27bf0cc48"
 
+/* A sample of `navigation/poses`. */
+typedef struct {
+    gerono_header header;               /* Common header. */
+    uint64_t valid_ns[2];               /* Time of validity of the last measurement of each source, ns since the start of the flight; 0 for none. Sources: position and attitude of a pose. */
+    double innovations[6];              /* Innovations of these measurements, three numbers a source: m in {I}, and rad in {B}. */
+    double variances[6];                /* Their predicted variances. */
+    double normalised_squares[2];       /* Their normalised squares: χ² of three degrees of freedom. */
+    uint32_t fused[2];                  /* Measurements fused since the start of the flight. */
+    uint32_t refused[2];                /* Measurements beyond the gate since the start of the flight. */
+    uint32_t unusable[2];               /* Measurements that were late, from the future, not finite, or too many, since the start of the flight. */
+    uint8_t accepted[2];                /* `true` if the last measurement was within the gate. */
+    uint8_t pad0[6];                    /* Explicit padding. */
+} gerono_pose_innovations;
+GERONO_ASSERT(sizeof(gerono_pose_innovations) == 184, "another layout of gerono_pose_innovations");
+#define GERONO_POSE_INNOVATIONS_LAYOUT "20815ccf52a7f87e2805213f6ad663a4"
+
 /* Inputs and outputs of `plant`. */
 enum {
     GERONO_PLANT_IN_FRAME = 0,
@@ -413,8 +429,9 @@ enum {
     GERONO_ESTIMATOR_IN_FIELD = 5,
     GERONO_ESTIMATOR_OUT_STATE = 0,
     GERONO_ESTIMATOR_OUT_INNOVATIONS = 1,
+    GERONO_ESTIMATOR_OUT_POSES = 2,
 };
-#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_NAVIGATION_INNOVATIONS_LAYOUT}
+#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_NAVIGATION_INNOVATIONS_LAYOUT, GERONO_POSE_INNOVATIONS_LAYOUT}
 
 /* Inputs and outputs of `path_generator`. */
 enum {

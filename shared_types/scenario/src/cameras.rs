@@ -24,6 +24,9 @@ pub struct Cameras {
     /// Share of the frames in which the body is not tracked.
     #[schemars(transform = share)]
     pub frame_loss: f64,
+    /// Space that the cameras see; all of it unless stated. Outside of it the body is not tracked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<Volume>,
     /// Occlusions of the body, in chronological order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub occlusion: Vec<Occlusion>,
@@ -40,9 +43,28 @@ impl Default for Cameras {
             jitter: 0.0,
             jitter_stamped: true,
             frame_loss: 0.0,
+            volume: None,
             occlusion: Vec::new(),
             marker_swap: Vec::new(),
         }
+    }
+}
+
+/// Box in {I}.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Volume {
+    /// Corner with the smallest coordinates in {I}, m; an upper corner, because z points down.
+    pub min: Vector,
+    /// Corner with the largest coordinates in {I}, m.
+    pub max: Vector,
+}
+
+impl Volume {
+    /// Returns whether a position in {I}, m, is in the box.
+    #[must_use]
+    pub fn contains(&self, position: &Vector) -> bool {
+        (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&position[axis]))
     }
 }
 

@@ -51,7 +51,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::range::positive;
-pub use cameras::{Cameras, MarkerSwap, Occlusion};
+pub use cameras::{Cameras, MarkerSwap, Occlusion, Volume};
 pub use controller::{Bounds, Controller, ControllerChange, Harmonics, InitialEstimates, RateCommand};
 pub use curve::{Circle, Curve, Hover, Line, Lissajous, TiltedEight, Waypoints};
 pub use envelope::{Action, Envelope, EstimateLimit, Fence, Limit, VectorLimit};
@@ -67,7 +67,7 @@ pub use model::Model;
 pub use motion_capture::{
     BodyNumbers, CaptureProperties, CaptureSystem, FrameTransform, MotionCapture, PoseSource,
 };
-pub use navigation::{Datum, Navigation};
+pub use navigation::{Datum, Navigation, Poses};
 pub use operator::{KillSwitchLoss, OperatorDevices};
 pub use path::{Path, PathMode, YawStep};
 pub use plugins::Plugins;

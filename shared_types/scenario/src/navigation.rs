@@ -119,6 +119,9 @@ pub struct Navigation {
     /// Density of the walk of the barometer's slow error, m/√s.
     #[schemars(transform = not_negative)]
     pub altitude_walk: f64,
+    /// Errors of poses of motion capture, which is fused where it sees the vehicle; it is not used unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poses: Option<Poses>,
     /// Delay at which measurements are fused, s: at least the latency of the latest one.
     #[schemars(transform = between(0.0, LONGEST_HORIZON))]
     pub horizon: f64,
@@ -137,6 +140,27 @@ pub struct Navigation {
     /// Bandwidth of the estimated acceleration that thrust and gravity do not explain, rad/s.
     #[schemars(transform = positive)]
     pub push_bandwidth: f64,
+}
+
+/// Errors of poses. Their frame is {I}, also of the datum, and they are of the body's origin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Poses {
+    /// Standard deviation of each component of a position, m.
+    #[schemars(transform = positive)]
+    pub position_deviation: f64,
+    /// Standard deviation of an attitude about each axis, rad.
+    #[schemars(transform = positive)]
+    pub attitude_deviation: f64,
+}
+
+impl Default for Poses {
+    fn default() -> Self {
+        Self {
+            position_deviation: 3e-4,
+            attitude_deviation: 2e-3,
+        }
+    }
 }
 
 /// Largest delay of the horizon, s: the filter stores 256 samples up to it.
@@ -164,6 +188,7 @@ impl Default for Navigation {
             altitude_white: 0.1,
             altitude_ground_effect: 1.0,
             altitude_walk: 0.042,
+            poses: None,
             horizon: 0.12,
             reset_after: 7.0,
             ramp: 1.0,
@@ -182,23 +207,35 @@ impl Navigation {
     }
 
     /// Returns the standard deviation (m) that a position may keep with the best fixes of a kind: that of their slow height.
+    /// Without fixes it is that of a pose, or infinite.
     #[must_use]
-    pub fn attainable_sigma(&self, kind: FixKind) -> f64 {
-        let errors = self.errors()[kind as usize];
-        errors.position_slow * errors.vertical_factor
+    pub fn attainable_sigma(&self, kind: Option<FixKind>) -> f64 {
+        let errors = kind.map(|kind| self.errors()[kind as usize]);
+        let of_fixes = errors.map(|errors| errors.position_slow * errors.vertical_factor);
+        let of_poses = self.poses.map(|poses| poses.position_deviation);
+        of_fixes.or(of_poses).unwrap_or(f64::INFINITY)
     }
 }
 
 impl Scenario {
-    /// Returns whether the flight has a topic, by its sections: that of a sensor only with sensors, and telemetry only if it
-    /// names values.
+    /// Returns whether the flight has a topic, by its sections: that of a sensor only with sensors, telemetry only if it
+    /// names values, and innovations of poses only if they are fused.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => !self.controller.telemetry.is_empty(),
+            Topic::PoseInnovations => self.fuses_poses() == Some(true),
             topic if topic.is_of_flight_outdoors() => self.sensors.is_some(),
             _ => true,
         }
+    }
+
+    /// Returns whether inertial navigation fuses poses; `None` without it.
+    #[must_use]
+    pub fn fuses_poses(&self) -> Option<bool> {
+        self.navigation
+            .as_ref()
+            .map(|navigation| navigation.poses.is_some())
     }
 
     /// Returns the place where the vehicle flies.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use shared_types::gnss::{FixErrors, FixKind};
 
-use super::{GRAVITY, Vector};
+use super::{GRAVITY, Vector, Volume};
 use crate::range::{length, moment, not_negative, positive};
 
 /// Simulated sensors: what they measure of the vehicle's motion. Their rates and latencies are those of their topics in the
@@ -96,6 +96,9 @@ impl Default for Imu {
 pub struct Gnss {
     /// What the receiver solves at the start of the flight.
     pub kind: Fixes,
+    /// Building inside of which it sees no satellite, and solves nothing; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub building: Option<Volume>,
     /// Place of the antenna in {B}, m.
     pub antenna: Vector,
     /// Errors of fixes from codes alone.
@@ -120,6 +123,7 @@ impl Default for Gnss {
         let [single_point, rtk_float, rtk_fixed] = FixErrors::TYPICAL;
         Self {
             kind: Fixes::RtkFixed,
+            building: None,
             antenna: [0.0; 3],
             single_point,
             rtk_float,
@@ -137,11 +141,11 @@ impl Gnss {
         [self.single_point, self.rtk_float, self.rtk_fixed]
     }
 
-    /// Returns the least accurate kind of fixes in the course of the flight.
+    /// Returns the least accurate kind of fixes in the course of the flight; `None` without any.
     #[must_use]
-    pub fn least_accurate(&self) -> FixKind {
-        let changes = self.change.iter().map(|change| FixKind::from(change.kind));
-        changes.fold(self.kind.into(), FixKind::min)
+    pub fn least_accurate(&self) -> Option<FixKind> {
+        let kinds = self.change.iter().map(|change| change.kind);
+        kinds.chain([self.kind]).filter_map(Fixes::kind).min()
     }
 }
 
@@ -149,6 +153,8 @@ impl Gnss {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fixes {
+    /// Nothing: there is no receiver, or it sees no satellite.
+    None,
     /// A position from the codes of the satellites alone.
     SinglePoint,
     /// With corrections, and with the numbers of carrier waves as real numbers.
@@ -158,12 +164,15 @@ pub enum Fixes {
     RtkFixed,
 }
 
-impl From<Fixes> for FixKind {
-    fn from(fixes: Fixes) -> Self {
-        match fixes {
-            Fixes::SinglePoint => Self::SinglePoint,
-            Fixes::RtkFloat => Self::RtkFloat,
-            Fixes::RtkFixed => Self::RtkFixed,
+impl Fixes {
+    /// Returns the kind of a fix; `None` if there is none.
+    #[must_use]
+    pub fn kind(self) -> Option<FixKind> {
+        match self {
+            Self::None => None,
+            Self::SinglePoint => Some(FixKind::SinglePoint),
+            Self::RtkFloat => Some(FixKind::RtkFloat),
+            Self::RtkFixed => Some(FixKind::RtkFixed),
         }
     }
 }

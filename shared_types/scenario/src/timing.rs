@@ -72,28 +72,24 @@ impl Scenario {
         let tick_ns = reader.finish()?;
         Schedule::new(tick_ns, last_tick, services, topics, latencies)
             .map(|schedule| {
-                let schedule = schedule
+                let mut schedule = schedule
                     .with_outages(self.outages())
                     .with_edge_faults(self.edge_faults())
                     .with_operator(self.operator_plan())
                     .with_unread_inputs(self.unread_inputs());
-                let schedule = match self.controller.telemetry.is_empty() {
-                    true => schedule,
-                    false => schedule.with_telemetry(),
-                };
-                let schedule = match &self.sensors {
-                    None => schedule,
-                    Some(_) => schedule.with_sensors(),
-                };
-                let schedule = match &self.navigation {
-                    None => schedule,
-                    Some(_) => schedule.without_captures(),
-                };
-                if self.pose_source().is_simulated() && self.real_receivers().is_none() {
-                    schedule
-                } else {
-                    schedule.with_real_world()
+                if !self.controller.telemetry.is_empty() {
+                    schedule = schedule.with_telemetry();
                 }
+                if self.sensors.is_some() {
+                    schedule = schedule.with_sensors();
+                }
+                if let Some(fuses_poses) = self.fuses_poses() {
+                    schedule = schedule.with_navigation(fuses_poses);
+                }
+                if !self.pose_source().is_simulated() || self.real_receivers().is_some() {
+                    schedule = schedule.with_real_world();
+                }
+                schedule
             })
             .map_err(|error| vec![self.schedule.explain(&error)])
     }

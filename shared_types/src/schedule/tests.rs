@@ -63,6 +63,20 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
         Topic::NavigationInnovations,
     ])));
     assert_eq!(without.run_ahead_ticks() + 5, sensors.run_ahead_ticks());
+    let poses = sensors.clone().with_navigation(true);
+    assert!(
+        poses
+            .published_topics()
+            .eq(sensors.published_topics().chain([Topic::PoseInnovations]))
+    );
+    let blind = sensors.with_navigation(false);
+    assert_eq!(
+        (
+            blind.sample_count(Topic::MocapPose),
+            poses.sample_count(Topic::MocapPose)
+        ),
+        (0, 101)
+    );
     for service in ServiceId::ALL {
         // Hosts go by the position of an output.
         let outputs = without.outputs(service).map(|output| output.topic);
@@ -77,7 +91,10 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
 
 #[test]
 fn a_real_plant_differs_from_a_simulated_one_only_by_the_truth() {
-    let simulated = Schedule::ideal(1, 100).with_telemetry().with_sensors();
+    let simulated = Schedule::ideal(1, 100)
+        .with_telemetry()
+        .with_sensors()
+        .with_navigation(true);
     let real = simulated.clone().with_real_world();
     assert!(simulated.simulates_the_world() && !real.simulates_the_world());
     for topic in Topic::ALL {

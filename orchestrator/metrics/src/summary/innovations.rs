@@ -2,11 +2,12 @@
 
 use std::fmt::{Display, Formatter, Result};
 
+use scenario::Scenario;
 use serde::Serialize;
-use shared_types::samples::{ImuSample, NavigationInnovations};
+use shared_types::samples::{ImuSample, NavigationInnovations, PoseInnovations};
 use shared_types::service::seconds;
 
-/// The sources, in the order of the sample.
+/// The sources but poses, in the order of the sample.
 pub const SOURCES: [&str; 6] = [
     "position",
     "velocity",
@@ -16,15 +17,24 @@ pub const SOURCES: [&str; 6] = [
     "resting rate",
 ];
 
+/// The sources of poses, in the order of their sample.
+pub const POSE_SOURCES: [&str; 2] = ["pose position", "pose attitude"];
+
+/// Number of all sources.
+const ALL: usize = SOURCES.len() + POSE_SOURCES.len();
+
 /// Degrees of freedom of their normalised squares.
-pub const FREEDOM: [f64; SOURCES.len()] = [3.0, 3.0, 3.0, 1.0, 3.0, 3.0];
+pub const FREEDOM: [f64; ALL] = [3.0, 3.0, 3.0, 1.0, 3.0, 3.0, 3.0, 3.0];
 
 /// Their 99.9 % quantiles, at which the filter's gates are. A refused square counts as that large, so that a fault does not hide all
 /// others.
-const LARGEST: [f64; SOURCES.len()] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27];
+const LARGEST: [f64; ALL] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27, 16.27, 16.27];
 
-/// The sources that measure all the time; the others only at rest.
-const CONTINUOUS: usize = 4;
+/// The sources that measure at rest only.
+const AT_REST: std::ops::Range<usize> = 4..6;
+
+/// The sources that fixes are.
+const FIXES: std::ops::Range<usize> = 0..2;
 
 /// Name of the inertial measurement unit, which predicts and has no innovations.
 const INERTIAL: &str = "inertial";
@@ -34,7 +44,7 @@ const NO_MOTION: f64 = 0.1;
 
 /// Time without a fused measurement above which a source counts as cut off, s. Without fixes the state coasts then; heading and height
 /// drift by less than the noise of a field and of an altitude in theirs.
-const CUT_OFF: [f64; CONTINUOUS] = [1.0, 1.0, 3.0, 3.0];
+const CUT_OFF: [f64; ALL] = [1.0, 1.0, 3.0, 3.0, f64::INFINITY, f64::INFINITY, 1.0, 1.0];
 
 /// Ratio of the mean normalised square to its expectation above which a source is inconsistent: then the errors that the filter does
 /// not model are larger than those that it does. Any unmodelled error leaves the 95 % interval of a whole flight, which is narrow:
@@ -71,8 +81,13 @@ pub struct SourceInnovations {
 /// Running [`SourceInnovations`] in constant memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct InnovationWatch {
-    last: Option<NavigationInnovations>,
-    tallies: [Tally; SOURCES.len()],
+    /// Time of the last sample, ns; `None` before the first.
+    last_ns: Option<u64>,
+    tallies: [Tally; ALL],
+    /// `true` if the receiver never solves a fix.
+    has_no_fixes: bool,
+    /// `true` if poses are fused.
+    fuses_poses: bool,
     inertial: Tally,
     /// Samples of the inertial measurement unit that planned faults lost.
     lost: u32,
@@ -82,8 +97,12 @@ pub(super) struct InnovationWatch {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
+    /// Time of validity of the last measurement, ns.
+    valid_ns: u64,
     sum: f64,
     count: u32,
+    /// Measurements fused, refused and unusable.
+    counts: [u32; 3],
     fused_ns: Option<u64>,
     gap_ns: u64,
     gap_begins_ns: u64,
@@ -100,26 +119,45 @@ impl Tally {
     }
 }
 
-impl InnovationWatch {
-    pub(super) fn observe(&mut self, sample: &NavigationInnovations) {
-        let before = self
-            .last
-            .replace(*sample)
-            .map_or([0; SOURCES.len()], |last| last.valid_ns);
-        for (index, tally) in self.tallies.iter_mut().enumerate() {
+/// Adds a sample with the sources from `first` on to a watch.
+macro_rules! observe_sources {
+    ($watch:ident, $sample:ident, $first:expr) => {
+        $watch.last_ns = Some($sample.header.stamp_ns);
+        for (index, &valid_ns) in $sample.valid_ns.iter().enumerate() {
+            let tally = &mut $watch.tallies[$first + index];
+            tally.counts = [$sample.fused, $sample.refused, $sample.unusable].map(|counts| counts[index]);
             // Of several in one step the sample has the last.
-            if sample.valid_ns[index] == before[index] {
+            if std::mem::replace(&mut tally.valid_ns, valid_ns) == valid_ns {
                 continue;
             }
-            let valid_ns = sample.valid_ns[index];
-            let from_ns = *self.from_ns.get_or_insert(valid_ns);
-            tally.sum += sample.normalised_squares[index].min(LARGEST[index]);
+            let from_ns = *$watch.from_ns.get_or_insert(valid_ns);
+            tally.sum += $sample.normalised_squares[index].min(LARGEST[$first + index]);
             tally.count += 1;
-            if sample.accepted[index].is_set() {
+            if $sample.accepted[index].is_set() {
                 tally.end_gap(from_ns, valid_ns);
                 tally.fused_ns = Some(valid_ns);
             }
         }
+    };
+}
+
+impl InnovationWatch {
+    /// Makes the watch over a flight of a scenario.
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        let gnss = scenario.sensors.as_ref().map(|sensors| &sensors.gnss);
+        Self {
+            has_no_fixes: gnss.is_some_and(|gnss| gnss.least_accurate().is_none()),
+            fuses_poses: scenario.fuses_poses() == Some(true),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn observe(&mut self, sample: &NavigationInnovations) {
+        observe_sources!(self, sample, 0);
+    }
+
+    pub(super) fn observe_poses(&mut self, sample: &PoseInnovations) {
+        observe_sources!(self, sample, SOURCES.len());
     }
 
     /// Adds a sample of the inertial measurement unit, and whether a planned fault loses it.
@@ -153,32 +191,36 @@ impl InnovationWatch {
 
     /// Returns what became of all sources, the inertial measurement unit last; nothing before the first measurement.
     pub(super) fn finish(&self) -> Vec<SourceInnovations> {
-        let (Some(last), Some(from_ns)) = (&self.last, self.from_ns) else {
+        let (Some(last_ns), Some(from_ns)) = (self.last_ns, self.from_ns) else {
             return Vec::new();
         };
-        let of_source = |(index, &(mut tally)): (usize, &Tally)| {
-            let freedom = FREEDOM[index];
-            tally.end_gap(from_ns, last.header.stamp_ns);
+        let of_source = |(index, source): (usize, &'static str)| {
+            let (freedom, mut tally) = (FREEDOM[index], self.tallies[index]);
+            tally.end_gap(from_ns, last_ns);
             let count = f64::from(tally.count);
+            let [fused, refused, unusable] = tally.counts;
             SourceInnovations {
-                source: SOURCES[index],
-                fused: last.fused[index],
-                refused: last.refused[index],
-                unusable: last.unusable[index],
+                source,
+                fused,
+                refused,
+                unusable,
                 freedom,
                 mean_square: (count > 0.0).then(|| tally.sum / count),
                 half_width: 1.96 * (2.0 * freedom / count.max(1.0)).sqrt(),
-                largest_gap: (index < CONTINUOUS).then(|| seconds(tally.gap_ns)),
+                largest_gap: (!AT_REST.contains(&index)).then(|| seconds(tally.gap_ns)),
                 gap_begins: seconds(tally.gap_begins_ns),
             }
         };
-        let inertial = self.inertial(last.header.stamp_ns);
-        self.tallies
-            .iter()
+        let is_there = |&(index, _): &(usize, &str)| match index {
+            index if FIXES.contains(&index) => !self.has_no_fixes,
+            index => index < SOURCES.len() || self.fuses_poses,
+        };
+        let sources = SOURCES
+            .into_iter()
+            .chain(POSE_SOURCES)
             .enumerate()
-            .map(of_source)
-            .chain(inertial)
-            .collect()
+            .filter(is_there);
+        sources.map(of_source).chain(self.inertial(last_ns)).collect()
     }
 }
 
@@ -187,10 +229,8 @@ impl SourceInnovations {
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         let Self { source, .. } = self;
-        let limits = SOURCES.iter().zip(CUT_OFF);
-        let most = limits
-            .into_iter()
-            .find_map(|(name, limit)| (name == source).then_some(limit));
+        let mut limits = SOURCES.iter().chain(&POSE_SOURCES).zip(CUT_OFF);
+        let most = limits.find_map(|(name, limit)| (name == source).then_some(limit));
         let most = most.unwrap_or(NO_MOTION);
         let cut_off = self.largest_gap.filter(|gap| *gap > most);
         let cut_off = cut_off.map(|gap| format!("cut off for {gap:.1} s from {:.1} s on", self.gap_begins));
@@ -309,6 +349,37 @@ mod tests {
         assert!(problems(watched(2.05, 0))[1].is_some());
         let wrong = Some("velocity inconsistent, its innovations 2.0 times as large as predicted".to_owned());
         assert_eq!(problems(watched(4.0, 0))[1], wrong);
+    }
+
+    #[test]
+    fn poses_have_rows_where_they_are_fused_and_fixes_have_none_without_a_receiver() {
+        let mut watch = InnovationWatch {
+            fuses_poses: true,
+            has_no_fixes: true,
+            ..InnovationWatch::default()
+        };
+        let mut sample = PoseInnovations::new_zeroed();
+        for step in 1..=1000_u32 {
+            sample.header.stamp_ns = u64::from(step) * 10_000_000;
+            sample.valid_ns = [sample.header.stamp_ns; 2];
+            (sample.fused, sample.accepted) = ([step; 2], [true.into(); 2]);
+            sample.normalised_squares = [3.0, 6.0];
+            watch.observe_poses(&sample);
+        }
+        let sources = watch.finish();
+        let names: Vec<_> = sources.iter().map(|source| source.source).collect();
+        assert_eq!(names[..4], SOURCES[2..]);
+        assert_eq!(names[4..], POSE_SOURCES);
+        assert_eq!(
+            (sources[4].mean_square, sources[5].mean_square),
+            (Some(3.0), Some(6.0))
+        );
+        assert!(sources[4].fused == 1000 && sources[4].problem().is_none());
+        assert!(
+            sources[5]
+                .problem()
+                .is_some_and(|problem| problem.contains("inconsistent"))
+        );
     }
 
     #[test]

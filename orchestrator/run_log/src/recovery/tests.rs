@@ -210,7 +210,7 @@ fn a_damaged_manifest_asks_for_the_scenario_and_takes_no_other_for_it() {
     log.bytes[place + seed.len() - 1] = b'2';
     let error = log.recover(&log.bytes).unwrap_err();
     assert!(
-        matches!(&error, RecoverError::Manifest { samples: 315, .. }),
+        matches!(&error, RecoverError::Manifest { samples: 336, .. }),
         "{error}"
     );
     assert!(error.to_string().contains("--scenario"), "{error}");

@@ -9,6 +9,10 @@ pub fn inputs<'a>(pose: InputView<'a>, frame: InputView<'a>) -> [InputView<'a>; 
 }
 
 /// Returns all outputs: a state.
-pub fn outputs(state: Option<&mut [u8]>) -> [OutputSlot<'_>; 2] {
-    [OutputSlot { bytes: state }, OutputSlot::default()]
+pub fn outputs(state: Option<&mut [u8]>) -> [OutputSlot<'_>; 3] {
+    [
+        OutputSlot { bytes: state },
+        OutputSlot::default(),
+        OutputSlot::default(),
+    ]
 }

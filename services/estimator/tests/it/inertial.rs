@@ -9,8 +9,11 @@ use sensor_models::{
 use shared_types::Now;
 use shared_types::geodesy::LocalFrame;
 use shared_types::gnss::FixKind;
+use shared_types::noise::{Noise, Stream};
+use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::{
-    BaroAltitude, GnssFix, ImuSample, MagField, NavigationInnovations, RcFrame, VehicleState,
+    BaroAltitude, GnssFix, ImuSample, MagField, MocapPose, NavigationInnovations, PoseInnovations, RcFrame,
+    VehicleState,
 };
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
@@ -40,6 +43,13 @@ fn service() -> InertialEstimatorService {
     InertialEstimatorService::new(&scenario()).unwrap()
 }
 
+/// The same with cameras.
+fn seen() -> InertialEstimatorService {
+    let mut scenario = scenario();
+    scenario.navigation.as_mut().unwrap().poses = Some(scenario::Poses::default());
+    InertialEstimatorService::new(&scenario).unwrap()
+}
+
 /// Samples of a vehicle at rest at a step, with their errors.
 struct World {
     imu: Imu,
@@ -52,6 +62,9 @@ struct World {
     kind: FixKind,
     /// `true` while no fix arrives.
     is_silent: bool,
+    /// `true` while no pose arrives.
+    is_hidden: bool,
+    poses: Noise,
     /// Step from which on the motors could carry the vehicle.
     motors_from: u64,
     /// N.
@@ -68,6 +81,7 @@ struct Arrived {
     altitude: Option<BaroAltitude>,
     field: Option<MagField>,
     frame: Option<RcFrame>,
+    pose: Option<MocapPose>,
 }
 
 impl World {
@@ -90,6 +104,8 @@ impl World {
             shift: [0.0; 3],
             kind: FixKind::RtkFixed,
             is_silent: false,
+            is_hidden: false,
+            poses: Noise::new(seed, Stream::CameraNoise),
             motors_from: u64::MAX,
             weight: scenario().model.unwrap_or_default().mass * scenario::GRAVITY,
             late: Vec::new(),
@@ -155,6 +171,15 @@ impl World {
                 ..MagField::new_zeroed()
             });
         }
+        if step.is_multiple_of(3) && step > 1 && !self.is_hidden {
+            let mut draws = self.poses.at(step);
+            let mut pose = MocapPose::new_zeroed();
+            pose.capture_time_ns = time_ns - 2 * STEP_NS;
+            pose.position_world = (draws.normal3() * 3e-4).into();
+            pose.world_from_body = to_row_major(&exp(&(draws.normal3() * 2e-3)));
+            pose.tracked = true.into();
+            arrived.pose = Some(pose);
+        }
         if step > 0 {
             let mut frame = RcFrame::new_zeroed();
             frame.header.stamp_ns = time_ns - STEP_NS;
@@ -183,7 +208,7 @@ fn published(
     service: &mut InertialEstimatorService,
     step: u64,
     arrived: &Arrived,
-) -> (VehicleState, NavigationInnovations) {
+) -> (VehicleState, NavigationInnovations, PoseInnovations) {
     let now = Now {
         tick: step,
         time_ns: step * STEP_NS,
@@ -192,6 +217,7 @@ fn published(
     };
     let mut state = VehicleState::new_zeroed();
     let mut innovations = NavigationInnovations::new_zeroed();
+    let mut poses = PoseInnovations::new_zeroed();
     let mut outputs = [
         OutputSlot {
             bytes: Some(state.as_mut_bytes()),
@@ -199,9 +225,12 @@ fn published(
         OutputSlot {
             bytes: Some(innovations.as_mut_bytes()),
         },
+        OutputSlot {
+            bytes: Some(poses.as_mut_bytes()),
+        },
     ];
     let inputs = [
-        InputView::default(),
+        view(&arrived.pose),
         view(&arrived.frame),
         view(&arrived.imu),
         view(&arrived.fix),
@@ -209,7 +238,7 @@ fn published(
         view(&arrived.field),
     ];
     ErasedService::step(service, &now, &inputs, &mut outputs);
-    (state, innovations)
+    (state, innovations, poses)
 }
 
 fn saved(service: &InertialEstimatorService) -> Vec<u8> {
@@ -278,20 +307,24 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
 
 #[test]
 fn restored_at_any_step_it_continues_with_the_same_bytes() {
-    let (mut service, mut world) = (service(), World::new(4));
-    for number in 0..4000 {
-        // A jump of the fixes, which is accepted after 7 s.
-        world.shift[0] = if number > 2200 { 2.0 } else { 0.0 };
-        let before = saved(&service);
-        let arrived = world.step(number);
-        let expected = published(&mut service, number, &arrived);
-        if number % 61 == 0 || (3950..3990).contains(&number) {
-            let mut restarted = self::service();
-            ErasedService::restore(&mut restarted, &before);
-            let got = published(&mut restarted, number, &arrived);
-            assert_eq!(got.0.as_bytes(), expected.0.as_bytes(), "at step {number}");
-            assert_eq!(got.1.as_bytes(), expected.1.as_bytes(), "at step {number}");
-            assert_eq!(saved(&restarted), saved(&service), "at step {number}");
+    for new in [service, seen] {
+        let (mut service, mut world) = (new(), World::new(4));
+        for number in 0..4000 {
+            // A jump of the fixes, which is accepted after 7 s, and cameras that see nothing for a while.
+            world.shift[0] = if number > 2200 { 2.0 } else { 0.0 };
+            world.is_hidden = (3000..3960).contains(&number);
+            let before = saved(&service);
+            let arrived = world.step(number);
+            let expected = published(&mut service, number, &arrived);
+            if number % 61 == 0 || (3950..3990).contains(&number) {
+                let mut restarted = new();
+                ErasedService::restore(&mut restarted, &before);
+                let got = published(&mut restarted, number, &arrived);
+                assert_eq!(got.0.as_bytes(), expected.0.as_bytes(), "at step {number}");
+                assert_eq!(got.1.as_bytes(), expected.1.as_bytes(), "at step {number}");
+                assert_eq!(got.2.as_bytes(), expected.2.as_bytes(), "at step {number}");
+                assert_eq!(saved(&restarted), saved(&service), "at step {number}");
+            }
         }
     }
 }
@@ -327,7 +360,7 @@ fn innovations_are_published_and_those_beyond_the_gate_refused() {
         if let Some(altitude) = arrived.altitude.as_mut().filter(|_| number >= 2500) {
             altitude.altitude += 5.0;
         }
-        let (_, now) = published(&mut service, number, &arrived);
+        let (_, now, _) = published(&mut service, number, &arrived);
         assert_eq!(now.unusable, [0; 6]);
         for source in 0..6 {
             let [fused, refused] = [(now.fused, last.fused), (now.refused, last.refused)]
@@ -360,8 +393,12 @@ fn innovations_are_published_and_those_beyond_the_gate_refused() {
 }
 
 /// Largest steps of the published position (m) and velocity (m/s) from `from` on while the state is tracked.
-fn largest_steps(world: &mut World, steps: u64, from: u64, change: impl Fn(&mut World, u64)) -> [f64; 2] {
-    let mut service = service();
+fn largest_steps(
+    mut service: InertialEstimatorService,
+    world: &mut World,
+    [steps, from]: [u64; 2],
+    change: impl Fn(&mut World, u64),
+) -> [f64; 2] {
     let (mut last, mut largest) = (None::<VehicleState>, [0.0_f64; 2]);
     let (mut settles, mut coasted) = (None, false);
     for number in 0..steps {
@@ -394,7 +431,7 @@ fn a_better_kind_of_fixes_is_no_step_of_the_published_position() {
     let mut world = World::new(9);
     world.kind = FixKind::SinglePoint;
     // 60 s of single point.
-    let [moved, hurried] = largest_steps(&mut world, 18_000, 14_900, |world, number| {
+    let [moved, hurried] = largest_steps(service(), &mut world, [18_000, 14_900], |world, number| {
         if number == 15_000 {
             world.kind = FixKind::RtkFixed;
         }
@@ -407,10 +444,69 @@ fn the_first_fix_after_a_silence_is_no_step_of_the_published_position() {
     // With motors that turn, so that nothing shows the filter that the vehicle rests.
     let mut world = World::new(10);
     world.motors_from = 3900;
-    let [moved, hurried] = largest_steps(&mut world, 8000, 4000, |world, number| {
+    let [moved, hurried] = largest_steps(service(), &mut world, [8000, 4000], |world, number| {
         world.is_silent = (4000..6000).contains(&number);
     });
     assert!(moved < 0.054 && hurried < 0.104, "{moved} m, {hurried} m/s");
+}
+
+#[test]
+fn poses_after_a_silence_are_no_step_of_the_published_position() {
+    // Indoors: no fix ever arrives.
+    let mut world = World::new(12);
+    (world.motors_from, world.is_silent) = (3900, true);
+    let [moved, hurried] = largest_steps(seen(), &mut world, [8000, 4000], |world, number| {
+        world.is_hidden = (4000..6000).contains(&number);
+    });
+    assert!(moved < 0.054 && hurried < 0.104, "{moved} m, {hurried} m/s");
+}
+
+#[test]
+fn between_poses_and_fixes_the_published_position_takes_no_step() {
+    let (mut service, mut world) = (seen(), World::new(13));
+    world.motors_from = 3900;
+    let (mut last, mut largest) = (None::<VehicleState>, 0.0_f64);
+    for number in 0..9000 {
+        // In the building, outdoors, and in it again.
+        world.is_silent = !(4500..7500).contains(&number);
+        world.is_hidden = (5000..7000).contains(&number);
+        let (state, _, poses) = published(&mut service, number, &world.step(number));
+        if let Some(last) = last.filter(|_| number > 3000) {
+            let place = |state: &VehicleState| nalgebra::Vector3::from(state.position_world);
+            largest = largest.max((place(&state) - place(&last)).norm());
+            assert!(state.tracked.is_set() && !state.coasting.is_set(), "at {number}");
+            assert!(place(&state).norm() < 0.06, "at {number}: {state:?}");
+        }
+        if number == 8999 {
+            assert!(
+                poses.accepted.iter().all(|accepted| accepted.is_set()),
+                "{poses:?}"
+            );
+            assert!(poses.refused.iter().all(|refused| *refused < 20), "{poses:?}");
+        }
+        last = Some(state);
+    }
+    assert!(largest < 0.054, "{largest} m");
+}
+
+#[test]
+fn of_a_pose_whose_attitude_is_none_the_position_is_fused() {
+    let (mut service, mut world) = (seen(), World::new(14));
+    let mut poses = PoseInnovations::new_zeroed();
+    for number in 0..3000 {
+        let mut arrived = world.step(number);
+        if let Some(pose) = arrived.pose.as_mut().filter(|_| number >= 2000) {
+            pose.set_parts(true, false);
+            pose.world_from_body = [0.0; 9];
+        }
+        poses = published(&mut service, number, &arrived).2;
+    }
+    let [position, attitude] = poses.fused;
+    // 11 s and 7 s at 83 Hz.
+    assert!(
+        position.abs_diff(906) <= 10 && attitude.abs_diff(573) <= 10,
+        "{poses:?}"
+    );
 }
 
 /// What is wrong with a sample, by its name.
@@ -418,7 +514,17 @@ type Spoilt = (&'static str, fn(&mut Arrived));
 
 #[test]
 fn impossible_samples_change_nothing_and_are_counted() {
-    let spoilt: [Spoilt; 9] = [
+    let spoilt: [Spoilt; 12] = [
+        ("attitude", |arrived| {
+            let pose = arrived.pose.as_mut().unwrap();
+            (pose.world_from_body[0], pose.position_world[0]) = (0.5, 2e9);
+        }),
+        ("pose from the future", |arrived| {
+            arrived.pose.as_mut().unwrap().capture_time_ns += 1_000_000_000;
+        }),
+        ("pose of an earlier time", |arrived| {
+            arrived.pose.as_mut().unwrap().capture_time_ns -= 100_000_000;
+        }),
         ("rate", |arrived| {
             arrived.imu.as_mut().unwrap().angular_velocity_body[1] = 1e3;
         }),
@@ -445,7 +551,7 @@ fn impossible_samples_change_nothing_and_are_counted() {
             arrived.field.as_mut().unwrap().field_body[2] = 1e3;
         }),
     ];
-    let (mut service, mut world) = (service(), World::new(6));
+    let (mut service, mut world) = (seen(), World::new(6));
     // A step at which all sensors are due.
     let last = 3000;
     for number in 0..last {
@@ -457,7 +563,7 @@ fn impossible_samples_change_nothing_and_are_counted() {
     for (name, spoil) in spoilt {
         let mut spoilt = arrived;
         spoil(&mut spoilt);
-        let mut other = self::service();
+        let mut other = seen();
         ErasedService::restore(&mut other, &before);
         let state = step(&mut other, last, &spoilt);
         assert_eq!(state.captures_refused, whole.captures_refused + 1, "{name}");
@@ -469,11 +575,11 @@ fn impossible_samples_change_nothing_and_are_counted() {
 
 #[test]
 fn samples_of_ticks_at_which_nothing_was_measured_are_no_samples() {
-    let (mut service, mut world) = (service(), World::new(7));
+    let (mut service, mut world) = (seen(), World::new(7));
     for number in 0..3000 {
         step(&mut service, number, &world.step(number));
     }
-    let mut other = self::service();
+    let mut other = seen();
     ErasedService::restore(&mut other, &saved(&service));
     let imu = world.step(3000).imu;
     let nothing = Arrived {
@@ -482,6 +588,7 @@ fn samples_of_ticks_at_which_nothing_was_measured_are_no_samples() {
         altitude: Some(BaroAltitude::new_zeroed()),
         field: Some(MagField::new_zeroed()),
         frame: None,
+        pose: Some(MocapPose::new_zeroed()),
     };
     let none = Arrived {
         imu,
@@ -494,7 +601,7 @@ fn samples_of_ticks_at_which_nothing_was_measured_are_no_samples() {
 
 #[test]
 fn a_step_does_not_allocate() {
-    let (mut service, mut world) = (service(), World::new(8));
+    let (mut service, mut world) = (seen(), World::new(8));
     let all: Vec<_> = (0..600).map(|number| world.step(number)).collect();
     let mut state = vec![0; service.state_size()];
     let count = allocations::allocations_during(|| {

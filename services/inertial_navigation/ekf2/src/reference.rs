@@ -111,6 +111,8 @@ impl Reference {
                     16,
                 ));
             }
+            // Its flights have no cameras.
+            Event::Pose(_) => {}
             Event::Motors => {
                 ekf.set_in_air_status(true);
                 ekf.set_vehicle_at_rest(false);

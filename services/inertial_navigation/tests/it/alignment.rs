@@ -1,6 +1,6 @@
 //! Alignment, and flights with sensors without errors.
 
-use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Source};
+use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Pose, Source};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use shared_types::GRAVITY;
@@ -115,4 +115,38 @@ fn a_vehicle_whose_motors_turn_is_not_aligned() {
     }
     let motion = filter.motion().unwrap();
     assert!(angle_between(&motion.world_from_body, &truth) < 1e-6);
+}
+
+/// Indoors, where iron bends the field by a radian, and where there is no magnetometer at all.
+#[test]
+fn where_cameras_see_the_vehicle_its_heading_is_theirs() {
+    let truth = from_roll_pitch_yaw([0.1, -0.2, 2.5]);
+    for has_field in [true, false] {
+        let parameters = Parameters::default();
+        let mut filter = InertialFilter::new(&parameters);
+        for tick in 1..=300 {
+            let time_ns = tick * H_NS;
+            if has_field {
+                let bent = from_roll_pitch_yaw([0.0, 0.0, 1.0]) * parameters.field_world;
+                filter.add_field(&Field {
+                    time_ns,
+                    field_body: truth.transpose() * bent,
+                });
+            }
+            filter.add_pose(&Pose {
+                time_ns,
+                position_world: Some(Vector3::new(1.0, 2.0, -7.0)),
+                world_from_body: Some(truth),
+            });
+            filter.add_imu(&ImuSample {
+                time_ns,
+                rate_body: Vector3::new(0.01, -0.01, 0.005),
+                force_body: truth.transpose() * Vector3::new(0.0, 0.0, -GRAVITY),
+                is_clipped: false,
+            });
+        }
+        let motion = filter.motion().unwrap();
+        assert!(angle_between(&motion.world_from_body, &truth) < 1e-6);
+        assert!((motion.position_world - Vector3::new(1.0, 2.0, -7.0)).norm() < 1e-6);
+    }
 }

@@ -152,6 +152,11 @@ proptest! {
         assert_derivative(&mean, |h| measurement::field(&field, &h.kinematics, &h.biases, &parameters));
         let altitude = Altitude { time_ns: 0, altitude: 3.0 };
         assert_derivative(&mean, |h| measurement::altitude(&altitude, &h.kinematics, &h.biases, &parameters));
+        assert_derivative(&mean, |h| measurement::pose_position(&measured, &h.kinematics, &parameters));
+        // Of the first order in the innovation.
+        let near = mean.kinematics.world_from_body * exp(&(measured * 1e-9));
+        let attitude = |h: &Horizon| measurement::pose_attitude(&near, &h.kinematics, &parameters);
+        assert_derivative(&mean, attitude);
         assert_derivative(&mean, |h| measurement::zero_velocity(&h.kinematics, 0.01));
         assert_derivative(&mean, |h| measurement::resting_rate(&rate, 0.1, &h.biases, &parameters));
     }

@@ -16,6 +16,16 @@ fn flown_with(change: impl Fn(&mut Event, f64) -> bool) -> Flown {
     })
 }
 
+/// Flies with RTK and cameras in the same way.
+fn seen_with(change: impl Fn(&mut Event, f64) -> bool) -> Flown {
+    let flight = Flight::modelled(3, FixKind::RtkFixed).seen();
+    let mut ticks = 0;
+    Flown::new(&flight, &flight.parameters(), |event| {
+        ticks += u64::from(matches!(event, Event::Imu(_)));
+        change(event, ticks as f64 * H)
+    })
+}
+
 fn within(time: f64, from: f64, to: f64) -> bool {
     (from..to).contains(&time)
 }
@@ -74,7 +84,7 @@ fn without_fixes_the_motion_is_that_of_the_inertial_measurement_unit() {
 #[test]
 fn the_age_of_the_last_fix_is_stated() {
     let flown = flown_with(|event, time| !(matches!(event, Event::Fix(_)) && time > 100.0));
-    let age = flown.filter.without_fix_for().unwrap();
+    let age = flown.filter.without_position_for().unwrap();
     assert!((age - 9.9).abs() < 0.2, "{age}");
 }
 
@@ -270,4 +280,152 @@ fn a_fix_that_is_valid_within_a_gap_is_fused() {
             flown_with(|event, time| !(matches!(event, Event::Imu(_)) && within(time, at + 0.05, at + 0.45)));
         assert_eq!(refused(&flown), without, "gap at {at} s");
     }
+}
+
+#[test]
+fn indoors_the_vehicle_flies_by_inertia_where_the_cameras_drop_out() {
+    let flown = seen_with(|event, time| match event {
+        Event::Fix(_) => false,
+        Event::Pose(_) => !within(time, 60.0, 65.0),
+        _ => true,
+    });
+    let [seen, velocity, attitude] = flown.largest(40.0, 60.0);
+    assert!(
+        seen < 2e-3 && velocity < 0.02 && attitude < 5e-3,
+        "{seen} {velocity} {attitude}"
+    );
+    let [unseen, velocity, _] = flown.largest(60.0, 65.0);
+    assert!(unseen < 0.25 && velocity < 0.1, "{unseen} {velocity}");
+    let [again, ..] = flown.largest(65.2, 110.0);
+    assert!(again < 2e-3, "{again}");
+    for source in [Source::PosePosition, Source::PoseAttitude] {
+        let status = flown.filter.source(source);
+        assert!(
+            status.refused * 200 < status.fused && status.resets == 0,
+            "{source:?} {status:?}"
+        );
+    }
+}
+
+#[test]
+fn fixes_take_over_outside_of_the_cameras_volume_and_poses_back() {
+    let is_outside = |time: f64| within(time, 60.0, 80.0);
+    let flown = seen_with(|event, time| match event {
+        Event::Fix(_) => is_outside(time),
+        Event::Pose(_) => !is_outside(time),
+        _ => true,
+    });
+    let [outside, ..] = flown.largest(60.0, 80.2);
+    let [inside, ..] = flown.largest(80.4, 110.0);
+    assert!(outside < 0.06 && inside < 2e-3, "{outside} {inside}");
+    assert_eq!(flown.filter.resets(), (0, Vector3::zeros()));
+}
+
+/// Cameras and datum that do not agree: no position jumps to and fro between them.
+#[test]
+fn fixes_that_contradict_the_cameras_are_refused_as_long_as_these_see_the_vehicle() {
+    let flown = seen_with(|event, time| {
+        if let Event::Fix(fix) = event
+            && time > 30.0
+        {
+            fix.position_world.x += 2.0;
+        }
+        !(matches!(event, Event::Pose(_)) && time > 90.0)
+    });
+    let [seen, ..] = flown.largest(30.0, 90.0);
+    assert!(seen < 2e-3, "{seen}");
+    let (resets, jump) = flown.filter.resets();
+    assert_eq!(resets, 1);
+    assert!((jump - Vector3::new(2.0, 0.0, 0.0)).norm() < 0.3, "{jump}");
+}
+
+#[test]
+fn swapped_markers_are_refused_and_so_is_an_attitude_that_stays_wrong() {
+    for axis in [Vector3::z(), Vector3::x()] {
+        let flown = seen_with(|event, time| {
+            if let Event::Pose(pose) = event {
+                if within(time, 60.0, 60.9) {
+                    pose.position_world = pose
+                        .position_world
+                        .map(|place| place + Vector3::new(0.2, 0.0, 0.0));
+                }
+                if time > 80.0 {
+                    let turn = shared_types::rotation::exp(&(axis * 0.2));
+                    pose.world_from_body = pose.world_from_body.map(|attitude| turn * attitude);
+                }
+            }
+            !matches!(event, Event::Fix(_))
+        });
+        let [swapped, ..] = flown.largest(60.0, 62.0);
+        let [position, _, attitude] = flown.largest(62.0, 110.0);
+        assert!(
+            swapped < 0.02 && position < 2e-3 && attitude < 0.03,
+            "{swapped} {position} {attitude}"
+        );
+        assert_eq!(flown.filter.resets().0, 0);
+        assert!(flown.filter.source(Source::PoseAttitude).refused > 2_000);
+    }
+}
+
+#[test]
+fn a_pose_with_one_part_is_fused_by_that_part() {
+    let flown = seen_with(|event, time| {
+        if let Event::Pose(pose) = event {
+            if within(time, 40.0, 60.0) {
+                pose.world_from_body = None;
+            } else if time > 60.0 {
+                pose.position_world = None;
+            }
+        }
+        true
+    });
+    let statuses =
+        [Source::PosePosition, Source::PoseAttitude].map(|source| flown.filter.source(source).fused);
+    let rate = 1.0 / (3.0 * H);
+    let expected = [58.5, 88.5].map(|span| span * rate);
+    for (fused, expected) in statuses.into_iter().zip(expected) {
+        assert!(
+            (f64::from(fused) / expected - 1.0).abs() < 0.02,
+            "{fused} {expected}"
+        );
+    }
+}
+
+/// A force that was not there leads the motion astray by 1 m and 0.5 m/s while the cameras see nothing.
+#[test]
+fn poses_that_find_the_vehicle_elsewhere_after_a_silence_are_accepted_after_a_second() {
+    let flown = seen_with(|event, time| {
+        if let Event::Imu(sample) = event
+            && within(time, 60.0, 65.0)
+        {
+            sample.force_body.x += 0.1;
+        }
+        match event {
+            Event::Fix(_) => false,
+            Event::Pose(_) => !within(time, 60.0, 65.0),
+            _ => true,
+        }
+    });
+    let [astray, ..] = flown.largest(64.9, 66.0);
+    assert!(astray > 1.0, "{astray}");
+    let [position, velocity, _] = flown.largest(66.6, 110.0);
+    assert!(position < 5e-3 && velocity < 0.1, "{position} {velocity}");
+    assert_eq!(flown.filter.resets().0, 1);
+}
+
+#[test]
+fn beside_fixes_swapped_markers_are_refused_for_longer() {
+    let flown = seen_with(|event, time| {
+        if let Event::Pose(pose) = event
+            && within(time, 60.0, 66.0)
+        {
+            pose.position_world = pose
+                .position_world
+                .map(|place| place + Vector3::new(0.2, 0.0, 0.0));
+        }
+        true
+    });
+    let [swapped, ..] = flown.largest(60.0, 67.0);
+    assert!(swapped < 0.06, "{swapped}");
+    assert_eq!(flown.filter.resets().0, 0);
 }

@@ -8,7 +8,7 @@ use super::rig::{Event, Flight, H_NS, give};
 
 #[test]
 fn a_filter_restored_at_any_time_continues_bit_by_bit() {
-    let mut flight = Flight::with_all_errors(4, FixKind::RtkFloat);
+    let mut flight = Flight::with_all_errors(4, FixKind::RtkFloat).seen();
     flight.duration = 30.0;
     let parameters = flight.parameters();
     let mut filter = InertialFilter::new(&parameters);

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Source};
+use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Pose, Source};
 use nalgebra::{Matrix3, Vector3};
 use sensor_models::barometer::Surroundings;
 use sensor_models::{
@@ -24,6 +24,9 @@ pub const H_NS: u64 = 4_000_000;
 const FIELD_EVERY: u64 = 5;
 const ALTITUDE_EVERY: u64 = 10;
 const FIX_EVERY: u64 = 25;
+/// Samples of it for each pose, 83 Hz, and until a pose arrives.
+const POSE_EVERY: u64 = 3;
+pub const POSE_LATE: u64 = 2;
 
 /// Times at which the motors start, and at which the vehicle takes off, s.
 const MOTORS: f64 = 19.0;
@@ -39,6 +42,7 @@ pub enum Event {
     Fix(Fix),
     Field(Field),
     Altitude(Altitude),
+    Pose(Pose),
     /// The motors turn from now on.
     Motors,
 }
@@ -54,6 +58,8 @@ pub struct Flight {
     pub gnss: GnssParameters,
     pub barometer: BarometerParameters,
     pub magnetometer: MagnetometerParameters,
+    /// Standard deviations of the poses of cameras, m and rad; `None` without cameras.
+    pub cameras: Option<[f64; 2]>,
     /// Angular rate along the eight, rad/s.
     pub path_rate: f64,
     /// Standard deviation of each component of the gusts, m/s.
@@ -86,6 +92,7 @@ impl Flight {
                 resolution: 1e-4,
                 ..MagnetometerParameters::default()
             },
+            cameras: None,
             path_rate: 0.9,
             gusts: 1.0,
         }
@@ -134,6 +141,12 @@ impl Flight {
         self
     }
 
+    /// With cameras that have the errors of which the filter knows by default.
+    pub fn seen(mut self) -> Self {
+        self.cameras = Some(Parameters::default().pose_deviations);
+        self
+    }
+
     /// Returns the parameters of a filter that fits these sensors.
     pub fn parameters(&self) -> Parameters {
         let mut parameters = Parameters {
@@ -176,6 +189,7 @@ impl Flight {
         let mut gnss = Gnss::new(&self.gnss, self.seed, FIX_EVERY as f64 * H);
         let mut barometer = Barometer::new(&self.barometer, self.seed, ALTITUDE_EVERY as f64 * H);
         let mut magnetometer = Magnetometer::new(&self.magnetometer, self.seed);
+        let mut camera_noise = Noise::new(self.seed, Stream::CameraNoise);
         let (mut events, mut late) = (Vec::new(), VecDeque::new());
         for (tick, pair) in (1..).zip(truths.windows(2)) {
             let (truth, time_ns, time) = (&pair[1], tick * H_NS, tick as f64 * H);
@@ -204,6 +218,18 @@ impl Flight {
                 };
                 let altitude = barometer.sample(tick, &surroundings);
                 events.push(Event::Altitude(Altitude { time_ns, altitude }));
+            }
+            if let Some([position, attitude]) = self.cameras
+                && tick % POSE_EVERY == POSE_LATE
+                && tick > POSE_LATE
+            {
+                let seen = &truths[(tick - POSE_LATE) as usize];
+                let mut draws = camera_noise.at(tick);
+                events.push(Event::Pose(Pose {
+                    time_ns: (tick - POSE_LATE) * H_NS,
+                    position_world: Some(seen.position_world + draws.normal3() * position),
+                    world_from_body: Some(seen.world_from_body * exp(&(draws.normal3() * attitude))),
+                }));
             }
             if tick % FIX_EVERY == 0 {
                 let fix = gnss.sample(tick, truth, self.kind);
@@ -323,6 +349,7 @@ pub fn give(filter: &mut InertialFilter, event: &Event, now_ns: u64) {
         Event::Fix(fix) => filter.add_fix(fix),
         Event::Field(field) => filter.add_field(field),
         Event::Altitude(altitude) => filter.add_altitude(altitude),
+        Event::Pose(pose) => filter.add_pose(pose),
         Event::Motors => filter.set_motors(now_ns, true, true),
     }
 }
@@ -375,7 +402,7 @@ pub struct Flown {
     /// Errors at each sample of the inertial measurement unit since the alignment, with its tick.
     pub errors: Vec<(u64, Errors)>,
     /// Squared distances of the innovations of each source, the last of each step, with the times of the horizon, ns.
-    pub innovations: [Vec<(u64, f64)>; 6],
+    pub innovations: [Vec<(u64, f64)>; Source::ALL.len()],
 }
 
 impl Flown {
@@ -386,7 +413,7 @@ impl Flown {
             filter: InertialFilter::new(parameters),
             truths,
             errors: Vec::new(),
-            innovations: [const { Vec::new() }; 6],
+            innovations: [const { Vec::new() }; Source::ALL.len()],
         };
         let mut tick = 0;
         for mut event in events {
@@ -405,14 +432,14 @@ impl Flown {
         flown
     }
 
-    fn counts(&self) -> [u32; 6] {
+    fn counts(&self) -> [u32; Source::ALL.len()] {
         Source::ALL.map(|source| {
             let status = self.filter.source(source);
             status.fused + status.refused
         })
     }
 
-    fn observe(&mut self, tick: u64, before: [u32; 6]) {
+    fn observe(&mut self, tick: u64, before: [u32; Source::ALL.len()]) {
         let after = self.counts();
         for source in Source::ALL {
             let place = source as usize;

@@ -9,7 +9,7 @@
 //!
 //! p position of the body's origin in {I}, m; R body to inertial; t time of the tick and te of the exposure, s; Δp, Δθ
 //! offset during a marker swap, otherwise zero. Velocities are not measured. The body is not tracked in a frame that is
-//! lost or exposed during an occlusion. Errors of different frames are independent, and so are a frame's jitter, loss and
+//! lost or exposed during an occlusion, or while it is outside of the volume that the cameras see. Errors of different frames are independent, and so are a frame's jitter, loss and
 //! noise. The model has no state.
 
 use nalgebra::{Matrix3, Vector3};
@@ -28,6 +28,7 @@ pub struct Imperfect {
     jitter: f64,
     jitter_stamped: bool,
     frame_loss: f64,
+    volume: Option<scenario::Volume>,
     occlusions: Vec<Window>,
     swaps: Vec<Swap>,
     noise: Noise,
@@ -71,6 +72,7 @@ impl Imperfect {
             jitter: config.jitter,
             jitter_stamped: config.jitter_stamped,
             frame_loss: config.frame_loss,
+            volume: config.volume,
             occlusions: occlusions
                 .map(|occlusion| Window::new(occlusion.at, occlusion.lasts))
                 .collect(),
@@ -101,6 +103,10 @@ impl Imperfect {
             return;
         }
         let exposed = Pose::before(origin, acceleration_world, seconds(early_ns));
+        let is_within = |volume: &scenario::Volume| volume.contains(&exposed.position_world.into());
+        if !self.volume.as_ref().is_none_or(is_within) {
+            return;
+        }
         let seen = self.with_noise(self.with_swaps(exposed, exposure_ns), now.tick);
         pose.position_world = seen.position_world.into();
         pose.world_from_body = to_row_major(&seen.world_from_body);

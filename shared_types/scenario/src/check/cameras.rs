@@ -1,7 +1,8 @@
 //! Checks of the simulated cameras.
 
 use super::Findings;
-use crate::{Cameras, Key, MarkerSwap, Scenario};
+use super::envelope::check_box;
+use crate::{Cameras, Key, MarkerSwap, Scenario, Volume};
 use shared_types::service::seconds;
 use shared_types::wiring::Topic;
 
@@ -21,6 +22,9 @@ impl Cameras {
         let spans = self.marker_swap.iter().map(|event| (event.at, event.lasts));
         let swaps = ["marker swap", "marker swaps"];
         found.check_intervals(swaps, &at.then("marker_swap"), spans, duration);
+        if let Some(Volume { min, max }) = &self.volume {
+            check_box([min, max], &at.then("volume"), found);
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Findings;
-use crate::{Action, Envelope, Fence, Key, Scenario, Vector};
+use crate::{Action, Envelope, Key, Scenario, Vector};
 
 impl Scenario {
     pub(super) fn check_envelope(&self, found: &mut Findings) {
@@ -15,7 +15,7 @@ impl Scenario {
         self.check_landings(envelope, &at, found);
         self.check_commands(envelope, &at, found);
         if let Some(fence) = &envelope.r#box
-            && !fence.contains(&self.vehicle.initial.position)
+            && fence.distance_outside(&self.vehicle.initial.position) > 0.0
         {
             found.add(
                 at.then("box"),
@@ -59,7 +59,7 @@ impl Scenario {
 impl Envelope {
     fn check(&self, at: &Key, found: &mut Findings) {
         if let Some(fence) = &self.r#box {
-            fence.check(&at.then("box"), found);
+            check_box([&fence.min, &fence.max], &at.then("box"), found);
         }
         if let Some(limit) = self.tilt.as_ref().filter(|limit| limit.max >= PI) {
             found.add(
@@ -89,20 +89,15 @@ impl Envelope {
     }
 }
 
-impl Fence {
-    fn check(&self, at: &Key, found: &mut Findings) {
-        for (axis, (&least, &most)) in self.min.iter().zip(&self.max).enumerate() {
-            if least >= most && found.are_in_range(at, &["min", "max"]) {
-                found.add(
-                    at.then("max").then(axis),
-                    format!("{most:?} m is not above {least:?} m in `min`: the box is empty"),
-                    "put the smaller coordinate of each axis into `min`; z points down",
-                );
-            }
+/// Requires a box with a volume between two corners.
+pub(super) fn check_box([min, max]: [&Vector; 2], at: &Key, found: &mut Findings) {
+    for (axis, (&least, &most)) in min.iter().zip(max).enumerate() {
+        if least >= most && found.are_in_range(at, &["min", "max"]) {
+            found.add(
+                at.then("max").then(axis),
+                format!("{most:?} m is not above {least:?} m in `min`: the box is empty"),
+                "put the smaller coordinate of each axis into `min`; z points down",
+            );
         }
-    }
-
-    fn contains(&self, position: &Vector) -> bool {
-        (0..3).all(|axis| (self.min[axis]..=self.max[axis]).contains(&position[axis]))
     }
 }

@@ -1,11 +1,11 @@
 //! Checks of flight outdoors: sensors, their rates, and the estimator over them.
 
 use super::Findings;
+use super::envelope::check_box;
 use super::six_digits;
 use crate::navigation::LONGEST_HORIZON;
-use crate::{FixChange, Key, Navigation, Scenario, Sensors, Timing};
+use crate::{FixChange, Key, Navigation, Scenario, Sensors, Timing, Volume};
 use shared_types::flight_phase::ARM_WITHIN;
-use shared_types::gnss::FixKind;
 use shared_types::navigation_limits::{
     ALIGNMENT, LONGEST_IMU_PERIOD_NS, STORED_MEASUREMENTS, STORED_SAMPLES,
 };
@@ -48,11 +48,11 @@ impl Scenario {
     pub(super) fn check_published(&self, topic: Topic, key: Key, found: &mut Findings) {
         // That inertial navigation lacks its sensors is reported once.
         let is_reported = self.navigation.is_some() && topic.is_of_flight_outdoors();
-        if topic == Topic::MocapPose && self.navigation.is_some() {
+        if topic == Topic::MocapPose && self.fuses_poses() == Some(false) {
             found.add(
                 key,
                 "no camera captures a vehicle with inertial navigation",
-                "leave it out, or name a sensor, such as `gnss/fix`",
+                "leave it out, name a sensor, such as `gnss/fix`, or add `[navigation.poses]`",
             );
         } else if !self.has_topic(topic) && !is_reported {
             let section = if topic.is_of_flight_outdoors() {
@@ -80,15 +80,16 @@ impl Scenario {
                 "add `[sensors]`, which may be empty, or leave `[navigation]` out",
             );
         };
+        let sees = self.cameras.is_some() && navigation.poses.is_none();
         let sections = [
-            ("estimator", self.estimator.is_some()),
-            ("cameras", self.cameras.is_some()),
-            ("motion_capture", self.motion_capture.is_some()),
+            ("estimator", self.estimator.is_some(), "other"),
+            ("cameras", sees, "cameras without `[navigation.poses]`"),
+            ("motion_capture", self.motion_capture.is_some(), "real cameras"),
         ];
-        for (section, _) in sections.into_iter().filter(|(_, is_stated)| *is_stated) {
+        for (section, _, what) in sections.into_iter().filter(|(_, is_stated, _)| *is_stated) {
             found.add(
                 Key::root().then(section),
-                "inertial navigation is the estimator of this flight, and it uses no cameras",
+                format!("inertial navigation is the estimator of this flight, and it uses no {what}"),
                 format!("leave `[{section}]` or `[navigation]` out"),
             );
         }
@@ -102,8 +103,15 @@ impl Scenario {
         let is_before = |change: &&FixChange| change.at <= flight.arm_at.unwrap_or(0.0);
         let last = sensors.gnss.change.iter().rfind(is_before);
         let kind = last.map_or(sensors.gnss.kind, |change| change.kind);
-        let attainable = navigation.attainable_sigma(kind.into());
-        if flight.position_sigma_max <= attainable {
+        let by_poses = navigation.attainable_sigma(None);
+        let attainable = navigation.attainable_sigma(kind.kind()).min(by_poses);
+        if attainable.is_infinite() {
+            found.add(
+                Key::root().then("sensors").then("gnss").then("kind"),
+                "the vehicle will never be armed: nothing measures its position",
+                "state fixes, or add `[cameras]` and `[navigation.poses]`",
+            );
+        } else if flight.position_sigma_max <= attainable {
             found.add(
                 Key::root().then("flight").then("position_sigma_max"),
                 format!(
@@ -158,20 +166,29 @@ impl Scenario {
                 format!("give it a period of {imu:?} or less, or `imu/sample` one of {estimator:?}"),
             );
         }
-        let others = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField];
-        let waiting: f64 = others.map(|topic| horizon / period_of(topic) + 1.0).iter().sum();
+        // A pose waits as a position and an attitude.
+        let poses = [Topic::MocapPose; 2]
+            .into_iter()
+            .filter(|_| self.fuses_poses() == Some(true));
+        let others: Vec<_> = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField]
+            .into_iter()
+            .chain(poses)
+            .collect();
+        let waiting: f64 = others.iter().map(|topic| horizon / period_of(*topic) + 1.0).sum();
         if waiting > STORED_MEASUREMENTS as f64 {
             let shortest = |a: &Topic, b: &Topic| period_of(*a).total_cmp(&period_of(*b));
-            let topic = others.into_iter().min_by(shortest).unwrap_or(Topic::GnssFix);
+            let topic = others.iter().copied().min_by(shortest).unwrap_or(Topic::GnssFix);
             found.add(
                 key_of(topic),
                 format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS}"),
-                "give fixes a period of 0.1, altitudes one of 0.04 and fields one of 0.02",
+                "give fixes a period of 0.1, altitudes one of 0.04, fields one of 0.02 and poses one of 0.01",
             );
         }
-        for topic in others {
+        for topic in others.into_iter().take(4) {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
             let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
+            let cameras = self.cameras.as_ref().filter(|_| topic == Topic::MocapPose);
+            let jitter = cameras.map_or(0.0, |cameras| cameras.jitter);
             if real.is_some() && simulated > 0.0 {
                 let edge = format!("{topic} -> estimator");
                 found.add(
@@ -182,7 +199,7 @@ impl Scenario {
                 continue;
             }
             // A real sample arrives between two ticks of its topic, and waits for the next.
-            let (late, waits) = real.map_or((simulated, imu), |late| (late, period_of(topic)));
+            let (late, waits) = real.map_or((simulated + jitter, imu), |late| (late, period_of(topic)));
             if late + waits > horizon {
                 let needed = late + waits + imu;
                 let fix = match real {
@@ -215,19 +232,22 @@ impl Navigation {
 impl Sensors {
     fn check(&self, duration: f64, at: &Key, found: &mut Findings) {
         let at = at.then("gnss");
+        if let Some(Volume { min, max }) = &self.gnss.building {
+            check_box([min, max], &at.then("building"), found);
+        }
         let times: Vec<_> = self.gnss.change.iter().map(|change| change.at).collect();
         let changes = ["change of the fixes", "changes of the fixes"];
         found.check_events(changes, &at.then("change"), &times, duration);
-        let mut kind = FixKind::from(self.gnss.kind);
+        let mut kind = self.gnss.kind;
         for (index, change) in self.gnss.change.iter().enumerate() {
-            if FixKind::from(change.kind) == kind {
+            if change.kind == kind {
                 found.add(
                     at.then("change").then(index).then("kind"),
                     "the receiver solves this already",
                     "state another kind, or leave the change out",
                 );
             }
-            kind = change.kind.into();
+            kind = change.kind;
         }
         let spans = self.gnss.spoofing.iter().map(|event| (event.at, event.lasts));
         let spoofing = ["spoofing", "intervals of spoofing"];

@@ -15,6 +15,13 @@ impl Scenario {
                 "add `[navigation]`, which may be empty, or leave `[receivers]` out",
             );
         }
+        if self.real_receivers().is_some() && self.fuses_poses() == Some(true) {
+            found.add(
+                Key::root().then("navigation").then("poses"),
+                "no cameras are read beside real receivers",
+                "leave it out, or `receivers.sources` for a simulated vehicle",
+            );
+        }
         let key = at.then("sources");
         for (index, source) in receivers.sources.iter().enumerate() {
             if source.parse::<ReceiverSource>().is_err() {

@@ -26,16 +26,15 @@ impl Scenario {
                 format!("leave `{at}` out; none of its values has an effect"),
             );
         };
-        let own_limit = match (&self.estimator, &self.navigation) {
+        let has_limit = "the filter has its own limit for the time without captures";
+        let own_limit = match (&self.estimator, self.fuses_poses()) {
             (None, None) => None,
-            (None, Some(_)) => Some((
+            (None, Some(false)) => Some((
                 "no camera captures a vehicle with inertial navigation",
                 "navigation.coast",
             )),
-            _ => Some((
-                "the filter has its own limit for the time without captures",
-                "estimator.kalman.coast",
-            )),
+            (None, Some(true)) => Some((has_limit, "navigation.coast")),
+            _ => Some((has_limit, "estimator.kalman.coast")),
         };
         if let Some((reason, key)) = own_limit.filter(|_| edge.topic == Topic::MocapPose) {
             return found.add(at.clone(), reason, format!("leave `{at}` out and state `{key}`"));

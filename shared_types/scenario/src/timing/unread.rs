@@ -16,10 +16,10 @@ impl Scenario {
     }
 
     /// Returns whether the flight has samples of an edge: of a sensor only with sensors, and of cameras not with inertial
-    /// navigation.
+    /// navigation that fuses no poses.
     #[must_use]
     pub fn has_samples(&self, edge: EdgeName) -> bool {
-        self.has_topic(edge.topic) && (edge.topic != Topic::MocapPose || self.navigation.is_none())
+        self.has_topic(edge.topic) && (edge.topic != Topic::MocapPose || self.fuses_poses() != Some(false))
     }
 
     fn reads(&self, edge: EdgeName) -> bool {

@@ -58,6 +58,7 @@ impl ReceiverFault {
 
 fn name(fixes: Fixes) -> &'static str {
     match fixes {
+        Fixes::None => "no",
         Fixes::SinglePoint => "single_point",
         Fixes::RtkFloat => "rtk_float",
         Fixes::RtkFixed => "rtk_fixed",

@@ -3,8 +3,8 @@
 use super::assert_only;
 use crate::tests_support::rig;
 use crate::{
-    Cameras, Datum, EdgeName, Fault, FaultKind, FixChange, Fixes, Flight, InputSafety, Navigation, Problem,
-    Scenario, Sensors, Spoofing,
+    Cameras, Datum, EdgeName, Fault, FaultKind, FixChange, Fixes, Flight, InputSafety, Navigation, Poses,
+    Problem, Scenario, Sensors, Spoofing, Volume,
 };
 use shared_types::schedule::Schedule;
 use shared_types::wiring::{ServiceId, Topic};
@@ -99,12 +99,8 @@ fn inertial_navigation_needs_sensors_and_the_ground() {
     };
     let key = "safety.\"mocap/pose -> estimator\"";
     refused(mocap, key, "no camera captures", "state `navigation.coast`");
-    refused(
-        |scenario| scenario.sensors = None,
-        "navigation",
-        "needs sensors",
-        "add `[sensors]`",
-    );
+    let key = "navigation";
+    refused(|s| s.sensors = None, key, "needs sensors", "add `[sensors]`");
     let mut indoors = rig();
     indoors.datum = Some(Datum::default());
     assert_only(
@@ -113,18 +109,61 @@ fn inertial_navigation_needs_sensors_and_the_ground() {
         "only a satellite receiver needs a place",
         "add `[sensors]`",
     );
-    refused(
-        |scenario| scenario.flight = None,
-        "navigation",
-        "begins in the air",
-        "add `[flight]`",
-    );
-    refused(
-        |scenario| scenario.cameras = Some(Cameras::default()),
-        "cameras",
-        "it uses no cameras",
-        "leave `[cameras]` or `[navigation]` out",
-    );
+    let key = "navigation";
+    refused(|s| s.flight = None, key, "begins in the air", "add `[flight]`");
+    let see = |scenario: &mut Scenario| scenario.cameras = Some(Cameras::default());
+    let reason = "it uses no cameras without `[navigation.poses]`";
+    refused(see, "cameras", reason, "leave `[cameras]` or");
+}
+
+#[test]
+fn poses_are_a_further_source_of_inertial_navigation_or_the_only_one_of_its_position() {
+    let seen = |scenario: &mut Scenario| {
+        scenario.cameras = Some(Cameras::default());
+        scenario.navigation.as_mut().unwrap().poses = Some(Poses::default());
+        let period = &mut scenario.schedule.period;
+        period.insert("mocap/pose".to_owned(), 0.01);
+    };
+    let none = |scenario: &mut Scenario| scenario.sensors.as_mut().unwrap().gnss.kind = Fixes::None;
+    assert_eq!(problems(seen), []);
+    assert_eq!(problems(|scenario| (seen(scenario), none(scenario)).0), []);
+    let [with, without] = [schedule(seen), schedule(|_| ())];
+    assert!(with.has_topic(Topic::PoseInnovations) && with.sample_count(Topic::MocapPose) > 0);
+    assert!(!without.has_topic(Topic::PoseInnovations));
+    let kind = "sensors.gnss.kind";
+    refused(none, kind, "nothing measures its position", "add `[cameras]`");
+    let empty = Volume {
+        min: [0.0; 3],
+        max: [1.0, 0.0, 1.0],
+    };
+    for (key, is_of_cameras) in [
+        ("cameras.volume.max.1", true),
+        ("sensors.gnss.building.max.1", false),
+    ] {
+        let spoil = |scenario: &mut Scenario| {
+            seen(scenario);
+            match is_of_cameras {
+                true => scenario.cameras.as_mut().unwrap().volume = Some(empty),
+                false => scenario.sensors.as_mut().unwrap().gnss.building = Some(empty),
+            }
+        };
+        refused(spoil, key, "the box is empty", "z points down");
+    }
+    let late = |scenario: &mut Scenario| {
+        seen(scenario);
+        scenario.cameras.as_mut().unwrap().jitter = 0.008;
+        let name = "mocap/pose -> estimator".to_owned();
+        scenario.schedule.latency.insert(name, 0.11);
+    };
+    let reason = "samples of `mocap/pose` are late by 0.118 s";
+    refused(late, "navigation.horizon", reason, "raise it to 0.126");
+    let policy = |scenario: &mut Scenario| {
+        seen(scenario);
+        let name = "mocap/pose -> estimator".to_owned();
+        scenario.safety.insert(name, InputSafety::new(0.2));
+    };
+    let key = "safety.\"mocap/pose -> estimator\"";
+    refused(policy, key, "has its own limit", "state `navigation.coast`");
 }
 
 #[test]
@@ -133,24 +172,16 @@ fn a_vehicle_that_would_never_be_armed_is_refused() {
         scenario.sensors.as_mut().unwrap().gnss.kind = Fixes::SinglePoint;
         scenario.flight.as_mut().unwrap().position_sigma_max = sigma;
     };
-    refused(
-        |scenario| single(scenario, 1.5),
-        "flight.position_sigma_max",
-        "stays at 1.5 m",
-        "raise it above 3.0",
-    );
+    let (key, reason) = ("flight.position_sigma_max", "stays at 1.5 m");
+    refused(|s| single(s, 1.5), key, reason, "raise it above 3.0");
     assert_eq!(problems(|scenario| single(scenario, 3.1)), []);
 }
 
 #[test]
 fn arming_before_the_position_is_known_is_refused() {
     let arm_at = |scenario: &mut Scenario, time| scenario.flight.as_mut().unwrap().arm_at = Some(time);
-    refused(
-        |scenario| arm_at(scenario, 5.0),
-        "flight.arm_at",
-        "at 5.0 s the position is not yet known",
-        "raise it to 12.0",
-    );
+    let (key, reason) = ("flight.arm_at", "at 5.0 s the position is not yet known");
+    refused(|s| arm_at(s, 5.0), key, reason, "raise it to 12.0");
     assert_eq!(problems(|scenario| arm_at(scenario, 12.0)), []);
     for (at, is_refused) in [(13.9, true), (14.1, false)] {
         let found = problems(|scenario| {
@@ -173,12 +204,11 @@ fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
     let period = |scenario: &mut Scenario, topic: &str, period| {
         scenario.schedule.period.insert(topic.to_owned(), period);
     };
-    refused(
-        |scenario| period(scenario, "imu/sample", 0.02),
+    let (key, reason) = (
         "schedule.period.\"imu/sample\"",
         "cannot use samples every 0.02 s",
-        "0.01",
     );
+    refused(|s| period(s, "imu/sample", 0.02), key, reason, "0.01");
     refused(
         |scenario| {
             period(scenario, "estimator", 0.008);
@@ -188,26 +218,27 @@ fn rates_and_latencies_with_which_the_filter_refuses_samples_are_refused() {
         "would miss samples",
         "a period of 0.004 or less",
     );
-    refused(
-        |scenario| period(scenario, "mag/field", 0.001),
+    let (key, reason) = (
         "schedule.period.\"mag/field\"",
         "would wait for the filter's horizon",
+    );
+    refused(
+        |s| period(s, "mag/field", 0.001),
+        key,
+        reason,
         "fields one of 0.02",
     );
     let late = |scenario: &mut Scenario, by| {
         let name = "gnss/fix -> estimator".to_owned();
         scenario.schedule.latency.insert(name, by);
     };
+    let (key, reason) = ("navigation.horizon", "samples of `gnss/fix` are late by 0.12 s");
+    refused(|s| late(s, 0.12), key, reason, "raise it to 0.128");
+    let (key, reason) = ("navigation.horizon", "late by 0.248 s");
     refused(
-        |scenario| late(scenario, 0.12),
-        "navigation.horizon",
-        "samples of `gnss/fix` are late by 0.12 s",
-        "raise it to 0.128",
-    );
-    refused(
-        |scenario| late(scenario, 0.248),
-        "navigation.horizon",
-        "late by 0.248 s",
+        |s| late(s, 0.248),
+        key,
+        reason,
         "it is 0.25 at most: lower `schedule.latency`",
     );
 }
@@ -238,10 +269,11 @@ fn changes_of_the_fixes_and_spoofing_are_in_order_and_change_something() {
         "is listed after",
         "order of their times",
     );
+    let (key, reason) = ("sensors.gnss.spoofing.1.at", "begins before");
     refused(
-        |scenario| gnss(scenario, &[], &[(3.0, 2.0), (4.0, 1.0)]),
-        "sensors.gnss.spoofing.1.at",
-        "begins before",
+        |s| gnss(s, &[], &[(3.0, 2.0), (4.0, 1.0)]),
+        key,
+        reason,
         "merge them",
     );
 }
@@ -252,11 +284,12 @@ fn a_fault_of_an_input_that_the_flight_does_not_have_is_refused() {
         edge: Some(edge.to_owned()),
         ..Fault::new(FaultKind::Stuck, 5.0)
     };
+    let (key, fix) = ("fault.0.edge", "such as `gnss/fix`");
     refused(
-        |scenario| scenario.fault = vec![fault("mocap/pose -> estimator")],
-        "fault.0.edge",
+        |s| s.fault = vec![fault("mocap/pose -> estimator")],
+        key,
         "no camera captures",
-        "such as `gnss/fix`",
+        fix,
     );
     assert_eq!(
         problems(|scenario| scenario.fault = vec![fault("gnss/fix -> estimator")]),
