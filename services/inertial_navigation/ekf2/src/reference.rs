@@ -1,10 +1,10 @@
 //! EKF2 behind the events of the rig.
 
-use ekf2::types::{BaroSample, GnssSample, ImuSample, MagSample};
-use ekf2::{Ekf, EkfConfig, HeightReference};
+use ekf2::types::{BaroSample, ExtVisionSample, GnssSample, ImuSample, MagSample};
+use ekf2::{Ekf, EkfConfig, ExternalVisionControl, HeightReference};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::rig::{Event, H_NS};
+use crate::rig::{Event, H_NS, POSE_LATE};
 
 /// Radius of the sphere on which PX4 projects, m.
 const RADIUS: f64 = 6_371_000.0;
@@ -21,6 +21,9 @@ pub struct Noises {
     pub field: f32,
     /// The height comes from fixes, and not from the barometer.
     pub height_of_fixes: bool,
+    /// Of the position of a pose, m, of which EKF2 takes 0.01 m at least; `None` without cameras. With them fixes and barometer are
+    /// switched off.
+    pub pose: Option<f32>,
 }
 
 impl Noises {
@@ -31,6 +34,7 @@ impl Noises {
         accelerometer: 0.35,
         field: 0.05,
         height_of_fixes: false,
+        pose: None,
     };
 }
 
@@ -59,6 +63,17 @@ impl Reference {
         if noises.height_of_fixes {
             params.set_hgt_ref(HeightReference::Gnss);
             params.set_gps_ctrl(7);
+            params.set_baro_ctrl(0);
+        }
+        if let Some(deviation) = noises.pose {
+            params.set_ev_ctrl(
+                ExternalVisionControl::HPOS | ExternalVisionControl::VPOS | ExternalVisionControl::YAW,
+            );
+            params.set_hgt_ref(HeightReference::ExternalVision);
+            params.set_ev_pos_noise(deviation);
+            params.set_ev_att_noise(2e-3);
+            params.set_ev_delay_ms((POSE_LATE * H_NS) as f32 * 1e-6);
+            params.set_gps_ctrl(0);
             params.set_baro_ctrl(0);
         }
         ekf.set_in_air_status(false);
@@ -111,8 +126,25 @@ impl Reference {
                     16,
                 ));
             }
-            // Its flights have no cameras.
-            Event::Pose(_) => {}
+            Event::Pose(pose) => {
+                let (Some(place), Some(attitude)) = (&pose.position_world, &pose.world_from_body) else {
+                    return;
+                };
+                let turn = UnitQuaternion::from_matrix(attitude);
+                ekf.set_ev_data(&ExtVisionSample {
+                    time_us: tick * H_NS / 1000,
+                    pos: single(place),
+                    quat: [turn.w, turn.i, turn.j, turn.k].map(|number| number as f32),
+                    vel: [f32::NAN; 3],
+                    pos_var: [9e-8; 3],
+                    ang_var: [4e-6; 3],
+                    vel_var: [f32::NAN; 3],
+                    pos_frame: 0,
+                    vel_frame: 0,
+                    reset_counter: 0,
+                    quality: 100,
+                });
+            }
             Event::Motors => {
                 ekf.set_in_air_status(true);
                 ekf.set_vehicle_at_rest(false);

@@ -3,19 +3,35 @@
 use shared_types::gnss::FixKind;
 
 use crate::reference::{Noises, Reference};
-use crate::rig::{Errors, Event, Figures, Flight, Flown, H, unchanged};
+use crate::rig::{Errors, Event, Figures, Flight, Flown, H};
 
-/// Time from which errors count, s.
-const FROM: f64 = 50.0;
+/// Times from and up to which errors count, s.
+const WHOLE: [f64; 2] = [50.0, f64::INFINITY];
+/// The same where the cameras see nothing.
+const UNSEEN: [f64; 2] = [80.0, 85.0];
 /// Latency of fixes, s.
 const LATENCY: f64 = 0.1;
 
 /// End of the name of a row with errors that neither filter models.
 const UNMODELLED: &str = "all errors";
 
-/// A row of the table: its name, its flights, and the noises with which EKF2 may fly them. Rows with errors that neither filter
-/// models are for information.
-type Row = (&'static str, fn(u64) -> Flight, Vec<(&'static str, Noises)>);
+/// A row of the table: its name, its flights, the time that counts, and the noises with which EKF2 may fly them. Rows with errors that
+/// neither filter models are for information. In flights with cameras there are no fixes.
+type Row = (
+    &'static str,
+    fn(u64) -> Flight,
+    [f64; 2],
+    Vec<(&'static str, Noises)>,
+);
+
+/// Returns whether an event at a time, s, reaches the filters.
+fn arrives(event: &Event, time: f64, flight: &Flight, [from, to]: [f64; 2]) -> bool {
+    match event {
+        Event::Fix(_) => flight.cameras.is_none(),
+        Event::Pose(_) => [from, to] == WHOLE || !(from..to).contains(&time),
+        _ => true,
+    }
+}
 
 fn rows() -> Vec<Row> {
     let rtk = Noises {
@@ -36,48 +52,86 @@ fn rows() -> Vec<Row> {
         ..Noises::DEFAULT
     };
     let single = vec![("defaults", Noises::DEFAULT), ("velocity 0.1 m/s", quick)];
+    let seen = |position| Noises {
+        pose: Some(position),
+        ..Noises::DEFAULT
+    };
+    let poses = vec![("position 0.1 m", seen(0.1)), ("position 0.01 m", seen(0.01))];
     vec![
         (
             "RTK fixed",
             |seed| Flight::modelled(seed, FixKind::RtkFixed),
+            WHOLE,
             tunings.clone(),
         ),
         (
             "RTK fixed, IMU noise × 10",
             |seed| Flight::modelled(seed, FixKind::RtkFixed).shaken(10.0),
+            WHOLE,
             tunings.clone(),
         ),
         (
             "RTK fixed, all errors",
             |seed| Flight::with_all_errors(seed, FixKind::RtkFixed),
+            WHOLE,
             tunings,
         ),
         (
             "RTK float",
             |seed| Flight::modelled(seed, FixKind::RtkFloat),
+            WHOLE,
             single.clone(),
         ),
         (
             "single point",
             |seed| Flight::modelled(seed, FixKind::SinglePoint),
+            WHOLE,
             single.clone(),
         ),
         (
             "single point, all errors",
             |seed| Flight::with_all_errors(seed, FixKind::SinglePoint),
+            WHOLE,
             single,
+        ),
+        (
+            "cameras",
+            |seed| Flight::modelled(seed, FixKind::RtkFixed).seen(),
+            WHOLE,
+            poses.clone(),
+        ),
+        (
+            "cameras, none for 5 s",
+            |seed| Flight::modelled(seed, FixKind::RtkFixed).seen(),
+            UNSEEN,
+            poses,
         ),
     ]
 }
 
-fn reference_figures(flight: &Flight, noises: Noises) -> Figures {
+fn own_figures(flight: &Flight, span: [f64; 2]) -> Figures {
+    let mut ticks = 0;
+    let flown = Flown::new(flight, &flight.parameters(), |event| {
+        ticks += u64::from(matches!(event, Event::Imu(_)));
+        arrives(event, ticks as f64 * H, flight, span)
+    });
+    let errors = flown.errors.iter();
+    let errors = errors.filter(|(tick, _)| (span[0]..span[1]).contains(&(*tick as f64 * H)));
+    Figures::new(&errors.map(|(_, errors)| *errors).collect::<Vec<_>>())
+}
+
+fn reference_figures(flight: &Flight, span: [f64; 2], noises: Noises) -> Figures {
     let (truths, events) = flight.flown();
     let mut reference = Reference::new(noises, LATENCY);
     let (mut tick, mut errors) = (0, Vec::new());
     for event in events {
         tick += usize::from(matches!(event, Event::Imu(_)));
+        let time = tick as f64 * H;
+        if !arrives(&event, time, flight, span) {
+            continue;
+        }
         reference.give(&event, tick as u64);
-        if matches!(event, Event::Imu(_)) && tick as f64 * H >= FROM {
+        if matches!(event, Event::Imu(_)) && (span[0]..span[1]).contains(&time) {
             let (position, velocity, r) = reference.motion();
             errors.push(Errors::new(&truths[tick], position, velocity, &r));
         }
@@ -107,7 +161,7 @@ pub fn compare(seeds: u64) -> bool {
     println!("| flight | filter | velocity, cm/s | attitude, mrad | position, cm | about its mean, cm |");
     println!("| --- | --- | --- | --- | --- | --- |");
     let mut is_good = true;
-    for (name, flight, tunings) in rows() {
+    for (name, flight, span, tunings) in rows() {
         let flights: Vec<Flight> = (1..=seeds)
             .map(|seed| {
                 let mut flight = flight(seed);
@@ -118,17 +172,14 @@ pub fn compare(seeds: u64) -> bool {
         let print = |filter: &str, [velocity, attitude, position, about]: [f64; 4]| {
             println!("| {name} | {filter} | {velocity:.1} | {attitude:.1} | {position:.1} | {about:.1} |");
         };
-        let own: Vec<_> = flights
-            .iter()
-            .map(|flight| Flown::new(flight, &flight.parameters(), unchanged).figures(FROM))
-            .collect();
+        let own: Vec<_> = flights.iter().map(|flight| own_figures(flight, span)).collect();
         let own = medians(&own);
         print("inertial", own);
         let mut best = [f64::INFINITY; 4];
         for (tuning, noises) in tunings {
             let figures: Vec<_> = flights
                 .iter()
-                .map(|flight| reference_figures(flight, noises))
+                .map(|flight| reference_figures(flight, span, noises))
                 .collect();
             let figures = medians(&figures);
             print(&format!("EKF2, {tuning}"), figures);
