@@ -140,6 +140,24 @@ fn faults_of_edges_have_the_same_bytes_in_one_process_and_in_processes_also_when
     assert_eq!(place.leftovers(), Vec::<String>::new());
 }
 
+/// The port of an input must not fill although no sample of it is ever due.
+#[test]
+fn an_input_that_loses_every_sample_from_the_start_on_blocks_no_process() {
+    let place = Place::new();
+    let flown = scenario_file::load(&scenario("fig1"), &[], None).unwrap();
+    let edges = EdgeName::all().filter(|edge| flown.has_samples(*edge));
+    for (edge, number) in edges.zip(0..) {
+        let setting = format!("fault=[{{at=0.0, edge=\"{edge}\", kind=\"intermittent\", fraction=1.0}}]");
+        let outs = ["processes", "one"].map(|host| format!("{host}-{number}"));
+        for (out, host) in outs.iter().zip(["lockstep", "inprocess"]) {
+            let more = ["--set", &setting, "--host", host];
+            fly_to_the_end(&mut place.rig_flight(out, 1.0, &more));
+        }
+        assert!(log(&place, &outs[0]) == log(&place, &outs[1]), "{edge}");
+    }
+    assert_eq!(place.leftovers(), Vec::<String>::new());
+}
+
 /// Looks at a flight tick by tick.
 #[derive(Default)]
 struct Flight {

@@ -18,6 +18,8 @@ pub struct EdgeStore {
     samples: BTreeMap<u64, OwnedSample>,
     /// The altered sample that is delivered.
     altered: OwnedSample,
+    /// Tick of the newest sample that has come, also of one that the plan loses.
+    newest_come: Option<u64>,
 }
 
 impl EdgeStore {
@@ -27,6 +29,7 @@ impl EdgeStore {
         Self {
             samples: BTreeMap::new(),
             altered: OwnedSample::zeroed(edge.topic),
+            newest_come: None,
             edge,
         }
     }
@@ -34,10 +37,17 @@ impl EdgeStore {
     /// Stores a sample, unless the plan loses it.
     pub fn keep(&mut self, bytes: &[u8]) {
         let tick = header_of(bytes).tick;
+        self.newest_come = self.newest_come.max(Some(tick));
         if !self.edge.is_lost(tick) {
             let sample = OwnedSample::copy_of(self.edge.topic, bytes);
             self.samples.insert(tick, sample);
         }
+    }
+
+    /// Returns whether the sample of a tick, or a later one, has come, even if the plan loses it.
+    #[must_use]
+    pub fn has_come_to(&self, tick: u64) -> bool {
+        self.newest_come >= Some(tick)
     }
 
     /// Drops the samples that are not needed once that of tick `due` is due.

@@ -91,7 +91,7 @@ impl InputPort {
         self.kept.as_ref().is_none_or(|kept| !kept.is_restarted)
     }
 
-    /// Receives samples up to that of tick `due`, for the step at `tick`. Returns `false` if it has not arrived yet.
+    /// Receives samples up to that of tick `due`, the due one without faults. Returns `false` if one has not arrived yet.
     ///
     /// # Errors
     /// [`FlightError::Lost`] or the error of the port.
@@ -163,9 +163,10 @@ impl InputPort {
         self.advance(tick, due)
     }
 
-    /// Stores all samples that have arrived: with late or lost samples, later ones may arrive before the due one.
+    /// Stores all samples that have arrived: with late or lost samples, later ones may arrive before the due one. The service also
+    /// waits for what would be due without faults, `published`: or it would run ahead of its publishers.
     #[cold]
-    fn advance_among_faults(&mut self, tick: u64, due: u64) -> Result<bool, FlightError> {
+    fn advance_among_faults(&mut self, tick: u64, published: u64) -> Result<bool, FlightError> {
         let Some(kept) = &mut self.kept else {
             return Ok(false);
         };
@@ -174,14 +175,19 @@ impl InputPort {
             kept.first_at_port.get_or_insert(header_of(bytes).tick);
             kept.samples.keep(bytes);
         }
-        kept.samples.forget_before(due);
-        let oldest = kept.samples.oldest_needed(due);
+        let due = self.edge.due_sample(tick);
+        due.inspect(|&due| kept.samples.forget_before(due));
+        let oldest = due.map_or(published, |due| kept.samples.oldest_needed(due));
         if kept.first_at_port.is_some_and(|first| first <= oldest) {
             kept.is_restarted = false;
         }
-        if kept.samples.has(due) {
-            return Ok(true);
+        // A restarted service gets only what it needs of what was published before.
+        if !kept.is_restarted && !kept.samples.has_come_to(published) {
+            return Ok(false);
         }
+        let Some(due) = due.filter(|&due| !kept.samples.has(due)) else {
+            return Ok(true);
+        };
         match kept
             .samples
             .newest()

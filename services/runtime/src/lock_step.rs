@@ -160,7 +160,7 @@ impl ServicePorts {
     #[cold]
     fn make_room(&mut self, tick: u64) -> Result<(), FlightError> {
         for input in &mut self.inputs {
-            if let Some(due) = input.edge.due_sample(tick) {
+            if let Some(due) = input.edge.published_by(tick) {
                 input.advance(tick, due)?;
             }
         }
@@ -259,7 +259,7 @@ impl ServiceContext<'_> {
     fn await_inputs(&mut self, tick: u64) -> Result<(), FlightError> {
         for at in 0..self.ports.inputs.len() {
             let input = &self.ports.inputs[at];
-            let Some(due) = input.edge.due_sample(tick) else {
+            let Some(due) = input.edge.published_by(tick) else {
                 continue;
             };
             let publisher = input.publisher;

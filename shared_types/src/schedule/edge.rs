@@ -26,6 +26,13 @@ impl Edge {
         if self.has_faults() {
             return self.due_among_faults(tick);
         }
+        self.published_by(tick)
+    }
+
+    /// Returns the tick of the sample that would be due at `tick` without faults of the edge; `None` before the first.
+    #[must_use]
+    #[inline]
+    pub fn published_by(&self, tick: u64) -> Option<u64> {
         self.published.last_at_or_before(tick.checked_sub(self.latency)?)
     }
 
