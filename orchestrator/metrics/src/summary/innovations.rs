@@ -36,6 +36,10 @@ const AT_REST: std::ops::Range<usize> = 4..6;
 /// The sources that fixes are.
 const FIXES: std::ops::Range<usize> = 0..2;
 
+/// Positions by fixes, and by poses.
+const POSITION: usize = FIXES.start;
+const POSE_POSITION: usize = SOURCES.len();
+
 /// Name of the inertial measurement unit, which predicts and has no innovations.
 const INERTIAL: &str = "inertial";
 
@@ -76,6 +80,9 @@ pub struct SourceInnovations {
     pub largest_gap: Option<f64>,
     /// Time of the last measurement before it, s.
     pub gap_begins: f64,
+    /// The gap that is judged, and its begin, s: poses and fixes stand in for each other. `None` if none is.
+    #[serde(skip)]
+    cut_off: Option<[f64; 2]>,
 }
 
 /// Running [`SourceInnovations`] in constant memory.
@@ -88,6 +95,8 @@ pub(super) struct InnovationWatch {
     has_no_fixes: bool,
     /// `true` if poses are fused.
     fuses_poses: bool,
+    /// Positions by fixes or poses.
+    positions: Tally,
     inertial: Tally,
     /// Samples of the inertial measurement unit that planned faults lost.
     lost: u32,
@@ -119,6 +128,13 @@ impl Tally {
     }
 }
 
+impl Tally {
+    /// Returns the longest stretch without fused measurements, and its begin, s.
+    fn gap(&self) -> [f64; 2] {
+        [self.gap_ns, self.gap_begins_ns].map(seconds)
+    }
+}
+
 /// Adds a sample with the sources from `first` on to a watch.
 macro_rules! observe_sources {
     ($watch:ident, $sample:ident, $first:expr) => {
@@ -136,6 +152,10 @@ macro_rules! observe_sources {
             if $sample.accepted[index].is_set() {
                 tally.end_gap(from_ns, valid_ns);
                 tally.fused_ns = Some(valid_ns);
+                if [POSITION, POSE_POSITION].contains(&($first + index)) {
+                    $watch.positions.end_gap(from_ns, valid_ns);
+                    $watch.positions.fused_ns = $watch.positions.fused_ns.max(Some(valid_ns));
+                }
             }
         }
     };
@@ -186,6 +206,7 @@ impl InnovationWatch {
             half_width: 0.0,
             largest_gap: Some(seconds(tally.gap_ns)),
             gap_begins: seconds(tally.gap_begins_ns),
+            cut_off: Some(tally.gap()),
         })
     }
 
@@ -194,6 +215,8 @@ impl InnovationWatch {
         let (Some(last_ns), Some(from_ns)) = (self.last_ns, self.from_ns) else {
             return Vec::new();
         };
+        let mut positions = self.positions;
+        positions.end_gap(from_ns, last_ns);
         let of_source = |(index, source): (usize, &'static str)| {
             let (freedom, mut tally) = (FREEDOM[index], self.tallies[index]);
             tally.end_gap(from_ns, last_ns);
@@ -209,6 +232,12 @@ impl InnovationWatch {
                 half_width: 1.96 * (2.0 * freedom / count.max(1.0)).sqrt(),
                 largest_gap: (!AT_REST.contains(&index)).then(|| seconds(tally.gap_ns)),
                 gap_begins: seconds(tally.gap_begins_ns),
+                cut_off: match index {
+                    index if AT_REST.contains(&index) => None,
+                    POSE_POSITION => Some(positions.gap()),
+                    index if self.fuses_poses && (FIXES.contains(&index) || index > POSE_POSITION) => None,
+                    _ => Some(tally.gap()),
+                },
             }
         };
         let is_there = |&(index, _): &(usize, &str)| match index {
@@ -232,8 +261,8 @@ impl SourceInnovations {
         let mut limits = SOURCES.iter().chain(&POSE_SOURCES).zip(CUT_OFF);
         let most = limits.find_map(|(name, limit)| (name == source).then_some(limit));
         let most = most.unwrap_or(NO_MOTION);
-        let cut_off = self.largest_gap.filter(|gap| *gap > most);
-        let cut_off = cut_off.map(|gap| format!("cut off for {gap:.1} s from {:.1} s on", self.gap_begins));
+        let cut_off = self.cut_off.filter(|[gap, _]| *gap > most);
+        let cut_off = cut_off.map(|[gap, begins]| format!("cut off for {gap:.1} s from {begins:.1} s on"));
         let of = |mean: f64| mean > INCONSISTENT * self.freedom && mean > self.freedom + self.half_width;
         let mean = self.mean_square.filter(|mean| of(*mean));
         let wrong = mean.map(|mean| {
@@ -363,7 +392,7 @@ mod tests {
             sample.header.stamp_ns = u64::from(step) * 10_000_000;
             sample.valid_ns = [sample.header.stamp_ns; 2];
             (sample.fused, sample.accepted) = ([step; 2], [true.into(); 2]);
-            sample.normalised_squares = [3.0, 6.0];
+            sample.normalised_squares = [3.0, 7.5];
             watch.observe_poses(&sample);
         }
         let sources = watch.finish();
@@ -372,7 +401,7 @@ mod tests {
         assert_eq!(names[4..], POSE_SOURCES);
         assert_eq!(
             (sources[4].mean_square, sources[5].mean_square),
-            (Some(3.0), Some(6.0))
+            (Some(3.0), Some(7.5))
         );
         assert!(sources[4].fused == 1000 && sources[4].problem().is_none());
         assert!(
