@@ -7,6 +7,7 @@ use metrics::summary::{limit_in_words, not_level_in_words};
 use scenario::Scenario;
 use shared_types::ServiceId;
 use shared_types::flight_phase::{FlightPhase, GROUNDED_AFTER, NotReady, ReadyLimits};
+use shared_types::gnss::FixKind;
 use shared_types::rotation::tilt;
 use shared_types::samples::{RcFrame, VehicleState};
 use shared_types::service::{Operator, nanoseconds, seconds};
@@ -193,7 +194,11 @@ fn off_the_place(scenario: &Scenario, state: &VehicleState) -> Option<String> {
     if !state.tracked.is_set() {
         return None;
     }
-    let kind = scenario.sensors.as_ref()?.gnss.kind.kind()?;
+    let kind = scenario
+        .sensors
+        .as_ref()
+        .and_then(|sensors| sensors.gnss.least_accurate());
+    let kind = kind.unwrap_or(FixKind::SinglePoint);
     let [_, height_deviation, _] = scenario.navigation.as_ref()?.errors()[kind as usize].deviations();
     let [across_limit, up_limit] = OFF_THE_PLACE;
     let up_limit = up_limit + DEVIATIONS * height_deviation;

@@ -137,7 +137,8 @@ impl ReceiverSender {
     /// `start_ns`.
     pub(super) fn schedule(&mut self, measured: &Measured, measured_ns: u64, start_ns: u64) {
         let since_start_ns = measured_ns - start_ns;
-        if let Some(fix) = &measured.fix {
+        // Without a position a receiver's packet is not used: none is sent.
+        if let Some(fix) = measured.fix.as_ref().filter(|fix| fix.measured.is_set()) {
             self.fixes.push(measured_ns, nav_pvt(fix, since_start_ns));
         }
         if measured.imu.is_some() || measured.altitude.is_some() || measured.field.is_some() {

@@ -9,7 +9,8 @@
 //! machine's clock, and the clock may be set in flight.
 //!
 //! **Spans** of inertial samples are those of the autopilot's stamps, because a rate is integrated over them: where the relation of the
-//! clocks moves, times follow it by 1 % of a span. After a move of more than 10 ms there is a gap of as much, which the filter knows.
+//! clocks moves, times follow it by 1 % of a span. After a move of more than 10 ms there is a gap, which the filter knows; after one
+//! back more motion may be missing than the gap is long.
 //!
 //! **Samples.** The mean of the inertial samples since the publication before is published, with the time of the last one, so that
 //! rates need not agree; of other sensors the newest sample.

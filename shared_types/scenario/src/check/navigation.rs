@@ -47,7 +47,8 @@ impl Scenario {
     /// Requires that something is published on the topic that a key names.
     pub(super) fn check_published(&self, topic: Topic, key: Key, found: &mut Findings) {
         // That inertial navigation lacks its sensors is reported once.
-        let is_reported = self.navigation.is_some() && topic.is_of_flight_outdoors();
+        let is_reported =
+            self.navigation.is_some() && self.sensors.is_none() && topic.is_of_flight_outdoors();
         if topic == Topic::MocapPose && self.fuses_poses() == Some(false) {
             found.add(
                 key,
@@ -55,10 +56,10 @@ impl Scenario {
                 "leave it out, name a sensor, such as `gnss/fix`, or add `[navigation.poses]`",
             );
         } else if !self.has_topic(topic) && !is_reported {
-            let section = if topic.is_of_flight_outdoors() {
-                "`[sensors]`"
-            } else {
-                "`controller.telemetry`"
+            let section = match topic {
+                Topic::PoseInnovations => "`[navigation.poses]`",
+                topic if topic.is_of_flight_outdoors() => "`[sensors]`",
+                _ => "`controller.telemetry`",
             };
             found.add(
                 key,
@@ -170,8 +171,11 @@ impl Scenario {
         let poses = [Topic::MocapPose; 2]
             .into_iter()
             .filter(|_| self.fuses_poses() == Some(true));
-        let others: Vec<_> = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField]
+        let gnss = self.sensors.as_ref().map(|sensors| &sensors.gnss);
+        let has_fixes = real.is_some() || gnss.is_some_and(|gnss| gnss.least_accurate().is_some());
+        let mut others: Vec<_> = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField]
             .into_iter()
+            .filter(|&topic| has_fixes || topic != Topic::GnssFix)
             .chain(poses)
             .collect();
         let waiting: f64 = others.iter().map(|topic| horizon / period_of(*topic) + 1.0).sum();
@@ -184,7 +188,8 @@ impl Scenario {
                 "give fixes a period of 0.1, altitudes one of 0.04, fields one of 0.02 and poses one of 0.01",
             );
         }
-        for topic in others.into_iter().take(4) {
+        others.dedup();
+        for topic in others {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
             let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
             let cameras = self.cameras.as_ref().filter(|_| topic == Topic::MocapPose);
