@@ -7,7 +7,7 @@ use flight::interrupt::Interrupt;
 use host::in_process::TickSink;
 use metrics::summary::innovations::SourceInnovations;
 use metrics::summary::{FlightSummary, RunFacts, Summary};
-use scenario::{Curve, Estimator, Fixes, Kalman, Occlusion, Scenario};
+use scenario::{Curve, Estimator, Fixes, Kalman, MarkerSwap, Occlusion, Scenario};
 use shared_types::Topic;
 use shared_types::samples::{PathReference, VehicleState, VehicleTruth};
 use zerocopy::FromBytes;
@@ -239,4 +239,63 @@ fn where_cameras_drop_out_the_vehicle_flies_on_by_inertia_and_by_cameras_alone_i
     println!("by cameras alone: {:?}", alone.lost);
     // It levels out, and is blown away.
     assert!(alone.lost.is_some_and(|lost| lost.time < 52.0));
+}
+
+/// Lands at `land_at` s of `duration` s.
+fn shorten(scenario: &mut Scenario, duration: f64, land_at: f64) {
+    scenario.duration = duration;
+    scenario.flight.as_mut().unwrap().land_at = Some(land_at);
+}
+
+/// In the hall alone, with numbers within `range` m in place of the poses for `lasts` s.
+fn scattered(scenario: &mut Scenario, range: f64, lasts: f64) {
+    indoors(scenario);
+    scenario.cameras.as_mut().unwrap().occlusion.clear();
+    shorten(scenario, 80.0, 65.0);
+    garbage(scenario, range, lasts);
+}
+
+/// Numbers within `range` m in place of the poses for `lasts` s.
+fn garbage(scenario: &mut Scenario, range: f64, lasts: f64) {
+    let fault = format!(
+        "kind = \"garbage\"\nrange = {range:?}\nedge = \"mocap/pose -> estimator\"\nat = 50.0\nfor = {lasts:?}"
+    );
+    scenario.fault.push(toml::from_str(&fault).unwrap());
+}
+
+#[test]
+fn poses_that_scatter_cost_no_more_than_those_that_are_lost() {
+    let changes: [fn(&mut Scenario); 4] = [
+        |scenario| scattered(scenario, 2.0, 1.5),
+        |scenario| scattered(scenario, 0.3, 5.0),
+        |scenario| scattered(scenario, 8.0, 5.0),
+        |scenario| {
+            scenario.sensors.as_mut().unwrap().gnss.building = None;
+            shorten(scenario, 80.0, 65.0);
+            garbage(scenario, 2.0, 10.0);
+        },
+    ];
+    for change in changes {
+        let (summary, [error, _]) = flown_whole(1, change);
+        println!("{error:.3} m, {:?}", summary.steady);
+        assert!(summary.lost.is_none() && summary.killed.is_none(), "{summary:?}");
+        assert!(error < 0.3, "{error}");
+    }
+}
+
+/// Markers that are swapped for 30 ms while the filter aligns.
+#[test]
+fn one_wrong_pose_at_the_alignment_costs_no_heading() {
+    let (summary, [error, _]) = flown_whole(1, |scenario| {
+        shorten(scenario, 60.0, 45.0);
+        scenario.cameras.as_mut().unwrap().marker_swap = vec![MarkerSwap {
+            at: 0.99,
+            lasts: 0.03,
+            position: [0.0; 3],
+            rotation: [0.0, 0.0, 1.0],
+        }];
+    });
+    println!("{error:.3} m, {:?}", summary.steady);
+    assert!(summary.lost.is_none() && summary.killed.is_none(), "{summary:?}");
+    assert!(error < 0.1, "{error}");
 }

@@ -13,8 +13,9 @@
 //! Failure policy, besides that of the filter (`inertial_navigation::filter`):
 //! * an impossible sample is refused and counted, and so is one from the future;
 //! * a state counts as tracked once fixes or positions of poses have been fused for [`healthy_for`](scenario::Navigation::healthy_for)
-//!   without a break of a second; then as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples
-//!   of the inertial measurement unit arrive. It coasts while they are missing for more than a second;
+//!   without a break of a second, in which attitudes of poses, if there are any, were fused too: else the heading may be wrong; then
+//!   as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the inertial measurement unit
+//!   arrive. It coasts while they are missing for more than a second;
 //! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
 //!   that is accepted again) is no step of the published one, which follows over [`ramp`](scenario::Navigation::ramp), and by at
 //!   most 1 m/s; and so with the velocity, above 0.1 m/s and by at most 1 m/s². After a silence, or when the position is more than
@@ -428,11 +429,19 @@ impl InertialEstimatorService {
         now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS
     }
 
+    /// Returns whether attitudes of poses have been refused in the last second, and none was fused.
+    fn contradicts_poses(&self, now: &Now) -> bool {
+        let attitude = self.filter.source(Source::PoseAttitude);
+        let is_recent = |time_ns: u64| now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS;
+        attitude.refused > 0 && is_recent(attitude.refused_ns) && !is_recent(attitude.fused_ns)
+    }
+
     /// Returns whether the state is tracked, and whether it coasts.
     fn trust(&mut self, now: &Now) -> [bool; 2] {
         let without_ns = self.without_position_for_ns(now);
         let coasts = without_ns.is_none_or(|without| without > COASTS_AFTER_NS);
-        let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| !coasts);
+        let is_healthy = !coasts && !self.contradicts_poses(now);
+        let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| is_healthy);
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
             since_ns.is_some_and(|since| now.time_ns.saturating_sub(since) >= self.healthy_for_ns);

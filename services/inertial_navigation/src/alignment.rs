@@ -5,7 +5,8 @@
 //! f̄ = −Rᵀg        ω̄ = b_g        R⁰ᵀB = z̄_B
 //! ```
 //!
-//! Where cameras see the vehicle, the heading is that of the last pose.
+//! Where cameras see the vehicle, the heading is that of the last pose. One alone may be wrong: in the whole second each
+//! has to agree with the one before, and the last in tilt with the specific force, or the alignment begins again.
 //!
 //! The errors of the start are taken for independent and larger than they are; they become dependent as they should be
 //! (tilt on b_a, heading on b_m) with the measurements of the next seconds, in which the vehicle still rests.
@@ -13,7 +14,7 @@
 use nalgebra::{Matrix3, Vector3};
 use shared_types::GRAVITY;
 use shared_types::navigation_limits::ALIGNMENT;
-use shared_types::rotation::{from_row_major, to_row_major};
+use shared_types::rotation::{angle_between, from_row_major, to_row_major};
 use zerocopy::FromZeros;
 
 use crate::error_state::{
@@ -28,13 +29,16 @@ use crate::parameters::Parameters;
 const MOST_RATE: f64 = 0.1;
 /// Difference of the mean specific force from gravity (m/s²) above which it is not.
 const MOST_FORCE: f64 = 0.5;
+/// Angle between the vertical of a pose and that of gravity (rad) above which the pose is wrong.
+pub(crate) const MOST_TILT: f64 = 0.1;
 
 /// Standard deviations of the start: position (m), velocity (m/s), tilt and heading (rad).
 const POSITION_DEVIATION: f64 = 1e3;
 const VELOCITY_DEVIATION: f64 = 0.1;
 const TILT_DEVIATION: f64 = 0.1;
 const HEADING_DEVIATION: f64 = 0.3;
-/// Standard deviation of the heading over that of a pose's attitude, if there is a pose: small enough to refuse a bent field.
+/// Standard deviation of the heading over that of a pose's attitude, if there is a pose: small enough to refuse a bent field. By as
+/// many deviations two poses may differ.
 const POSE_FACTOR: f64 = 10.0;
 
 shared_types::sample! {
@@ -89,12 +93,17 @@ impl Alignment {
         add(&mut self.position_world, position_world);
     }
 
-    /// Adds the attitude of a pose.
-    pub fn add_attitude(&mut self, world_from_body: &Matrix3<f64>) {
+    /// Adds the attitude of a pose. Begins again if it is not that of the pose before: one of them is wrong.
+    pub fn add_attitude(&mut self, world_from_body: &Matrix3<f64>, parameters: &Parameters) {
+        let last = from_row_major(&self.world_from_body);
+        let most = POSE_FACTOR * parameters.pose_deviations[1];
+        if last != Matrix3::zeros() && angle_between(&last, world_from_body) > most {
+            *self = Self::new_zeroed();
+        }
         self.world_from_body = to_row_major(world_from_body);
     }
 
-    /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved.
+    /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved, or its pose is wrong.
     pub fn start(&mut self, time_ns: u64, parameters: &Parameters) -> Option<Horizon> {
         let posed = from_row_major(&self.world_from_body);
         let has_pose = posed != Matrix3::zeros();
@@ -103,7 +112,8 @@ impl Alignment {
         }
         let rate = Vector3::from(self.turn_body) / self.span;
         let force = Vector3::from(self.push_body) / self.span;
-        if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE {
+        let is_tilted = has_pose && (posed.tr_mul(&Vector3::z()) + force.normalize()).norm() > MOST_TILT;
+        if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE || is_tilted {
             *self = Self::new_zeroed();
             return None;
         }

@@ -6,8 +6,9 @@
 //!   of a fix are two sources, and so are position and attitude of a pose;
 //! * a source that is refused for [`reset_after`](Parameters::reset_after) without a break, and without a silence of more than a second,
 //!   is accepted again: what it measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]).
-//!   A fix is not, while poses are fused; the position of a pose is after a second, if nothing else gives a position, as the motion
-//!   drifts away meanwhile; an attitude never is: gravity and the positions show it;
+//!   A fix is not, while poses are fused; the position of a pose is not, while fixes are, and else after a second, as the motion drifts
+//!   away meanwhile; its attitude is not, while the motors turn or gravity contradicts it;
+//! * poses that scatter show no place: the time for which they are refused starts again with each that contradicts the one before;
 //! * when the kind of the fixes changes, their slow errors are new;
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
 //!   motion that was not measured;
@@ -21,12 +22,12 @@ use nalgebra::{Matrix3, Vector3};
 use shared_types::gnss::{FixErrors, FixKind};
 use shared_types::navigation_limits::LONGEST_IMU_PERIOD_NS;
 pub(crate) use shared_types::navigation_limits::{STORED_MEASUREMENTS as QUEUE, STORED_SAMPLES as RING};
-use shared_types::rotation::{from_row_major, to_row_major};
+use shared_types::rotation::{angle_between, exp, from_row_major, to_row_major};
 use shared_types::sample::{Field as _, Flag};
 use shared_types::service::{nanoseconds, seconds};
 use zerocopy::FromZeros;
 
-use crate::alignment::Alignment;
+use crate::alignment::{Alignment, MOST_TILT};
 use crate::error_state::{
     ATTITUDE, FIELD_BIAS, FIX_POSITION, FIX_VELOCITY, POSITION, VELOCITY, add_to_diagonal,
     slow_position_variance,
@@ -63,8 +64,13 @@ const REST_DEVIATION: f64 = 0.01;
 /// Height below which a barometer may read too little while the rotors turn, m.
 const NEAR_THE_GROUND: f64 = 1.0;
 
-/// Variances after which a state is as good as forgotten: of a position (m²) and of a velocity ((m/s)²).
-const FORGOTTEN: [f64; 2] = [1e6, 400.0];
+/// Variances after which a state is as good as forgotten: of a position (m²), of a velocity ((m/s)²) and of an attitude (rad²).
+const FORGOTTEN: [f64; 3] = [1e6, 400.0, 10.0];
+
+/// Speed (m/s) and rate (rad/s) with which the motion may drift away from poses that are refused, and the standard deviations of a
+/// pose by which two of these may differ besides.
+const POSE_DRIFT: [f64; 2] = [3.0, 0.1];
+const POSE_DEVIATIONS: f64 = 8.0;
 
 /// Change of the present motion by measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -391,7 +397,9 @@ impl InertialFilter {
         if let Some(world_from_body) = &pose.world_from_body {
             let numbers = to_row_major(world_from_body);
             if self.memory.horizon.is_none() && numbers.is_finite() {
-                self.memory.alignment.add_attitude(world_from_body);
+                self.memory
+                    .alignment
+                    .add_attitude(world_from_body, &self.parameters);
                 return;
             }
             self.enqueue(Source::PoseAttitude, kind, pose.time_ns, numbers);
@@ -742,10 +750,13 @@ impl InertialFilter {
         let parameters = self.parameters;
         let measured =
             |horizon: &Horizon| measurement::pose_position(position, &horizon.kinematics, &parameters);
+        let without = seconds(time_ns.saturating_sub(self.positioned_ns().unwrap_or(0)));
         let verdict = self.fuse(horizon, Source::PosePosition, time_ns, &measured(horizon));
         if verdict == Verdict::Overdue {
-            // Poses do not measure the velocity, which is as wrong as the position.
-            horizon.forget(VELOCITY, Vector3::repeat(FORGOTTEN[1]));
+            // Poses do not measure the velocity, which is as wrong as the position: by 2 x/t after a constant acceleration.
+            let drift = 2.0 * measured(horizon).residual.norm() / without;
+            let deviation = drift.max(horizon.deviation(VELOCITY));
+            horizon.forget(VELOCITY, Vector3::repeat(deviation * deviation));
             self.reset_position(horizon, &measured);
         }
         verdict != Verdict::Refused
@@ -753,7 +764,13 @@ impl InertialFilter {
 
     fn fuse_pose_attitude(&mut self, horizon: &mut Horizon, time_ns: u64, attitude: &Matrix3<f64>) -> bool {
         let measured = measurement::pose_attitude(attitude, &horizon.kinematics, &self.parameters);
-        self.fuse(horizon, Source::PoseAttitude, time_ns, &measured) == Verdict::Fused
+        let verdict = self.fuse(horizon, Source::PoseAttitude, time_ns, &measured);
+        if verdict == Verdict::Overdue {
+            horizon.forget(ATTITUDE, Vector3::repeat(FORGOTTEN[2]));
+            let innovation = horizon.innovation(&measured);
+            horizon.correct(&innovation);
+        }
+        verdict != Verdict::Refused
     }
 
     /// Forgets the position, takes it from a measurement, and counts the jump.
@@ -777,6 +794,24 @@ impl InertialFilter {
         matches!(source, Source::FixPosition | Source::FixVelocity) && is_recent
     }
 
+    /// Returns whether a residual is that of the pose of this source before it, which was refused, but for noise and drift. Of other
+    /// sources it always is.
+    fn is_repeated(&self, source: Source, time_ns: u64, residual: &[f64]) -> bool {
+        let status = self.source(source);
+        let three = |numbers: &[f64]| Vector3::from_row_slice(numbers);
+        let (index, change) = match source {
+            Source::PosePosition => (0, (three(residual) - three(&status.innovation)).norm()),
+            // Half a turn is one about either direction of its axis.
+            Source::PoseAttitude => (
+                1,
+                angle_between(&exp(&three(residual)), &exp(&three(&status.innovation))),
+            ),
+            _ => return true,
+        };
+        let h = seconds(time_ns.saturating_sub(status.refused_ns));
+        change <= POSE_DRIFT[index] * h + POSE_DEVIATIONS * self.parameters.pose_deviations[index]
+    }
+
     /// Returns whether the air below the rotors may be pressed against the ground on which the vehicle rested last.
     fn is_near_the_ground(&self, horizon: &Horizon) -> bool {
         let z = POSITION + 2;
@@ -795,6 +830,7 @@ impl InertialFilter {
         let innovation = horizon.innovation(measured);
         let motors_turn = self.memory.motors_turn;
         let is_seen = self.is_seen(source, time_ns);
+        let is_repeated = self.is_repeated(source, time_ns, measured.residual.as_slice());
         let positioned_ns = self.positioned_ns().unwrap_or(0);
         let status = &mut self.memory.sources[source as usize];
         status.innovation[..M].copy_from_slice(measured.residual.as_slice());
@@ -819,7 +855,7 @@ impl InertialFilter {
         }
         status.refused = status.refused.saturating_add(1);
         // After a silence it is not known what the source would have measured.
-        let is_in_a_row = time_ns.saturating_sub(status.refused_ns) <= SILENCE_NS;
+        let is_in_a_row = is_repeated && time_ns.saturating_sub(status.refused_ns) <= SILENCE_NS;
         if status.refused_since_ns == u64::MAX || !is_in_a_row {
             status.refused_since_ns = time_ns;
         }
@@ -827,7 +863,8 @@ impl InertialFilter {
         let drifts = time_ns.saturating_sub(positioned_ns) > SILENCE_NS;
         let patience_ns = match source {
             Source::PosePosition if drifts => SILENCE_NS.min(self.reset_after_ns),
-            Source::PoseAttitude => u64::MAX,
+            Source::PosePosition => u64::MAX,
+            Source::PoseAttitude if motors_turn || tilt(horizon, &status.innovation) > MOST_TILT => u64::MAX,
             _ => self.reset_after_ns,
         };
         if is_seen || time_ns - status.refused_since_ns < patience_ns {
@@ -837,4 +874,10 @@ impl InertialFilter {
         status.resets = status.resets.saturating_add(1);
         Verdict::Overdue
     }
+}
+
+/// Returns the angle between the vertical of the mean and that of a pose with this residual, rad.
+fn tilt(horizon: &Horizon, residual: &[f64; 3]) -> f64 {
+    let down_body = horizon.kinematics.world_from_body.tr_mul(&Vector3::z());
+    (exp(&Vector3::from(*residual)).tr_mul(&down_body) - down_body).norm()
 }

@@ -613,3 +613,26 @@ fn a_step_does_not_allocate() {
     });
     assert_eq!(count, 0);
 }
+
+/// Poses agree for the alignment and then have another heading: either may be wrong. After 7 s it is that of the poses, and healthy
+/// for 10 s from then on.
+#[test]
+fn while_attitudes_of_poses_are_refused_the_vehicle_is_not_tracked() {
+    let (mut service, mut world) = (seen(), World::new(15));
+    let turn = to_row_major(&exp(&nalgebra::Vector3::new(0.0, 0.0, 1.0)));
+    let mut tracked_from = None;
+    let mut state = VehicleState::new_zeroed();
+    for number in 0..6000 {
+        let mut arrived = world.step(number);
+        if let Some(pose) = arrived.pose.as_mut().filter(|_| number <= 300) {
+            pose.world_from_body = turn;
+        }
+        state = step(&mut service, number, &arrived);
+        if state.tracked.is_set() {
+            tracked_from.get_or_insert(number);
+        }
+    }
+    let from = tracked_from.unwrap() as f64 * 0.004;
+    assert!((18.0..19.0).contains(&from), "{from}");
+    assert!((state.world_from_body[0] - 1.0).abs() < 1e-3, "{state:?}");
+}

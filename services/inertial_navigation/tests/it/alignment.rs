@@ -1,7 +1,7 @@
 //! Alignment, and flights with sensors without errors.
 
 use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Pose, Source};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use shared_types::GRAVITY;
 use shared_types::gnss::FixKind;
@@ -149,4 +149,98 @@ fn where_cameras_see_the_vehicle_its_heading_is_theirs() {
         assert!(angle_between(&motion.world_from_body, &truth) < 1e-6);
         assert!((motion.position_world - Vector3::new(1.0, 2.0, -7.0)).norm() < 1e-6);
     }
+}
+
+/// One pose with swapped markers at any time of the second of rest: the next one shows that it is wrong.
+#[test]
+fn a_wrong_pose_at_the_alignment_makes_it_begin_again() {
+    let truth = from_roll_pitch_yaw([0.1, -0.2, 2.5]);
+    let parameters = Parameters::default();
+    for wrong in [1, 100, 249, 250] {
+        let mut filter = InertialFilter::new(&parameters);
+        for tick in 1..=600 {
+            let swapped = from_roll_pitch_yaw([0.0, 0.0, 1.0]) * truth;
+            let seen = if tick == wrong { swapped } else { truth };
+            rest(&mut filter, tick, &truth, &seen);
+            assert!(tick >= wrong + 250 || !filter.is_aligned(), "{wrong}: {tick}");
+        }
+        let motion = filter.motion().unwrap();
+        assert!(angle_between(&motion.world_from_body, &truth) < 1e-6, "{wrong}");
+    }
+}
+
+#[test]
+fn a_pose_that_gravity_contradicts_does_not_align_the_vehicle() {
+    let truth = from_roll_pitch_yaw([0.1, -0.2, 2.5]);
+    let mut filter = InertialFilter::new(&Parameters::default());
+    for tick in 1..=600 {
+        rest(
+            &mut filter,
+            tick,
+            &truth,
+            &(from_roll_pitch_yaw([0.2, 0.0, 0.0]) * truth),
+        );
+        assert!(!filter.is_aligned());
+    }
+    for tick in 601..=1200 {
+        rest(&mut filter, tick, &truth, &truth);
+    }
+    assert!(filter.is_aligned());
+}
+
+/// Markers that are swapped for the whole alignment: the heading is accepted again after 7 s, while the motors are stopped; an
+/// attitude that gravity contradicts is not.
+#[test]
+fn at_rest_a_refused_heading_is_accepted_again() {
+    let truth = from_roll_pitch_yaw([0.1, -0.2, 0.3]);
+    for (error, motors_turn) in [
+        ([0.0, 0.0, 1.0], false),
+        ([0.0, 0.0, std::f64::consts::PI], false),
+        ([0.0, 0.0, 1.0], true),
+    ] {
+        let mut filter = InertialFilter::new(&Parameters::default());
+        let wrong = from_roll_pitch_yaw(error) * truth;
+        for tick in 1..=2500 {
+            if tick == 300 {
+                filter.set_motors(tick * H_NS, motors_turn, false);
+            }
+            rest(
+                &mut filter,
+                tick,
+                &truth,
+                if tick <= 300 { &wrong } else { &truth },
+            );
+        }
+        let motion = filter.motion().unwrap();
+        let is_right = angle_between(&motion.world_from_body, &truth) < 1e-3;
+        assert_eq!(is_right, !motors_turn, "{error:?}");
+    }
+    let mut filter = InertialFilter::new(&Parameters::default());
+    for tick in 1..=2500 {
+        let tilted = from_roll_pitch_yaw([0.5, 0.0, 0.0]) * truth;
+        rest(
+            &mut filter,
+            tick,
+            &truth,
+            if tick <= 300 { &truth } else { &tilted },
+        );
+    }
+    let motion = filter.motion().unwrap();
+    assert!(angle_between(&motion.world_from_body, &truth) < 1e-3);
+}
+
+/// Gives the samples of a tick of a vehicle at rest whose pose is `seen`.
+fn rest(filter: &mut InertialFilter, tick: u64, truth: &Matrix3<f64>, seen: &Matrix3<f64>) {
+    let time_ns = tick * H_NS;
+    filter.add_pose(&Pose {
+        time_ns,
+        position_world: Some(Vector3::zeros()),
+        world_from_body: Some(*seen),
+    });
+    filter.add_imu(&ImuSample {
+        time_ns,
+        rate_body: Vector3::zeros(),
+        force_body: truth.transpose() * Vector3::new(0.0, 0.0, -GRAVITY),
+        is_clipped: false,
+    });
 }

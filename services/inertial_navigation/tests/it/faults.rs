@@ -3,6 +3,7 @@
 use inertial_navigation::{InertialFilter, Parameters, Source};
 use nalgebra::Vector3;
 use shared_types::gnss::FixKind;
+use shared_types::noise::{Noise, Stream};
 
 use super::rig::{Event, Flight, Flown, H, H_NS, give};
 
@@ -428,4 +429,54 @@ fn beside_fixes_swapped_markers_are_refused_for_longer() {
     let [swapped, ..] = flown.largest(60.0, 67.0);
     assert!(swapped < 0.06, "{swapped}");
     assert_eq!(flown.filter.resets().0, 0);
+}
+
+/// Scattered numbers in place of positions for 5 s: as little of them is followed as if no pose came.
+#[test]
+fn poses_that_scatter_are_never_accepted() {
+    for range in [2.0, 8.0] {
+        let flown = seen_with(move |event, time| {
+            if let Event::Pose(pose) = event
+                && within(time, 60.0, 65.0)
+            {
+                pose.position_world = Some(scattered(range, pose.time_ns));
+            }
+            !matches!(event, Event::Fix(_))
+        });
+        let [scattered, velocity, _] = flown.largest(60.0, 65.0);
+        assert!(scattered < 0.25 && velocity < 0.1, "{scattered} {velocity}");
+        let [again, ..] = flown.largest(66.2, 110.0);
+        assert!(again < 5e-3, "{again}");
+        assert_eq!(flown.filter.resets().0, 0);
+    }
+}
+
+/// Beside fixes a wrong pose is never accepted, be it scattered or not, and a right one is at once.
+#[test]
+fn beside_fixes_no_refused_pose_is_accepted() {
+    for is_constant in [true, false] {
+        let flown = seen_with(move |event, time| {
+            if let Event::Pose(pose) = event
+                && within(time, 60.0, 70.0)
+            {
+                pose.position_world = Some(if is_constant {
+                    pose.position_world.unwrap() + Vector3::new(0.5, 0.0, 0.0)
+                } else {
+                    scattered(2.0, pose.time_ns)
+                });
+            }
+            true
+        });
+        let [position, velocity, _] = flown.largest(60.0, 70.2);
+        assert!(position < 0.06 && velocity < 0.1, "{position} {velocity}");
+        let [again, ..] = flown.largest(70.4, 110.0);
+        assert!(again < 2e-3, "{again}");
+        assert_eq!(flown.filter.resets().0, 0);
+    }
+}
+
+/// Returns a position with components of up to `range` m, another one at each time.
+fn scattered(range: f64, time_ns: u64) -> Vector3<f64> {
+    let draws = Noise::new(1, Stream::EdgeGarbage).at(time_ns / H_NS).normal3();
+    draws.map(|draw| (draw * range).clamp(-range, range))
 }
