@@ -80,7 +80,7 @@ pub struct SourceInnovations {
     pub largest_gap: Option<f64>,
     /// Time of the last measurement before it, s.
     pub gap_begins: f64,
-    /// The gap that is judged, and its begin, s: poses and fixes stand in for each other. `None` if none is.
+    /// The gap for which the source counts as cut off, and its begin, s: poses and fixes stand in for each other.
     #[serde(skip)]
     cut_off: Option<[f64; 2]>,
 }
@@ -206,7 +206,7 @@ impl InnovationWatch {
             half_width: 0.0,
             largest_gap: Some(seconds(tally.gap_ns)),
             gap_begins: seconds(tally.gap_begins_ns),
-            cut_off: Some(tally.gap()),
+            cut_off: Some(tally.gap()).filter(|[gap, _]| *gap > NO_MOTION),
         })
     }
 
@@ -222,6 +222,11 @@ impl InnovationWatch {
             tally.end_gap(from_ns, last_ns);
             let count = f64::from(tally.count);
             let [fused, refused, unusable] = tally.counts;
+            let judged = match index {
+                POSE_POSITION => Some(positions.gap()),
+                index if self.fuses_poses && (FIXES.contains(&index) || index > POSE_POSITION) => None,
+                _ => Some(tally.gap()),
+            };
             SourceInnovations {
                 source,
                 fused,
@@ -232,12 +237,7 @@ impl InnovationWatch {
                 half_width: 1.96 * (2.0 * freedom / count.max(1.0)).sqrt(),
                 largest_gap: (!AT_REST.contains(&index)).then(|| seconds(tally.gap_ns)),
                 gap_begins: seconds(tally.gap_begins_ns),
-                cut_off: match index {
-                    index if AT_REST.contains(&index) => None,
-                    POSE_POSITION => Some(positions.gap()),
-                    index if self.fuses_poses && (FIXES.contains(&index) || index > POSE_POSITION) => None,
-                    _ => Some(tally.gap()),
-                },
+                cut_off: judged.filter(|[gap, _]| *gap > CUT_OFF[index]),
             }
         };
         let is_there = |&(index, _): &(usize, &str)| match index {
@@ -258,11 +258,9 @@ impl SourceInnovations {
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         let Self { source, .. } = self;
-        let mut limits = SOURCES.iter().chain(&POSE_SOURCES).zip(CUT_OFF);
-        let most = limits.find_map(|(name, limit)| (name == source).then_some(limit));
-        let most = most.unwrap_or(NO_MOTION);
-        let cut_off = self.cut_off.filter(|[gap, _]| *gap > most);
-        let cut_off = cut_off.map(|[gap, begins]| format!("cut off for {gap:.1} s from {begins:.1} s on"));
+        let cut_off = self
+            .cut_off
+            .map(|[gap, begins]| format!("cut off for {gap:.1} s from {begins:.1} s on"));
         let of = |mean: f64| mean > INCONSISTENT * self.freedom && mean > self.freedom + self.half_width;
         let mean = self.mean_square.filter(|mean| of(*mean));
         let wrong = mean.map(|mean| {

@@ -115,7 +115,7 @@ impl Flight<'_> {
         })
     }
 
-    /// Returns the warning of real cameras that nobody has tested with the vehicle.
+    /// Returns the warning of a flight with real cameras that states neither a hand test nor the ground.
     fn untested(&self) -> Option<String> {
         let flight = self.scenario.flight.as_ref()?;
         let is_untested = flight.hand_test.is_none() && flight.ground.is_none();

@@ -156,6 +156,18 @@ fn the_view_in_the_documentation_is_the_one_of_80_by_24() {
     );
 }
 
+/// The line of cameras, receivers, link and battery in a window of this width.
+fn line_of_the_laboratory(snapshot: &Snapshot, width: u16) -> String {
+    let view = View {
+        run: "4711-0",
+        snapshot: Some(snapshot),
+        history: &History::default(),
+        controls: &selecting(3),
+        silence: None,
+    };
+    view.without_keys(width).lines().nth(3).unwrap().to_owned()
+}
+
 #[test]
 fn a_battery_has_its_voltage_in_the_line_of_the_laboratory_and_a_low_one_comes_first() {
     let line = |battery| {
@@ -163,14 +175,7 @@ fn a_battery_has_its_voltage_in_the_line_of_the_laboratory_and_a_low_one_comes_f
             battery: Some(battery),
             ..snapshot(45.0)
         };
-        let view = View {
-            run: "4711-0",
-            snapshot: Some(&snapshot),
-            history: &History::default(),
-            controls: &selecting(3),
-            silence: None,
-        };
-        view.without_keys(80).lines().nth(3).unwrap().to_owned()
+        line_of_the_laboratory(&snapshot, 80)
     };
     let measured = BatterySnapshot {
         voltage: 7.412,
@@ -203,14 +208,7 @@ fn what_is_in_a_laboratory_has_a_line_and_what_is_the_matter_comes_first() {
             }),
             ..snapshot(45.0)
         };
-        let view = View {
-            run: "4711-0",
-            snapshot: Some(&snapshot),
-            history: &History::default(),
-            controls: &selecting(3),
-            silence: None,
-        };
-        view.without_keys(width).lines().nth(3).unwrap().to_owned()
+        line_of_the_laboratory(&snapshot, width)
     };
     let drawn = |cameras| drawn_in(80, cameras);
     let cameras = CamerasSnapshot {
@@ -253,14 +251,7 @@ fn receivers_have_their_rates_in_the_line_of_the_laboratory_and_a_failure_comes_
             receivers: Some(receivers.clone()),
             ..snapshot(45.0)
         };
-        let view = View {
-            run: "4711-0",
-            snapshot: Some(&snapshot),
-            history: &History::default(),
-            controls: &selecting(3),
-            silence: None,
-        };
-        view.without_keys(200).lines().nth(3).unwrap().to_owned()
+        line_of_the_laboratory(&snapshot, 200)
     };
     let good = ReceiversSnapshot {
         rates: [249.6, 9.96, 25.0, 0.0],

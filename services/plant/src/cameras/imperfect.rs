@@ -9,8 +9,8 @@
 //!
 //! p position of the body's origin in {I}, m; R body to inertial; t time of the tick and te of the exposure, s; Δp, Δθ
 //! offset during a marker swap, otherwise zero. Velocities are not measured. The body is not tracked in a frame that is
-//! lost or exposed during an occlusion, or while it is outside of the volume that the cameras see. Errors of different frames are independent, and so are a frame's jitter, loss and
-//! noise. The model has no state.
+//! lost or exposed during an occlusion, or while it is outside of the volume that the cameras see. Errors of different frames
+//! are independent, and so are a frame's jitter, loss and noise. The model has no state.
 
 use nalgebra::{Matrix3, Vector3};
 use shared_types::Now;
