@@ -60,6 +60,8 @@ pub struct Betaflight {
     motors: [f64; MOTORS],
     link_loss: LinkLossTimer,
     packets: u64,
+    /// Number of frames that have acted: the sequence number of the next one.
+    acted: u64,
 }
 
 impl Betaflight {
@@ -88,6 +90,7 @@ impl Betaflight {
             motors: [0.0; MOTORS],
             link_loss: LinkLossTimer::default(),
             packets: 0,
+            acted: 0,
         })
     }
 
@@ -118,7 +121,8 @@ impl Betaflight {
             *motor = between(*motor, command, self.share);
         }
         let mut frame = RcFrame::new_zeroed();
-        frame.header.seq = self.packets;
+        frame.header.seq = self.acted;
+        self.acted += 1;
         frame.mode = RcFrame::MODE_TORQUE;
         frame.thrust = self.wrench(&self.commands).thrust;
         frame.torque_body = self.wrench(&self.motors).torque_body.into();
