@@ -61,29 +61,24 @@ python3 "$here/sitl_settings.py" 127.0.0.1 5761 'set serial_update_rate_hz = 200
     'set runaway_takeoff_prevention = OFF' 'set small_angle = 180' 'feature -GPS' save
 wait "$controller"
 
-# The world before Betaflight: it calibrates its gyro at the start.
+# `simulate OUT`: a world, and then Betaflight, which calibrates its gyro at the start.
+simulate() {
+    "$GERONO" world "$scenario" --betaflight --out "$work/$1" &
+    world=$!
+    (cd controller && exec "$sitl" >second.log 2>&1) &
+    controller=$!
+    python3 "$here/sitl_settings.py" 127.0.0.1 5761
+    python3 "$here/sitl_ready.py" 127.0.0.1 5761
+}
+
+end_the_world() {
+    kill -INT "$world"
+    wait "$world"
+    world=
+}
+
 cd "$work"
-"$GERONO" world "$scenario" --betaflight --out "$work/world" &
-world=$!
-(cd controller && exec "$sitl" >second.log 2>&1) &
-controller=$!
-python3 "$here/sitl_settings.py" 127.0.0.1 5761
-python3 "$here/sitl_ready.py" 127.0.0.1 5761
-# Its mixer answers each stick with the right motors, and a reversed stick with the wrong ones.
-"$GERONO" rc motors "$scenario" --propellers-off
-status=0
-"$GERONO" rc motors "$scenario" --propellers-off --set "rc_output.transmitter.reversed='A'" >reversed.txt || status=$?
-cat reversed.txt
-[ "$status" = 6 ] && grep -q 'roll rate .*WRONG: the motors turn the vehicle the other way' reversed.txt
-# Its motors rest after it, wherever it is interrupted.
-python3 "$here/sitl_rest.py" 127.0.0.1 5761
-for after in 0.5 1.5 2.5 3.5; do
-    status=0
-    timeout --signal=INT "$after" "$GERONO" rc motors "$scenario" --propellers-off >interrupted.txt 2>&1 || status=$?
-    cat interrupted.txt
-    [ "$status" = 124 ]
-    python3 "$here/sitl_rest.py" 127.0.0.1 5761
-done
+simulate world
 "$GERONO" run "$scenario" --host realtime --out "$work/flight" >flight.txt 2>&1 &
 flight=$!
 patience=60
@@ -97,16 +92,33 @@ until "$GERONO" arm >arm.txt 2>&1; do
 done
 sleep "$seconds"
 "$GERONO" stop
-wait "$flight"
+wait "$flight" || { cat flight.txt; exit 1; }
 flight=
 cat flight.txt
-kill -INT "$world"
-wait "$world"
-world=
-
+end_the_world
 "$GERONO" truth flight --world world
 "$GERONO" truth flight --world world --json | python3 -c '
 import json, sys
 error = json.load(sys.stdin)["parts"][-1]["rmse"]
 assert error < 0.01, f"{error} m from the path"
 '
+
+# Its mixer answers each stick with the right motors, and a reversed stick with the wrong ones. It is a simulation of its own: its
+# propellers tip the vehicle.
+kill "$controller"
+wait "$controller" || true
+simulate motors
+"$GERONO" rc motors "$scenario" --propellers-off
+status=0
+"$GERONO" rc motors "$scenario" --propellers-off --set "rc_output.transmitter.reversed='A'" >reversed.txt || status=$?
+cat reversed.txt
+[ "$status" = 6 ] && grep -q 'roll rate .*WRONG: the motors turn the vehicle the other way' reversed.txt
+python3 "$here/sitl_rest.py" 127.0.0.1 5761
+# Its motors rest after the test, wherever that is interrupted.
+for after in 0.5 1.5 2.5 3.5; do
+    status=0
+    timeout --signal=INT "$after" "$GERONO" rc motors "$scenario" --propellers-off >interrupted.txt 2>&1 || status=$?
+    cat interrupted.txt
+    [ "$status" = 124 ]
+    python3 "$here/sitl_rest.py" 127.0.0.1 5761
+done

@@ -3,10 +3,11 @@
 It asks for MSP_STATUS_EX. Arming before its gyro is calibrated is refused until the switch is off again.
 """
 
-import socket
 import struct
 import sys
 import time
+
+from sitl_msp import ask, connect
 
 STATUS_EX = 150
 # Of the flags of src/main/fc/runtime_config.h, those that do not wait for a receiver: no gyro, tilted, just started, too busy,
@@ -15,16 +16,9 @@ IN_THE_WAY = {"no gyro": 0, "tilted": 8, "just started": 9, "too busy": 11, "cal
 
 address, port = sys.argv[1:]
 patience = time.monotonic() + 60
-line = socket.create_connection((address, int(port)), timeout=10)
+line = connect(address, port)
 while True:
-    line.sendall(b"$M<" + bytes([0, STATUS_EX, STATUS_EX]))
-    answer = b""
-    while len(answer) < 6 or len(answer) < 6 + answer[3]:
-        piece = line.recv(4096)
-        assert piece, f"ended after {answer!r}"
-        answer += piece
-    assert answer[:3] == b"$M>" and answer[4] == STATUS_EX, answer
-    payload = answer[5:]
+    payload = ask(line, STATUS_EX)
     more_modes = payload[15] & 0x0F
     (flags,) = struct.unpack_from("<I", payload, 17 + more_modes)
     reasons = [reason for reason, bit in IN_THE_WAY.items() if flags >> bit & 1]
