@@ -350,7 +350,7 @@ fn table(measured: &Measured) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run_log::test_flight::scenario;
+    use run_log::test_flight::scenario_of_own_controller as scenario;
 
     #[test]
     fn the_library_writes_the_same_messages_as_the_recorder() {
