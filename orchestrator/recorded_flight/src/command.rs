@@ -9,6 +9,8 @@ use command_line::exit::Exit;
 use command_line::failure::Failure;
 use command_line::output::print;
 use host::in_process::{FlightError, InProcess, TickSink};
+use metrics::summary::innovations::{self, SourceInnovations};
+use metrics::summary::{FlightSummary, RunFacts};
 use run_log::run_folder::RunFolder;
 use run_log::{Compression, LogError, Manifest, RunLogWriter};
 use scenario::Scenario;
@@ -16,7 +18,7 @@ use scenario_file::values::between;
 use serde::Serialize;
 use shared_types::geodesy::Geodetic;
 use shared_types::samples::{GnssFix, VehicleState};
-use shared_types::service::{ErasedService, nanoseconds};
+use shared_types::service::{ErasedService, nanoseconds, seconds};
 use shared_types::{GRAVITY, Schedule, ServiceId, Topic};
 use zerocopy::FromBytes;
 
@@ -27,6 +29,9 @@ use crate::track::{self, Differences, Track};
 
 /// Distance of the first fix from the datum above which the datum is that of another place, m.
 const FARTHEST: f64 = 1000.0;
+
+/// The same for the height alone, m.
+const FARTHEST_HEIGHT: f64 = 100.0;
 
 /// Topics that nothing publishes in a recorded flight, or that would be those of a controller that did not fly.
 const LEFT_OUT: &str =
@@ -104,6 +109,10 @@ pub struct Imported {
     pub unused: BTreeMap<&'static str, u64>,
     /// m, subtracted from the recorded altitudes: the first one is that of the first fix.
     pub altitude_offset: f64,
+    /// Time from which the estimator tracked the vehicle, s; `None` if it never did.
+    pub tracked_from: Option<f64>,
+    /// What became of the measurements of each source in the estimator.
+    pub innovations: Vec<SourceInnovations>,
     /// Differences of the estimator from the recording's own estimate; `None` if no row of it could be compared.
     pub differences: Option<Differences>,
     /// Rows of that estimate at which the estimator did not track the vehicle; `None` without one.
@@ -182,10 +191,11 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
     let name = arguments.file.file_stem().unwrap_or_default().to_string_lossy();
     let folder = RunFolder::create(arguments.out.as_deref(), &name).map_err(Failure::not_written)?;
     let log = folder.run_log();
-    let estimate = fly(&scenario, &log, vec![Box::new(sensors), Box::new(motors.clone())])?;
+    let Flown { states, innovations } =
+        fly(&scenario, &log, vec![Box::new(sensors), Box::new(motors.clone())])?;
     let (mut differences, mut untracked_rows) = (None, None);
     if let Some((scenario, track)) = reference {
-        let (found, untracked) = Differences::of(&estimate, &track, span);
+        let (found, untracked) = Differences::of(&states, &track, span);
         (differences, untracked_rows) = (found, Some(untracked));
         let beside = RunFolder::create(Some(&folder.path().join("reference")), &name);
         let beside = beside.map_err(Failure::not_written)?;
@@ -202,6 +212,8 @@ pub(crate) fn run(arguments: &Import) -> Result<Imported, Failure> {
         sources,
         unused: recording.unused,
         altitude_offset,
+        tracked_from: states.0.first().map(|(time_ns, _)| seconds(*time_ns)),
+        innovations,
         differences,
         untracked_rows,
     })
@@ -268,6 +280,16 @@ fn level_altitudes(recording: &mut Recording, scenario: &Scenario) -> Result<f64
     let first = place(&recording.fixes[0]);
     let from_datum = datum.frame().to_world(first);
     if from_datum.norm() > FARTHEST {
+        let exchanged = Geodetic {
+            latitude: first.longitude,
+            longitude: first.latitude,
+            ..first
+        };
+        if first.longitude.abs() <= 90.0 && datum.frame().to_world(exchanged).norm() <= FARTHEST {
+            return Err(Failure::bad_input(
+                "longitude and latitude of `gps` are exchanged: the order is height (mm), longitude, latitude (1e-7°)",
+            ));
+        }
         return Err(Failure::bad_input(format!(
             "the first fix is {:.0} m from `[datum]`: state latitude = {:.7}, longitude = {:.7}, height = {:.3} there, and the \
              magnetic field of that place",
@@ -275,6 +297,21 @@ fn level_altitudes(recording: &mut Recording, scenario: &Scenario) -> Result<f64
             first.latitude,
             first.longitude,
             first.height
+        )));
+    }
+    if from_datum.z.abs() > FARTHEST_HEIGHT {
+        let in_metres = first.height * 1e3 - datum.height;
+        let fix = if in_metres.abs() <= FARTHEST_HEIGHT {
+            "heights of `gps` are in mm: multiply them by 1000".to_owned()
+        } else {
+            format!(
+                "state height = {:.3} there, or the heights of `gps` in mm",
+                first.height
+            )
+        };
+        return Err(Failure::bad_input(format!(
+            "the first fix is at {:.3} m and `[datum]` at {:.3} m; {fix}",
+            first.height, datum.height
         )));
     }
     let offset = recording.altitudes[0].value.altitude + from_datum.z;
@@ -470,10 +507,18 @@ fn motors(recording: &Recording, clock: &Clock, scenario: &Scenario) -> Recorded
     }
 }
 
-/// Writes samples to the log, and collects the states.
+/// Writes samples to the log, and collects the states and what became of measurements.
 struct Sink {
     log: RunLogWriter,
     states: Track,
+    summary: FlightSummary,
+}
+
+/// What an estimator made of a recording.
+struct Flown {
+    /// The tracked states.
+    states: Track,
+    innovations: Vec<SourceInnovations>,
 }
 
 impl TickSink for Sink {
@@ -484,6 +529,7 @@ impl TickSink for Sink {
             let state = VehicleState::read_from_bytes(bytes).expect("a sample of this topic");
             self.states.add(&state);
         }
+        self.summary.observe(topic, bytes);
         self.log.write(topic, bytes)
     }
 
@@ -493,24 +539,31 @@ impl TickSink for Sink {
     }
 }
 
-/// Flies a scenario with some services replaced, into a log. Returns the tracked states.
-fn fly(scenario: &Scenario, log: &Path, services: Vec<Box<dyn ErasedService>>) -> Result<Track, Failure> {
+/// Flies a scenario with some services replaced, into a log.
+fn fly(scenario: &Scenario, log: &Path, services: Vec<Box<dyn ErasedService>>) -> Result<Flown, Failure> {
     let schedule = flight::schedule_of(scenario).map_err(Failure::bad_input)?;
     let built = registry::build_all(scenario).map_err(Failure::trouble)?;
+    let summary = FlightSummary::new(scenario, &schedule);
     let mut host = InProcess::new(schedule, built);
     for service in services {
         host.replace(service);
     }
     let manifest = Manifest::new(scenario);
     let log = RunLogWriter::create(log, &manifest, Compression::None).map_err(Failure::not_written)?;
-    let states = Track::default();
-    let mut sink = Sink { log, states };
+    let mut sink = Sink {
+        log,
+        states: Track::default(),
+        summary,
+    };
     host.fly(&mut sink).map_err(|error| match error {
         FlightError::NonFinite(found) => Failure::trouble(found.to_string()),
         FlightError::Sink(error) => Failure::not_written(error),
     })?;
     sink.log.finish().map_err(Failure::not_written)?;
-    Ok(sink.states)
+    Ok(Flown {
+        states: sink.states,
+        innovations: sink.summary.finish(RunFacts::default()).innovations,
+    })
 }
 
 pub(crate) fn shown(imported: &Imported) -> String {
@@ -536,6 +589,17 @@ pub(crate) fn shown(imported: &Imported) -> String {
         "altitudes: {:.2} m subtracted, so that the first is the height of the first fix\n",
         imported.altitude_offset
     );
+    text += &match imported.tracked_from {
+        Some(time) => format!("the estimator tracked the vehicle from {time:.3} s on\n"),
+        None => "the estimator never tracked the vehicle: it aligns at rest, with fixes, altitudes and fields that agree\n"
+            .to_owned(),
+    };
+    if !imported.innovations.is_empty() {
+        text += &format!("{}\n", innovations::in_words(&imported.innovations));
+    }
+    for problem in imported.innovations.iter().filter_map(SourceInnovations::problem) {
+        text += &format!("NAVIGATION: {problem}\n");
+    }
     if let Some(rows) = imported.untracked_rows.filter(|rows| *rows > 0) {
         let compared = if imported.differences.is_none() {
             "nothing"

@@ -1,6 +1,7 @@
 //! Recorded flights of other programs, as logs on which the estimator of flight outdoors can be replayed.
 //!
 //! * [`recording`]: the samples of a recording, a table in the format of PX4's EKF2;
+//! * `units`: units that its numbers betray;
 //! * [`publication`]: the ticks at which they are published;
 //! * [`services`]: the recording in place of the plant, of the transmitter, and of the estimator;
 //! * [`track`]: the recording's own estimate, and the distance of another one from it;
@@ -17,6 +18,7 @@ pub mod publication;
 pub mod recording;
 pub mod services;
 pub mod track;
+mod units;
 
 pub use command::{Import, import};
 

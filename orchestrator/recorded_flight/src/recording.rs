@@ -103,7 +103,11 @@ impl Recording {
                 0,
                 format!("there is no line of `{kind}`, and the estimator needs such"),
             )),
-            None => recording.check_clock().map(|()| recording),
+            None => {
+                recording.check_clock()?;
+                recording.check_units()?;
+                Ok(recording)
+            }
         }
     }
 

@@ -476,3 +476,81 @@ proptest! {
         let _ = Recording::read(&text);
     }
 }
+
+/// Returns the table with the numbers of one kind changed.
+fn with(samples: &str, kind: &str, change: impl Fn(usize, f64) -> f64) -> String {
+    let changed = samples.lines().map(|line| {
+        let mut words = line.split(',').map(str::to_owned).collect::<Vec<_>>();
+        if words[1] == kind {
+            for (index, word) in words[2..].iter_mut().enumerate() {
+                *word = change(index, word.parse().unwrap()).to_string();
+            }
+        }
+        words.join(",") + "\n"
+    });
+    changed.collect()
+}
+
+#[test]
+fn other_units_and_exchanged_columns_are_refused_with_the_unit_they_look_like() {
+    let samples = table(&flown().1);
+    let folder = tempfile::tempdir().unwrap();
+    let refusal = |kind: &str, change: &dyn Fn(usize, f64) -> f64| {
+        import(folder.path(), &with(&samples, kind, change), &[]).unwrap_err()
+    };
+    let in_g = |index: usize, value: f64| if index < 3 { value / 9.80665 } else { value };
+    let in_degrees = |index: usize, value: f64| {
+        if index < 3 {
+            value
+        } else {
+            1e3 * value.to_degrees()
+        }
+    };
+    let in_metres = |index: usize, value: f64| if index == 0 { 1e-3 * value } else { value };
+    for (kind, change, said) in [
+        (
+            "imu",
+            &in_g as &dyn Fn(usize, f64) -> f64,
+            "look like g: multiply by 9.8",
+        ),
+        ("imu", &in_degrees, "if it is in °/s, divide by 57.2958"),
+        ("mag", &|_, value| 100.0 * value, "look like µT: multiply by 0.01"),
+        (
+            "mag",
+            &|_, value| 1e5 * value,
+            "look like nT: multiply by 0.00001",
+        ),
+        ("mag", &|_, value| 7.0 * value, "give them in G"),
+    ] {
+        let refusal = refusal(kind, change);
+        assert!(
+            refusal.contains("line") && refusal.contains(said),
+            "{said}: {refusal}"
+        );
+    }
+    let refused = refusal("gps", &in_metres);
+    assert!(
+        refused.contains("heights of `gps` are in mm: multiply"),
+        "{refused}"
+    );
+    // With a datum that was copied from such a table it is the barometer that tells.
+    let climb = "6000,baro,495.1\n6000,gps,488110,85456073.0,473977508.0,0,0,0\n";
+    let refused = Recording::read(&format!("{GOOD}{climb}")).unwrap_err();
+    assert!(
+        refused.reason.contains("if they are in m, multiply by 1000"),
+        "{refused}"
+    );
+
+    let lines = samples.lines().map(|line| {
+        let mut words: Vec<_> = line.split(',').collect();
+        if words[1] == "gps" {
+            words.swap(3, 4);
+        }
+        words.join(",") + "\n"
+    });
+    let refusal = import(folder.path(), &lines.collect::<String>(), &[]).unwrap_err();
+    assert!(
+        refusal.contains("longitude and latitude of `gps` are exchanged"),
+        "{refusal}"
+    );
+}

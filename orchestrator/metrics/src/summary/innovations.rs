@@ -298,7 +298,8 @@ impl Display for SourceInnovations {
 }
 
 /// Describes all sources as a table.
-pub(super) fn in_words(sources: &[SourceInnovations]) -> String {
+#[must_use]
+pub fn in_words(sources: &[SourceInnovations]) -> String {
     let head = format!(
         "{:<14}{:>7}{:>9}   {:<18}{:>11}",
         "navigation", "fused", "refused", "normalised square", "gap"
