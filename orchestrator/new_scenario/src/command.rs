@@ -5,13 +5,14 @@ use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
 use std::path::Path;
 
 use command_line::failure::Failure;
-use command_line::output::{not_written, print};
+use command_line::output::{not_written, note, print};
 use result_file::ResultFile;
 use scenario::{CaptureSystem, RadioProtocol};
 use scenario_file::printable::printable;
 use scenario_file::values::{ValueError, between, count};
 
 use crate::arguments::New;
+use crate::estimates::Estimates;
 use crate::{Airframe, CELLS, MASS, PROPELLER, SIZE, Surroundings, text};
 
 /// Word for neither a radio link nor a motion-capture system.
@@ -33,7 +34,11 @@ pub fn new(arguments: &New) -> Result<(), Failure> {
     };
     let shown = path.display().to_string();
     let text = text(&airframe, surroundings, &printable(&shown)).map_err(Failure::bad_input)?;
+    let estimates = Estimates::within(&airframe, surroundings).map_err(Failure::bad_input)?;
     write(path, file, &text)?;
+    if let Some(doubt) = estimates.doubt() {
+        note(doubt);
+    }
     print(next_steps(&shown, surroundings));
     Ok(())
 }

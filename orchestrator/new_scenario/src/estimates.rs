@@ -1,8 +1,8 @@
 //! What follows from the mass, the size, the propellers and the battery of a quadcopter, with its uncertainty.
 
-use scenario::{GRAVITY, Model, Vector};
+use scenario::{GRAVITY, Model, RadioProtocol, Vector};
 
-use super::{Airframe, Implausible};
+use super::{Airframe, Implausible, Surroundings};
 
 /// Edges of the homogeneous cuboid with the vehicle's inertia, in diagonals from motor to motor.
 ///
@@ -146,6 +146,31 @@ impl Estimates {
                 [19.0, 19.0, 8.0]
             },
         })
+    }
+
+    /// Estimates the properties of a vehicle, with what its radio link tells of it.
+    ///
+    /// # Errors
+    /// [`Implausible`] if the numbers contradict each other.
+    pub fn within(airframe: &Airframe, surroundings: Surroundings) -> Result<Self, Implausible> {
+        let estimates = Self::of(airframe)?;
+        Ok(match surroundings.radio() {
+            Some(RadioProtocol::Crazyflie) => estimates.of_a_crazyflie(airframe.mass),
+            _ => estimates,
+        })
+    }
+
+    /// Describes why the vehicle may not lift itself; `None` if its propellers do by the rule.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let ratio = self
+            .limited
+            .filter(|ratio| *ratio < 1.0 && self.of_crazyflie.is_none())?;
+        Some(format!(
+            "by the rule the propellers lift {ratio:.2} times the weight, and the file assumes {:?} times: measure the thrust before a \
+             flight, or correct mass (kg), propeller (inch) and cells",
+            THRUST_TO_WEIGHT[0]
+        ))
     }
 
     /// Takes the yaw of a Crazyflie's firmware, and its least maximum thrust that lifts a vehicle of this mass, kg, with a reserve, if

@@ -179,3 +179,18 @@ fn numbers_that_contradict_each_other_are_refused_with_the_fix() {
          in kg, the diameter of a propeller in inch, and the cells in series"
     );
 }
+
+#[test]
+fn propellers_that_do_not_lift_the_vehicle_by_the_rule_are_doubted() {
+    let doubt = |mass, propeller, surroundings| {
+        let airframe = airframe(mass, 0.5, propeller, 4);
+        Estimates::within(&airframe, surroundings).unwrap().doubt()
+    };
+    let simulated = Surroundings::Simulated;
+    assert_eq!(doubt(2.0, 10.0, simulated), None);
+    let said = doubt(1.85, 5.0, simulated).unwrap();
+    assert!(
+        said.starts_with("by the rule the propellers lift 0.64 times the weight"),
+        "{said}"
+    );
+}

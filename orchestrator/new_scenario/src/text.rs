@@ -13,10 +13,7 @@ use scenario_file::gain_rules::Gains;
 /// # Errors
 /// [`Implausible`] if no vehicle has the stated properties.
 pub fn text(airframe: &Airframe, surroundings: Surroundings, file: &str) -> Result<String, Implausible> {
-    let mut estimates = Estimates::of(airframe)?;
-    if surroundings.radio() == Some(RadioProtocol::Crazyflie) {
-        estimates = estimates.of_a_crazyflie(airframe.mass);
-    }
+    let estimates = Estimates::within(airframe, surroundings)?;
     let parts = [
         beginning(airframe, surroundings, file),
         match surroundings {
