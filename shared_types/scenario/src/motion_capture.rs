@@ -139,11 +139,12 @@ pub struct MotionCapture {
 
 /// x ↦ R x + position, with R = Rz(yaw) Ry(pitch) Rx(roll).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct FrameTransform {
     /// Origin of the source frame, m.
+    #[serde(default)]
     pub position: Vector,
-    /// Roll, pitch and yaw, rad.
+    /// Roll, pitch and yaw, rad; without a default, because it replaces the turn of the system's axes into ours.
     #[schemars(transform = angle)]
     pub roll_pitch_yaw: Vector,
 }

@@ -137,3 +137,11 @@ fn a_name_is_as_long_as_the_protocol_lets_it_be() {
     let shown = narrated(&set("vicon_udp").unwrap_err());
     assert!(shown.contains("a name of 25 bytes, more than 24"), "{shown}");
 }
+
+#[test]
+fn a_transform_states_its_turn_because_it_replaces_that_of_the_system() {
+    let turn = ", roll_pitch_yaw = [3.14159, 0.0, 0.0]";
+    let text = with(&in_the_laboratory(), turn, "");
+    let line = line_of(&text, "world_from_capture");
+    refused_on_line(&text, line, &["roll_pitch_yaw"]);
+}
