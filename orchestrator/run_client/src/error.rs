@@ -3,11 +3,16 @@
 use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::runs::{self, MachineRun, User};
+use crate::{Answer, LiveRun, Question};
 
 /// Maximum number of runs that a message lists.
 const NAMED: usize = 8;
+
+/// Timeout of the question what one of several runs flies.
+const PATIENCE_WITH_ONE: Duration = Duration::from_millis(100);
 
 /// Reason why a live run cannot be reached.
 #[derive(Debug, thiserror::Error)]
@@ -120,9 +125,17 @@ impl std::fmt::Display for Searched {
     }
 }
 
-/// Names of runs, with their owners.
+/// Names of runs, with their owners and, as far as the runs tell, what they fly.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Names(Vec<(String, User)>);
+pub struct Names(Vec<Named>);
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Named {
+    name: String,
+    owner: User,
+    /// Description of the scenario.
+    scenario: Option<String>,
+}
 
 impl Names {
     pub(crate) fn of(runs: &[MachineRun]) -> Self {
@@ -130,17 +143,27 @@ impl Names {
         let name_of = |run: &MachineRun| {
             let is_unique = runs.iter().filter(|other| other.name() == run.name()).count() == 1;
             let pid = run.pids().next().filter(|_| !is_unique);
-            (
-                pid.map_or_else(|| run.name().to_owned(), |pid| pid.to_string()),
-                run.owner,
-            )
+            Named {
+                name: pid.map_or_else(|| run.name().to_owned(), |pid| pid.to_string()),
+                owner: run.owner,
+                scenario: None,
+            }
         };
         Self(runs.iter().map(name_of).collect())
     }
 
-    fn listed(&self, describe: impl Fn(&str, User) -> String) -> String {
+    /// As [`Names::of`], of runs that are asked what they fly.
+    pub(crate) fn asked(runs: &[MachineRun]) -> Self {
+        let mut names = Self::of(runs);
+        for (named, run) in names.0.iter_mut().zip(runs).take(NAMED) {
+            named.scenario = scenario_of(run);
+        }
+        names
+    }
+
+    fn listed(&self, describe: impl Fn(&Named) -> String) -> String {
         let some = self.0.iter().take(NAMED);
-        let mut list: Vec<_> = some.map(|(name, owner)| describe(name, *owner)).collect();
+        let mut list: Vec<_> = some.map(describe).collect();
         if self.0.len() > NAMED {
             list.push(format!("{} more", self.0.len() - NAMED));
         }
@@ -150,14 +173,33 @@ impl Names {
 
 impl std::fmt::Display for Names {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(&self.listed(|name, owner| format!("{name} of {owner}")))
+        formatter.write_str(&self.listed(
+            |Named {
+                 name,
+                 owner,
+                 scenario,
+             }| {
+                let scenario = scenario.as_ref().map(|scenario| format!(" ({scenario})"));
+                format!("{name} of {owner}{}", scenario.unwrap_or_default())
+            },
+        ))
+    }
+}
+
+/// Returns the description of the scenario that a run flies, if it answers.
+fn scenario_of(run: &MachineRun) -> Option<String> {
+    let look =
+        LiveRun::connect(run, PATIENCE_WITH_ONE).and_then(|run| run.ask(&Question::Look, PATIENCE_WITH_ONE));
+    match look {
+        Ok(Answer::Snapshot(snapshot)) => Some(snapshot.scenario).filter(|scenario| !scenario.is_empty()),
+        _ => None,
     }
 }
 
 /// Lists the owners of the runs, and the commands that the owners or root can use.
 fn in_words_of_the_owners(runs: &Names, command: &str) -> String {
     let mut text = String::from("not permitted: ");
-    let described = runs.listed(|name, owner| {
+    let described = runs.listed(|Named { name, owner, .. }| {
         format!("the run `{name}` belongs to {owner} (`sudo -u '{owner}' gerono {command} --run {name}`)")
     });
     let _ = write!(
@@ -187,11 +229,16 @@ mod tests {
 
     #[test]
     fn a_long_list_of_runs_is_cut() {
-        let names = (0..20).map(|number| (format!("{number}-0"), User::of(4_000_000)));
+        let names = (0..20).map(|number| Named {
+            name: format!("{number}-0"),
+            owner: User::of(4_000_000),
+            scenario: (number == 1).then(|| "the eight".to_owned()),
+        });
         let names = Names(names.collect());
         let text = names.to_string();
         assert!(
-            text.starts_with("0-0 of #4000000, 1-0 of") && text.ends_with("12 more"),
+            text.starts_with("0-0 of #4000000, 1-0 of #4000000 (the eight), 2-0 of")
+                && text.ends_with("12 more"),
             "{text}"
         );
     }

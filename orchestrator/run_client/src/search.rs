@@ -28,7 +28,7 @@ const LOOKS_AT_SEVERAL: u32 = 2;
 #[derive(Debug)]
 enum Found {
     One(MachineRun),
-    Several(Names),
+    Several(Vec<MachineRun>),
     /// Only runs that this user may not operate.
     Forbidden(Names),
     Nothing,
@@ -118,7 +118,7 @@ fn select(
             (Some(run), true) => Found::One(run),
             (Some(run), false) => {
                 permitted.push(run);
-                Found::Several(Names::of(&permitted))
+                Found::Several(permitted)
             }
             (None, _) if others.is_empty() => Found::Nothing,
             (None, _) => Found::Forbidden(Names::of(&others)),
@@ -126,7 +126,7 @@ fn select(
     };
     Ok(match settled(look)? {
         Found::One(run) => Some(run),
-        Found::Several(names) => return Err(LiveError::Several(names)),
+        Found::Several(runs) => return Err(LiveError::Several(Names::asked(&runs))),
         Found::Forbidden(names) => return Err(LiveError::NotPermitted(names, command)),
         Found::Nothing => None,
     })
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     fn several() -> Found {
-        Found::Several(Names::of(&[]))
+        Found::Several(Vec::new())
     }
 
     #[test]

@@ -66,6 +66,9 @@ pub(super) fn failure(
         if age > STALE {
             return Some(format!("the last sample for `{topic}` is {age:.1} s old{because}"));
         }
+        if rate == 0.0 {
+            return Some(format!("the rate of samples for `{topic}` is being measured"));
+        }
         (rate < MINIMUM_RATE * scheduled).then(|| {
             format!(
                 "{rate:.1} samples for `{topic}` come a second, and `schedule.period.\"{topic}\"` states {scheduled:.1}: raise \
@@ -120,7 +123,11 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_said_with_the_fix() {
-        let spoils: [(Spoil, &str); 6] = [
+        let spoils: [(Spoil, &str); 7] = [
+            (
+                |figures| figures.rates[ReceiverFigures::FIX] = 0.0,
+                "the rate of samples for `gnss/fix` is being measured",
+            ),
             (
                 |figures| *figures = ReceiverFigures::new_zeroed(),
                 "nothing has come from /dev/ttyACM0, udp:0.0.0.0:14550 yet; `gerono gnss probe` shows",
