@@ -29,7 +29,12 @@ pub fn check(arguments: &Check) -> Result<(), Failure> {
         print(crate::manual::wiring::mermaid());
     } else {
         print(describe(&scenario, &schedule));
-        print(warnings(&scenario));
+        let warnings = warnings(&scenario).into_iter();
+        print(
+            warnings
+                .map(|warning| format!("warning: {warning}\n"))
+                .collect::<String>(),
+        );
     }
     Ok(())
 }
@@ -121,14 +126,16 @@ fn quantity(scenario: &Scenario, finding: &gain_rules::Finding) -> String {
     }
 }
 
-/// Returns warnings about a scenario that can be flown, a line each.
-fn warnings(scenario: &Scenario) -> String {
+/// Returns warnings about a scenario that can be flown.
+pub(super) fn warnings(scenario: &Scenario) -> Vec<String> {
     let flight_warnings = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
     let warnings = gain_rules::warnings(scenario).into_iter().chain(flight_warnings);
     let untested = decisions::arming::without_hand_test(scenario);
     let untested = untested.map(|reason| format!("`gerono arm` will be refused: {reason}"));
-    let warnings = warnings.map(|warning| warning.to_string()).chain(untested);
-    warnings.map(|warning| format!("warning: {warning}\n")).collect()
+    warnings
+        .map(|warning| warning.to_string())
+        .chain(untested)
+        .collect()
 }
 
 /// Lists the programs and plug-ins that replace services, a line each.

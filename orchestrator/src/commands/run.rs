@@ -14,6 +14,7 @@ use crate::cli::{DeploymentArguments, Host, Run, ServiceCrash};
 use ::postmortem::Postmortem;
 use command_line::exit::Exit;
 use command_line::interrupt;
+use command_line::output::note;
 use command_line::progress::Progress;
 use decisions::restart_policy::{PerService, RestartPolicy};
 use doctor::{HostFacts, Needs, disk};
@@ -57,6 +58,13 @@ pub fn run(arguments: &Run) -> Result<Exit, Failure> {
         scenario = scenario.with_real_time_policies();
     }
     let schedule = schedule_of(&scenario)?;
+    let warnings = super::check::warnings(&scenario).len();
+    if warnings > 0 && !arguments.quiet {
+        note(format_args!(
+            "`gerono check` has {warnings} warning{} about this flight, with the fix",
+            if warnings == 1 { "" } else { "s" }
+        ));
+    }
     if arguments.host == Host::Inprocess
         && let Some(option) = process_option(&arguments.deployment)
     {
