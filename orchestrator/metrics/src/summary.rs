@@ -469,8 +469,9 @@ impl FlightSummary {
 
     #[inline]
     fn observe_adaptation(&mut self, adaptation: &ControlAdaptation) {
-        // An external controller without estimates leaves the sample zero.
-        if adaptation.mass_estimate > 0.0 {
+        // An external controller without estimates leaves the sample zero. On the ground they learn from its push.
+        let is_flown = self.is_on_path || !self.has_phases;
+        if is_flown && adaptation.mass_estimate > 0.0 {
             let parameters = &mut self.phases.at(adaptation.header.tick).parameters;
             parameters.mass_estimate = Some(adaptation.mass_estimate);
             parameters.disturbance_estimate = Some(adaptation.disturbance_projected_world);
@@ -525,7 +526,10 @@ impl FlightSummary {
             .collect();
         let at_bound = self.bounds.iter().flat_map(|bounds| {
             let ends = phases.iter();
-            ends.flat_map(|phase| at_bound::at_bound(bounds, phase.ends, &phase.parameters))
+            let measured_until = seconds(self.on_path_until_ns);
+            ends.flat_map(move |phase| {
+                at_bound::at_bound(bounds, phase.ends.min(measured_until), &phase.parameters)
+            })
         });
         Summary {
             seed: self.seed,

@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use scenario::Scenario;
-use zerocopy::{FromZeros, IntoBytes};
+use shared_types::FlightPhase;
+use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 use super::*;
 use crate::SETTLED;
@@ -577,4 +578,34 @@ proptest! {
             prop_assert!(line.chars().count() <= 80, "{}\n{}", line, text);
         }
     }
+}
+
+#[test]
+fn what_the_estimates_learn_on_the_ground_is_not_said_of_the_flight() {
+    let (mut scenario, schedule) = flight();
+    scenario.flight = Some(scenario::Flight::default());
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    for tick in 0..=2000 {
+        let flies = tick < 1500;
+        let [(truth_topic, truth), (_, reference)] = away(&schedule, tick, 0.01);
+        let mut reference = PathReference::read_from_bytes(&reference).unwrap();
+        let phase = match tick {
+            ..1400 => FlightPhase::Fly,
+            1400..1500 => FlightPhase::Land,
+            _ => FlightPhase::Disarmed,
+        };
+        reference.phase = phase.code();
+        let mut adaptation = ControlAdaptation::new_zeroed();
+        adaptation.header = schedule.header(Topic::ControlAdaptation, tick);
+        adaptation.mass_estimate = if flies { 0.25 } else { 1e-3 };
+        summary.observe(truth_topic, &truth);
+        summary.observe(Topic::PathReference, reference.as_bytes());
+        summary.observe(Topic::ControlAdaptation, adaptation.as_bytes());
+    }
+    let summary = summary.finish(facts());
+    assert_eq!(
+        summary.phases.last().unwrap().parameters.mass_estimate,
+        Some(0.25)
+    );
+    assert_eq!(summary.at_bound, []);
 }
