@@ -38,7 +38,10 @@ impl Exit {
 
     /// Exit codes with their meanings, for the help and the manual.
     pub const MEANINGS: [(&str, &str); 12] = [
-        ("0", "done"),
+        (
+            "0",
+            "done; a flight in which nothing took off says so in its summary",
+        ),
         (
             "1",
             "trouble with the machine, or a file that is missing or no log",

@@ -23,6 +23,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(descent_warning(scenario, path))
         .chain(lever_arm_warnings(scenario))
         .chain(estimate_warning(scenario))
+        .chain(unmeasured_warning(scenario, path))
         .collect()
 }
 
@@ -306,6 +307,44 @@ fn advised_sigma(scenario: &Scenario, navigation: &Navigation) -> f64 {
     POSITION_SIGMA.max(2.0 * navigation.attainable_sigma(kind))
 }
 
+/// Warns of a place of the flight at which neither simulated fixes nor poses measure the position.
+fn unmeasured_warning(scenario: &Scenario, path: &[[f32; 3]]) -> Option<Problem> {
+    let fuses_poses = scenario.fuses_poses()?;
+    let gnss = &scenario.sensors.as_ref()?.gnss;
+    let volume = scenario
+        .cameras
+        .as_ref()
+        .and_then(|cameras| cameras.volume.as_ref());
+    let has_fixes = |place: &Vector| {
+        let building = gnss.building.as_ref();
+        gnss.least_accurate().is_some() && !building.is_some_and(|building| building.contains(place))
+    };
+    let has_poses = |place: &Vector| fuses_poses && volume.is_none_or(|volume| volume.contains(place));
+    let is_unmeasured = |place: &Vector| !has_fixes(place) && !has_poses(place);
+    let start = scenario.vehicle.initial.position;
+    let (place, then) = if is_unmeasured(&start) {
+        (start, "where the vehicle starts, so that it is never armed")
+    } else {
+        let places =
+            std::iter::once(top_of_rise(scenario)).chain(path.iter().map(|point| point.map(f64::from)));
+        (places.into_iter().find(is_unmeasured)?, "where the flight leads")
+    };
+    let [x, y, z] = place;
+    let reason = format!("neither fixes nor poses measure the position at [{x:.2}, {y:.2}, {z:.2}], {then}");
+    let (at, fix) = if fuses_poses {
+        (
+            ["cameras", "volume"],
+            "widen the volume, or move the path or `sensors.gnss.building`",
+        )
+    } else {
+        (
+            ["navigation", "poses"],
+            "state `[navigation.poses]`, so that cameras measure it, or move the path or `sensors.gnss.building`",
+        )
+    };
+    Some(Problem::new(at.into_iter().collect(), reason, fix))
+}
+
 /// Warns of a law that levels the vehicle before the path has decelerated: without tracking the vehicle keeps its velocity.
 fn tracking_loss_warning(scenario: &Scenario) -> Option<Problem> {
     scenario.flight.as_ref()?;
@@ -352,6 +391,29 @@ mod tests {
             keys(&["sensors.imu.lever_arm=[3.0,0.0,0.0]"]),
             ["sensors.imu.lever_arm"]
         );
+    }
+
+    #[test]
+    fn a_place_at_which_nothing_measures_the_position_is_a_warning() {
+        let is_warned = |name: &str, sets: &[&str], path: &[[f32; 3]], key: &str| {
+            keys(name, sets, path).iter().any(|found| found == key)
+        };
+        // Within the cameras' volume, deep in the hall behind them, and on the field.
+        for (place, warned) in [
+            ([0.4, 0.0, -1.0], false),
+            ([-11.0, 0.0, -1.0], true),
+            ([9.0, 0.0, -1.0], false),
+        ] {
+            assert_eq!(
+                is_warned("indoor_outdoor", &[], &[place], "cameras.volume"),
+                warned,
+                "{place:?}"
+            );
+        }
+        let around = ["sensors.gnss.building={min=[-9.0,-9.0,-9.0],max=[9.0,9.0,9.0]}"];
+        assert!(is_warned("outdoor_rtk", &around, &[], "navigation.poses"));
+        let elsewhere = ["sensors.gnss.building={min=[90.0,-9.0,-9.0],max=[99.0,9.0,9.0]}"];
+        assert_eq!(keys("outdoor_rtk", &elsewhere, &[]), [""; 0]);
     }
 
     #[test]

@@ -701,37 +701,36 @@ fn check_times(
             "shorten it",
         ));
     }
-    // A fix is fused when the horizon has come to the time at which it is valid.
-    let (topic, what) = match scenario
-        .sensors
-        .as_ref()
-        .and_then(|sensors| sensors.gnss.least_accurate())
-    {
-        None if navigation.poses.is_some() => (Topic::MocapPose, "pose"),
-        _ => (Topic::GnssFix, "fix"),
-    };
-    let fix_age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
-    if fix_age_ns > COASTS_AFTER_NS {
-        return Err(Problem::new(
-            key_of("period", topic.name()),
-            format!(
-                "the state would coast before each {what}: the last one is up to {:?} s old by then, and after {:?} s it counts \
-                 as lost",
-                seconds(fix_age_ns),
-                seconds(COASTS_AFTER_NS)
-            ),
-            "shorten it, or `navigation.horizon`",
-        ));
-    }
-    if fix_age_ns > nanoseconds(navigation.coast) {
-        return Err(Problem::new(
-            Key::root().then("navigation").then("coast"),
-            format!(
-                "the vehicle would be lost before each {what}: the last one is up to {:?} s old by then",
-                seconds(fix_age_ns)
-            ),
-            "give it several seconds",
-        ));
+    // A position is fused when the horizon has come to the time at which it is valid. Where one source measures, another may not.
+    let sensors = scenario.sensors.as_ref();
+    let has_fixes = sensors.is_none_or(|sensors| sensors.gnss.least_accurate().is_some());
+    let sources = [
+        (has_fixes || navigation.poses.is_none(), Topic::GnssFix, "fix"),
+        (navigation.poses.is_some(), Topic::MocapPose, "pose"),
+    ];
+    for (_, topic, what) in sources.into_iter().filter(|(is_there, ..)| *is_there) {
+        let age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
+        let age = seconds(age_ns);
+        if age_ns > COASTS_AFTER_NS {
+            return Err(Problem::new(
+                key_of("period", topic.name()),
+                format!(
+                    "the state would coast before each {what}: the last one is up to {age:?} s old by then, and after {:?} s it counts \
+                     as lost",
+                    seconds(COASTS_AFTER_NS)
+                ),
+                "shorten it, or `navigation.horizon`",
+            ));
+        }
+        if age_ns > nanoseconds(navigation.coast) {
+            return Err(Problem::new(
+                Key::root().then("navigation").then("coast"),
+                format!(
+                    "the vehicle would be lost before each {what}: the last one is up to {age:?} s old by then"
+                ),
+                "give it several seconds",
+            ));
+        }
     }
     CommandHistory::check_capacity(
         imu_age_ns,

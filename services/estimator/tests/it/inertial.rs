@@ -277,7 +277,7 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
     fn time(table: &mut std::collections::BTreeMap<String, f64>, name: &str, seconds: f64) {
         table.insert(name.to_owned(), seconds);
     }
-    let changes: [(Change, &str); 5] = [
+    let changes: [(Change, &str); 6] = [
         (
             |scenario| time(&mut scenario.schedule.latency, "imu/sample -> estimator", 0.1),
             "schedule.latency.\"imu/sample -> estimator\"",
@@ -285,6 +285,14 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
         (
             |scenario| time(&mut scenario.schedule.period, "gnss/fix", 0.88),
             "schedule.period.\"gnss/fix\"",
+        ),
+        // In a hall it is the poses that come seldom, and on the field the fixes.
+        (
+            |scenario| {
+                scenario.navigation.as_mut().unwrap().poses = Some(scenario::Poses::default());
+                time(&mut scenario.schedule.period, "mocap/pose", 0.88);
+            },
+            "schedule.period.\"mocap/pose\"",
         ),
         (
             |scenario| scenario.navigation.as_mut().unwrap().coast = 0.1,
