@@ -30,9 +30,11 @@ try {
 }
 
 const processes = [];
-/** A command beside this program; ends with it. What it says is of no interest: what becomes of it is seen. */
+/** A command beside this program; ends with it. What becomes of it is seen; what it says is kept for a failure. */
 function begin(...args) {
-  const child = spawn(gerono, args, { stdio: "ignore" });
+  const child = spawn(gerono, args, { stdio: ["ignore", "ignore", "pipe"] });
+  child.said = "";
+  child.stderr.on("data", (piece) => { child.said += piece; });
   child.ended = new Promise((done) => child.on("exit", done));
   processes.push(child);
   return child;
@@ -315,7 +317,9 @@ async function watchALaboratory() {
     assert.match(await text("banners"), /where the estimator believes it to be/);
     // Not before the rate of frames is known.
     const until = Date.now() + PATIENCE;
-    while ((await begin("arm").ended) !== 0) assert.ok(Date.now() < until, "it is not armed");
+    for (let arm = begin("arm"); (await arm.ended) !== 0; arm = begin("arm")) {
+      assert.ok(Date.now() < until, `it is not armed: ${arm.said}`);
+    }
     await awaitPhase("fly");
     await settled();
     await picture("7-laboratory");
