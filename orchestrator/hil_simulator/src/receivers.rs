@@ -190,8 +190,14 @@ impl Line {
 fn destination(source: ReceiverSource) -> Result<SocketAddr, ReceiversError> {
     match source {
         ReceiverSource::Udp(at) if at.ip().is_unspecified() => Ok((Ipv4Addr::LOCALHOST, at.port()).into()),
-        // A socket can be bound to an address of this machine, and to those of groups.
-        ReceiverSource::Udp(at) if is_group(at.ip()) || UdpSocket::bind((at.ip(), 0)).is_err() => {
+        // A socket can be bound to an address of this machine, to those of groups, and to that of all machines of its network; to the
+        // last it cannot send unless it is permitted to.
+        ReceiverSource::Udp(at)
+            if is_group(at.ip())
+                || UdpSocket::bind((at.ip(), 0))
+                    .and_then(|socket| socket.connect(at))
+                    .is_err() =>
+        {
             Err(ReceiversError::OtherMachine(at))
         }
         ReceiverSource::Udp(at) => Ok(at),
@@ -294,6 +300,7 @@ mod tests {
             "udp:192.0.2.1:14550",
             "udp:224.0.0.1:14550",
             "udp:255.255.255.255:14550",
+            "udp:127.255.255.255:14550",
             "udp:[2001:db8::1]:14550",
             "udp:[ff02::1]:14550",
         ] {
