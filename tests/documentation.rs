@@ -682,7 +682,7 @@ fn no_crate_holds_half_of_the_house() {
         let lines = lines_in(&repository(&member.folder));
         let most = match member.folder.as_str() {
             "orchestrator" => 5500,
-            "orchestrator/run_log" => 8720,
+            "orchestrator/run_log" => 8760,
             "services/runtime" => 8730,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
             "shared_types/scenario" => 12_850,

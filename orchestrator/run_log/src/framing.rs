@@ -495,10 +495,18 @@ fn new_file(path: &Path) -> Result<File, LogError> {
     let is_link = fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink());
     let removed = if is_link { fs::remove_file(&path) } else { Ok(()) };
     let made = removed.and_then(|()| result_file::new_file(&path));
+    // For `is_being_written`; on a file system without locks nobody is told.
+    let made = made.inspect(|file| drop(file.try_lock()));
     made.map_err(|source| match source.kind() {
         io::ErrorKind::AlreadyExists => LogError::Exists { path },
         _ => LogError::Create { path, source },
     })
+}
+
+/// Returns whether a process that lives has a log open for writing.
+pub(super) fn is_being_written(path: &Path) -> bool {
+    let tried = File::open(path).map(|file| file.try_lock_shared());
+    matches!(tried, Ok(Err(fs::TryLockError::WouldBlock)))
 }
 
 /// Synchronises the folder of a file to the disk.

@@ -13,7 +13,7 @@ use shared_types::service::header_of;
 use shared_types::{Header, Published, Topic};
 use zerocopy::IntoBytes;
 
-use super::framing::LAYOUT_KEY;
+use super::framing::{LAYOUT_KEY, is_being_written};
 use super::manifest::{COPY_RECORD_NAME, FORMAT_VERSION, Manifest, ManifestProblem};
 use super::metadata_index::metadata_by_index;
 use super::parts::{self, Numbered, Part, files_after, next_number};
@@ -64,7 +64,7 @@ pub enum LogReadError {
         types: Vec<&'static str>,
     },
     /// The log was never completed.
-    #[error("the log {} was never completed; {}", .path.display(), unclosed_in_words(.path, *.samples, .last_tick))]
+    #[error("the log {} {}", .path.display(), unclosed_in_words(.path, *.samples, .last_tick))]
     Unclosed {
         /// The file.
         path: PathBuf,
@@ -98,15 +98,19 @@ pub enum LogReadError {
 }
 
 fn unclosed_in_words(path: &Path, samples: u64, last_tick: &Option<u64>) -> String {
+    if is_being_written(path) {
+        return "is being written: its flight is under way; wait for its end, or watch it with `gerono view`"
+            .to_owned();
+    }
     let path = path.display();
     if samples == 0 {
         return format!(
-            "it breaks off before its first chunk is whole; `gerono recover {path}` shows what is left of that"
+            "was never completed; it breaks off before its first chunk is whole; `gerono recover {path}` shows what is left of that"
         );
     }
     let last_tick = last_tick_in_words(last_tick);
     format!(
-        "its {samples} samples before the break are whole{last_tick}; `gerono recover {path}` makes a proper log of them"
+        "was never completed; its {samples} samples before the break are whole{last_tick}; `gerono recover {path}` makes a proper log of them"
     )
 }
 

@@ -24,7 +24,7 @@ use shared_types::Topic;
 use self::channels::{Channels, Kind, Message, kinds};
 use self::scan::{Chunk, Piece, Scan};
 use super::compression::Compression;
-use super::framing::{Content, LogError, McapFile};
+use super::framing::{Content, LogError, McapFile, is_being_written};
 use super::manifest::{COPY_RECORD_NAME, Manifest, ManifestProblem, topics_of};
 use super::parts::{Ending, Part, ending, files_after};
 use super::reader::LogReadError;
@@ -54,6 +54,9 @@ pub enum RecoverError {
     /// A file with the name of the recovered log exists.
     #[error("{} exists already and is not overwritten; name another file with `--out`, or remove it", .0.display())]
     Exists(PathBuf),
+    /// The flight is under way.
+    #[error("{} is being written: its flight is under way; its end completes the log", .0.display())]
+    UnderWay(PathBuf),
     /// The file is empty.
     #[error("{} is empty: the run ended before its first chunk was written; there is nothing to recover", .0.display())]
     Empty(PathBuf),
@@ -115,6 +118,10 @@ pub fn recovered_path(log: &Path) -> PathBuf {
 pub fn recover(source: &Path, target: &Path, scenario: Option<&Scenario>) -> Result<Recovery, RecoverError> {
     if target.symlink_metadata().is_ok() {
         return Err(RecoverError::Exists(target.to_owned()));
+    }
+    // What is recovered now would stand before the complete log.
+    if is_being_written(source) {
+        return Err(RecoverError::UnderWay(source.to_owned()));
     }
     let mut kinds = kinds();
     let survey = Survey::of(source, &kinds)?;

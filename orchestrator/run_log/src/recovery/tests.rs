@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::test_flight::{bomb, record, record_samples, samples, scenario};
-use crate::{HostEvent, HostLogWriter, LogReader, ServiceHealth, digest, partial_path};
+use crate::{HostEvent, HostLogWriter, LogReader, RunLogWriter, ServiceHealth, digest, partial_path};
 use zerocopy::FromZeros;
 
 const TOPICS: u64 = Topic::ALL.len() as u64;
@@ -257,6 +257,25 @@ fn what_is_empty_or_no_log_is_said_to_be_so() {
 }
 
 /// The log in the making of `run.mcap` has the name of the source.
+#[test]
+fn a_log_that_is_being_written_is_not_recovered_before_its_writer_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    let [log, target] = ["run.mcap", "new.mcap"].map(|name| folder.path().join(name));
+    let scenario = scenario(0.05, 1.0);
+    let mut writer = RunLogWriter::create(&log, &Manifest::new(&scenario), Compression::None).unwrap();
+    for (topic, bytes) in samples(&scenario.schedule().unwrap()).take(200) {
+        writer.write(topic, &bytes).unwrap();
+    }
+    let log = partial_path(&log);
+    let refused = recover(&log, &target, None).unwrap_err();
+    assert!(matches!(&refused, RecoverError::UnderWay(path) if *path == log) && !target.exists());
+    drop(writer);
+    assert!(!matches!(
+        recover(&log, &target, None),
+        Err(RecoverError::UnderWay(_))
+    ));
+}
+
 #[test]
 fn a_log_that_was_never_closed_is_kept_when_it_is_recovered_under_its_final_name() {
     let log = Log::new(Compression::None);
