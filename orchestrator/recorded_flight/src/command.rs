@@ -280,15 +280,23 @@ fn level_altitudes(recording: &mut Recording, scenario: &Scenario) -> Result<f64
     let first = place(&recording.fixes[0]);
     let from_datum = datum.frame().to_world(first);
     if from_datum.norm() > FARTHEST {
-        let exchanged = Geodetic {
-            latitude: first.longitude,
-            longitude: first.latitude,
-            ..first
+        let is_there = |latitude: f64, longitude: f64| {
+            let place = Geodetic {
+                latitude,
+                longitude,
+                ..first
+            };
+            latitude.abs() <= 90.0 && datum.frame().to_world(place).norm() <= FARTHEST
         };
-        if first.longitude.abs() <= 90.0 && datum.frame().to_world(exchanged).norm() <= FARTHEST {
-            return Err(Failure::bad_input(
-                "longitude and latitude of `gps` are exchanged: the order is height (mm), longitude, latitude (1e-7°)",
-            ));
+        let order = "the order is height (mm), longitude, latitude (1e-7°)";
+        if is_there(first.longitude, first.latitude) {
+            let reason = format!("longitude and latitude of `gps` are exchanged: {order}");
+            return Err(Failure::bad_input(reason));
+        }
+        if is_there(1e7 * first.latitude, 1e7 * first.longitude) {
+            let reason =
+                format!("longitude and latitude of `gps` look like degrees: multiply by 1e7; {order}");
+            return Err(Failure::bad_input(reason));
         }
         return Err(Failure::bad_input(format!(
             "the first fix is {:.0} m from `[datum]`: state latitude = {:.7}, longitude = {:.7}, height = {:.3} there, and the \

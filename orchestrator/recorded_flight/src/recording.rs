@@ -104,6 +104,7 @@ impl Recording {
                 format!("there is no line of `{kind}`, and the estimator needs such"),
             )),
             None => {
+                recording.check_times()?;
                 recording.check_clock()?;
                 recording.check_units()?;
                 Ok(recording)

@@ -520,6 +520,11 @@ fn other_units_and_exchanged_columns_are_refused_with_the_unit_they_look_like() 
             &|_, value| 1e5 * value,
             "look like nT: multiply by 0.00001",
         ),
+        (
+            "gps",
+            &|index, value| if index > 6 { 1e3 * value } else { value },
+            "look like mm: multiply by 0.001",
+        ),
         ("mag", &|_, value| 7.0 * value, "give them in G"),
     ] {
         let refusal = refusal(kind, change);
@@ -527,6 +532,26 @@ fn other_units_and_exchanged_columns_are_refused_with_the_unit_they_look_like() 
             refusal.contains("line") && refusal.contains(said),
             "{said}: {refusal}"
         );
+    }
+    let in_degrees = |index: usize, value: f64| {
+        if index == 1 || index == 2 {
+            1e-7 * value
+        } else {
+            value
+        }
+    };
+    assert!(refusal("gps", &in_degrees).contains("look like degrees: multiply by 1e7"));
+    for (factor, said) in [
+        (1e-3, "look like ms: multiply by 1000"),
+        (1e3, "look like ns: multiply by 0.001"),
+    ] {
+        let lines = samples.lines().map(|line| {
+            let (time, rest) = line.split_once(',').unwrap();
+            let time = time.parse::<f64>().unwrap() * factor;
+            format!("{time:.0},{rest}\n")
+        });
+        let refused = import(folder.path(), &lines.collect::<String>(), &[]).unwrap_err();
+        assert!(refused.contains(said), "{refused}");
     }
     let refused = refusal("gps", &in_metres);
     assert!(

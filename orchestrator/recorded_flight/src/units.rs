@@ -1,8 +1,10 @@
 //! Units of a recording, which its numbers betray: the weight, the field of the earth, and the barometer beside the receiver.
 
 use shared_types::GRAVITY;
+use shared_types::gnss::FixKind;
+use shared_types::samples::GnssFix;
 
-use crate::recording::{Recording, WrongLine};
+use crate::recording::{Recording, Timed, WrongLine};
 
 /// Median of the specific force of a vehicle that flies, m/s².
 const FORCE: [f64; 2] = [0.4 * GRAVITY, 2.5 * GRAVITY];
@@ -13,6 +15,15 @@ const FIELD: [f64; 2] = [0.1, 1.5];
 /// Largest angular velocity that an inertial measurement unit can tell, 4000°/s, rad/s.
 const ANGULAR_VELOCITY: f64 = 70.0;
 
+/// Median span between two inertial samples, µs: 1 Hz to 20 kHz.
+const SPAN: [f64; 2] = [50.0, 1e6];
+
+/// Number of inertial samples below which a gap may be their median span.
+const FEW: usize = 20;
+
+/// Median horizontal accuracy of fixes with known carrier numbers, m; none is known below the one.
+const ACCURACY: [f64; 2] = [0.0, 1.0];
+
 /// Climb above which the receiver's heights must have changed as well, m, and how much less those may have changed.
 const CLIMB: f64 = 3.0;
 const LESS_CLIMB: f64 = 50.0;
@@ -21,6 +32,26 @@ const LESS_CLIMB: f64 = 50.0;
 type Slip = (&'static str, f64);
 
 impl Recording {
+    /// Refuses times in another unit.
+    pub(crate) fn check_times(&self) -> Result<(), WrongLine> {
+        let spans = self
+            .imu
+            .windows(2)
+            .map(|pair| 1e-3 * (pair[1].time_ns - pair[0].time_ns) as f64);
+        if self.imu.len() < FEW {
+            return Ok(());
+        }
+        let slips = [("ms", 1e3), ("ns", 1e-3), ("s", 1e6)];
+        check(
+            "spans between inertial samples",
+            "µs",
+            SPAN,
+            &slips,
+            median(spans),
+        )
+        .map_err(|reason| WrongLine::new(self.imu[1].line, reason))
+    }
+
     /// Refuses a recording whose numbers can only be in other units than the format's.
     pub(crate) fn check_units(&self) -> Result<(), WrongLine> {
         let forces = self
@@ -35,7 +66,29 @@ impl Recording {
         check("magnetic fields", "G", FIELD, &slips, median(fields))
             .map_err(|reason| WrongLine::new(self.fields[0].line, reason))?;
         self.check_rates()?;
+        self.check_accuracies()?;
         self.check_heights()
+    }
+
+    fn check_accuracies(&self) -> Result<(), WrongLine> {
+        let is_fixed = |fix: &&Timed<_>| is_rtk_fixed(&fix.value);
+        let Some(first) = self.fixes.iter().find(is_fixed) else {
+            return Ok(());
+        };
+        let accuracies = self
+            .fixes
+            .iter()
+            .filter(is_fixed)
+            .map(|fix| fix.value.horizontal_accuracy);
+        let slips = [("mm", 1e-3), ("cm", 1e-2)];
+        check(
+            "horizontal accuracies of RTK fixes",
+            "m",
+            ACCURACY,
+            &slips,
+            median(accuracies),
+        )
+        .map_err(|reason| WrongLine::new(first.line, reason))
     }
 
     fn check_rates(&self) -> Result<(), WrongLine> {
@@ -67,6 +120,10 @@ impl Recording {
     }
 }
 
+fn is_rtk_fixed(fix: &GnssFix) -> bool {
+    fix.kind == FixKind::RtkFixed as u8
+}
+
 /// Checks a median against its range, and names the unit with which it would lie there.
 fn check(what: &str, unit: &str, [low, high]: [f64; 2], slips: &[Slip], median: f64) -> Result<(), String> {
     let is_within = |value: f64| (low..=high).contains(&value);
@@ -75,7 +132,7 @@ fn check(what: &str, unit: &str, [low, high]: [f64; 2], slips: &[Slip], median: 
     }
     let slip = slips.iter().find(|(_, factor)| is_within(median * factor));
     let fix = slip.map_or_else(
-        || format!("give them in {unit}, forward, right, down"),
+        || format!("give them in {unit}"),
         |(wrong, factor)| format!("they look like {wrong}: multiply by {factor}"),
     );
     Err(format!(

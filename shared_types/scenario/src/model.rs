@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Vector;
 use super::vehicle::is_zero;
-use crate::range::{between, not_negative, positive};
+use crate::range::{between, from_0_to_below, positive};
 use crate::timing::LONGEST_FLIGHT;
 
 /// Maximum latency of a model, s: the vehicle cannot be predicted over a longer time.
@@ -22,10 +22,10 @@ pub struct Model {
     #[schemars(transform = positive, extend("x-symbol" = "l"))]
     pub size: Vector,
     /// Time constant of the thrust, s.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.03 is usual"))]
     pub thrust_lag: f64,
     /// Time constant of the body rates, s.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.02 is usual"))]
     pub rate_lag: f64,
     /// Time from the transmission of a frame until it takes effect, s.
     #[schemars(transform = between(0.0, LONGEST_PREDICTION), extend("x-ticks" = LONGEST_FLIGHT))]

@@ -117,7 +117,7 @@ pub struct MotionCapture {
     /// Minimum time from exposure to arrival that the stamps do not cover, s; 0.005 (Vicon), 0.004 (VRPN) or 0.0002 (NatNet)
     /// unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "poses that are older cannot be flown with; 0.005 is usual"))]
+    #[schemars(transform = from_0_to_below(0.25), extend("x-hint" = "poses that are older cannot be flown with; 0.005 is usual"))]
     pub latency: Option<f64>,
     /// Minimum and maximum frame rate without a warning, Hz; captures count as missing after two periods of the minimum.
     #[serde(default = "default_rate")]

@@ -21,6 +21,7 @@ pub struct Datum {
     #[schemars(transform = between(-180.0, 180.0))]
     pub longitude: f64,
     /// Height above the ellipsoid, m.
+    #[schemars(transform = between(-500.0, 9000.0))]
     pub height: f64,
     /// Azimuth of the x axis of {I}, clockwise from north, rad.
     #[schemars(transform = angle)]

@@ -16,7 +16,7 @@ pub struct RcLink {
     #[schemars(transform = not_zero, extend("x-hint" = "a negative slope reverses the channel"))]
     pub thrust_slope: f64,
     /// Body rate about each axis per unit of its channel, rad/s; negative in the paper.
-    #[schemars(transform = not_zero, extend("x-hint" = "a negative slope reverses the channel"))]
+    #[schemars(transform = not_zero, transform = between(-60.0, 60.0), extend("x-hint" = "in rad/s: 1000 °/s are 17.45; a negative slope reverses the channel"))]
     pub rate_slope: Vector,
     /// Range of the thrust channel; the paper states [0, 1], with which its vehicle could not hover.
     #[schemars(transform = between(-1.0, 1.0))]

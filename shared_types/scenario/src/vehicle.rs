@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
-use crate::range::{angle, between, moment, not_negative, positive, positive_up_to, share};
+use crate::range::{angle, between, from_0_to_below, moment, not_negative, positive, positive_up_to, share};
 
 /// The vehicle, its initial state and its changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -83,14 +83,14 @@ impl Vehicle {
 #[serde(deny_unknown_fields, default)]
 pub struct Actuators {
     /// Time constant of the thrust, s; 0 for no lag.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.03 is usual"))]
     pub thrust_lag: f64,
     /// Time constant of falling thrust, s, because motors decelerate by drag alone; that of `thrust_lag` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.03 is usual"))]
     pub thrust_lag_down: Option<f64>,
     /// Time constants of the body rates about each axis, s; 0 for no lag.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.02 is usual"))]
     pub rate_lag: Vector,
     /// Maximum thrust, N; the minimum is 0.
     #[schemars(transform = positive)]
