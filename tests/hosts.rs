@@ -379,14 +379,14 @@ fn a_step_in_a_laboratory_allocates_nothing() {
             if figures.believed > 0 {
                 allocations += count;
             }
-            figures = page.control_block().hardware_status[ServiceId::Plant.index()].read();
+            figures = page.control_block().cameras_status.read();
             if figures.believed > 1000 {
                 break;
             }
         }
         assert!(figures.believed > 1000, "{name}: {figures:?}");
         assert_eq!(allocations, 0, "{name}");
-        let link: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
+        let link: LinkFigures = page.control_block().link_status.read();
         assert!(link.sent > 0);
     }
 }

@@ -1,5 +1,5 @@
-//! Laboratory hardware of a flight in real time: cameras, recorded captures, or receivers, in place of the simulated plant, and a
-//! radio link behind the transmitter.
+//! Laboratory hardware of a flight in real time: cameras, recorded captures, receivers, or receivers with cameras, in place of the
+//! simulated plant, and a radio link behind the transmitter.
 //!
 //! A service's process connects to its hardware after it has received its role.
 //!
@@ -12,6 +12,7 @@ mod radio_link_driver;
 mod receiver_driver;
 mod receiver_feed;
 pub mod receiver_port;
+mod receivers_and_cameras;
 mod recorded_captures;
 mod status_text;
 
@@ -21,11 +22,12 @@ use std::sync::atomic::Ordering;
 
 use runtime::shared_page::SharedPage;
 use scenario::Scenario;
-use shared_types::service::{Built, ErasedService};
+use shared_types::service::{BuildError, Built, ErasedService};
 
 use motion_capture_driver::MotionCaptureDriver;
 use radio_link_driver::RadioLinkDriver;
 use receiver_driver::ReceiverDriver;
+use receivers_and_cameras::ReceiversAndCameras;
 use recorded_captures::RecordedCaptures;
 
 /// Connects step logic to the hardware that a scenario names, or replaces the step logic. The error names the missing
@@ -37,14 +39,16 @@ pub type Connect = fn(Box<dyn ErasedService>, &Scenario, &Arc<SharedPage>) -> Bu
 /// # Errors
 /// As [`Connect`].
 pub fn motion_capture(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
-    let (system, stated) = scenario
-        .capture_system()
-        .ok_or("no motion-capture system is stated")?;
-    Ok(Box::new(MotionCaptureDriver::open(
-        system,
-        stated,
-        Arc::clone(page),
-    )?))
+    let cameras = cameras(scenario, page)?.ok_or("no motion-capture system is stated")?;
+    Ok(Box::new(cameras))
+}
+
+/// Opens the motion-capture system of a scenario; `None` if there is none.
+fn cameras(scenario: &Scenario, page: &Arc<SharedPage>) -> Result<Option<MotionCaptureDriver>, BuildError> {
+    let system = scenario.capture_system();
+    system
+        .map(|(system, stated)| MotionCaptureDriver::open(system, stated, Arc::clone(page)))
+        .transpose()
 }
 
 /// Makes the captures of a recorded flight in place of the plant.
@@ -56,17 +60,17 @@ pub fn recorded_captures(_: Box<dyn ErasedService>, scenario: &Scenario, _: &Arc
     Ok(Box::new(RecordedCaptures::open(Path::new(recording))?))
 }
 
-/// Makes receivers in place of the plant.
+/// Makes receivers in place of the plant, with the cameras whose poses the scenario fuses beside them.
 ///
 /// # Errors
 /// As [`Connect`].
 pub fn receivers(_: Box<dyn ErasedService>, scenario: &Scenario, page: &Arc<SharedPage>) -> Built {
     let stated = scenario.real_receivers().ok_or("no receivers are stated")?;
-    Ok(Box::new(ReceiverDriver::open(
-        stated,
-        scenario,
-        Arc::clone(page),
-    )?))
+    let receivers = ReceiverDriver::open(stated, scenario, Arc::clone(page))?;
+    Ok(match cameras(scenario, page)? {
+        Some(cameras) => Box::new(ReceiversAndCameras { cameras, receivers }),
+        None => Box::new(receivers),
+    })
 }
 
 /// Makes a radio link behind the transmitter.

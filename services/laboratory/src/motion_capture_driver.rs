@@ -28,6 +28,8 @@ use zerocopy::{FromBytes, IntoBytes};
 
 /// Period of attempts to reopen the socket of a dead process, ns.
 const RETRY_NS: u64 = 500_000_000;
+/// Size of a saved state, bytes.
+pub(super) const STATE_SIZE: usize = size_of::<FeedMemory>();
 
 /// Cameras of a laboratory.
 pub(super) struct MotionCaptureDriver {
@@ -161,11 +163,14 @@ impl ErasedService for MotionCaptureDriver {
         {
             pose.write(start_ns, sample);
         }
-        self.page.control_block().hardware_status[ServiceId::Plant.index()].write(&self.figures(start_ns));
+        self.page
+            .control_block()
+            .cameras_status
+            .write(&self.figures(start_ns));
     }
 
     fn state_size(&self) -> usize {
-        size_of::<FeedMemory>()
+        STATE_SIZE
     }
 
     fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {

@@ -44,7 +44,7 @@ impl RadioLinkDriver {
     ) -> Result<Self, BuildError> {
         let opened = if is_under_way(&page) {
             // A correction of the thrust continues where the dead process was.
-            let last: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
+            let last: LinkFigures = page.control_block().link_status.read();
             RadioLink::reopen(link).map(|mut link| {
                 if let Some(reading) = BatteryReading::from_word(last.pad0) {
                     link.continue_from(&reading, monotonic_ns());
@@ -73,7 +73,7 @@ impl RadioLinkDriver {
     }
 
     fn write_status(&self, figures: &LinkFigures) {
-        self.page.control_block().hardware_status[ServiceId::RcOutput.index()].write(figures);
+        self.page.control_block().link_status.write(figures);
     }
 }
 
@@ -247,7 +247,7 @@ mod tests {
             transmitter.finish();
         }
         drop(transmitter);
-        let figures: LinkFigures = page.control_block().hardware_status[ServiceId::RcOutput.index()].read();
+        let figures: LinkFigures = page.control_block().link_status.read();
         let mut bytes = vec![0; crsf::LENGTH * usize::try_from(figures.sent).unwrap()];
         let mut filled = 0;
         while filled < bytes.len() {

@@ -39,6 +39,8 @@ const PAUSES: u32 = 5;
 const PIECE: usize = 65_536;
 /// Packets between two steps; a driver that waits for the start of a flight drops newer ones.
 const QUEUE: usize = 1024;
+/// Size of a saved state, bytes.
+pub(super) const STATE_SIZE: usize = size_of::<ReceiverMemory>();
 
 /// Packets of a source, or its refusals.
 struct Event {
@@ -266,11 +268,11 @@ impl ErasedService for ReceiverDriver {
         let mut outputs = PlantOutputs::from_slots(outputs);
         self.feed.publish(start_ns + now.time_ns, start_ns, &mut outputs);
         let figures = self.figures(monotonic_ns(), start_ns);
-        self.page.control_block().hardware_status[ServiceId::Plant.index()].write(&figures);
+        self.page.control_block().receivers_status.write(&figures);
     }
 
     fn state_size(&self) -> usize {
-        size_of::<ReceiverMemory>()
+        STATE_SIZE
     }
 
     fn save_with(&self, keep: &mut dyn FnMut(&[u8])) {

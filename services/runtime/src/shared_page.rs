@@ -45,8 +45,12 @@ pub struct ControlBlock {
     pub cells: [Cell; ServiceId::ALL.len()],
     /// The recorder's receivers.
     pub recorder: [ReceiverId; Topic::ALL.len()],
-    /// Status of the laboratory hardware of each service.
-    pub hardware_status: [StatusCell; ServiceId::ALL.len()],
+    /// Status of a laboratory's motion-capture system.
+    pub cameras_status: StatusCell,
+    /// Status of receivers and autopilots that measure.
+    pub receivers_status: StatusCell,
+    /// Status of the radio link.
+    pub link_status: StatusCell,
     /// In real time, gains that the operator has changed in flight.
     pub tuning: TuningRing,
 }

@@ -12,7 +12,7 @@ pub enum Kind {
     MotionCapture,
     /// The captures of a recorded flight, in place of the plant.
     RecordedCaptures,
-    /// The driver of receivers and autopilots that measure, in place of the plant.
+    /// The driver of receivers and autopilots that measure, and of cameras beside them, in place of the plant.
     Receivers,
     /// The transmitter's step logic, and the driver of a radio link behind it.
     RadioLink,

@@ -7,11 +7,11 @@ use scenario::{
     CaptureSystem, LinkBattery, LowVoltageAction, MotionCapture, RadioProtocol, Receivers, Scenario,
     VoltageSource,
 };
+use shared_types::Schedule;
 use shared_types::battery::BatteryReading;
 use shared_types::receiver_figures::ReceiverFigures;
 use shared_types::samples::RcFrame;
 use shared_types::service::seconds;
-use shared_types::{Schedule, ServiceId};
 
 use crate::battery;
 use metrics::summary::laboratory::LaboratoryReport;
@@ -153,20 +153,20 @@ impl<'a> Laboratory<'a> {
     /// Returns the figures of the cameras, if there are any.
     #[must_use]
     pub fn capture(&self, block: &ControlBlock) -> Option<CaptureFigures> {
-        let status = &block.hardware_status[ServiceId::Plant.index()];
+        let status = &block.cameras_status;
         self.cameras.map(|_| status.read())
     }
 
     /// Returns the figures of the receivers, if there are any.
     fn received(&self, block: &ControlBlock) -> Option<ReceiverFigures> {
-        let status = &block.hardware_status[ServiceId::Plant.index()];
+        let status = &block.receivers_status;
         self.receivers.map(|_| status.read())
     }
 
     /// Returns the figures of the radio link, if there is one.
     #[must_use]
     pub fn link(&self, block: &ControlBlock) -> Option<LinkFigures> {
-        let status = &block.hardware_status[ServiceId::RcOutput.index()];
+        let status = &block.link_status;
         self.link.map(|_| status.read())
     }
 
@@ -216,13 +216,23 @@ impl<'a> Laboratory<'a> {
     }
 
     /// Returns why the laboratory cannot fly at a time since the start of the flight, if so: a low battery, or a failure of the
-    /// radio link, of the cameras or of the receivers.
+    /// radio link, of the cameras or of the receivers. Of cameras and receivers together one measures the position.
     #[must_use]
     pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
         if self.battery_state == BatteryState::Low {
             return self.battery_trouble(self.voltage(block).as_ref());
         }
-        self.failures(block, elapsed_ns).into_iter().flatten().next()
+        let [link, cameras, receivers] = self.failures(block, elapsed_ns);
+        if self.cameras.is_none() || self.receivers.is_none() {
+            return link.or(cameras).or(receivers);
+        }
+        link.or_else(|| self.receiver_failure(block, elapsed_ns, false))
+            .or_else(|| {
+                let (cameras, receivers) = cameras.zip(receivers)?;
+                Some(format!(
+                    "neither poses nor fixes measure the position: {cameras}; {receivers}"
+                ))
+            })
     }
 
     /// Returns the changes since the last call, as sentences.
@@ -247,15 +257,18 @@ impl<'a> Laboratory<'a> {
     fn failures(&self, block: &ControlBlock, elapsed_ns: u64) -> [Option<String>; 3] {
         let link = self.link.zip(self.link(block));
         let cameras = self.cameras.zip(self.capture(block));
-        let receivers = self.receivers.zip(self.received(block));
         [
             link.and_then(|(link, figures)| link_failure(link, &figures)),
             cameras
                 .and_then(|((system, stated), figures)| camera_failure(system, stated, &figures, elapsed_ns)),
-            receivers.and_then(|((stated, scheduled), figures)| {
-                receivers::failure(stated, &scheduled, &figures, elapsed_ns)
-            }),
+            self.receiver_failure(block, elapsed_ns, true),
         ]
+    }
+
+    /// Returns the failure of the receivers, of which fixes are needed or not.
+    fn receiver_failure(&self, block: &ControlBlock, elapsed_ns: u64, needs_fixes: bool) -> Option<String> {
+        let ((stated, scheduled), figures) = self.receivers.zip(self.received(block))?;
+        receivers::failure(stated, &scheduled, &figures, elapsed_ns, needs_fixes)
     }
 }
 
@@ -396,12 +409,12 @@ mod tests {
     /// Returns a control block with these cameras and a link in this state.
     fn told(figures: &CaptureFigures, state: u32) -> ControlBlock {
         let block = ControlBlock::default();
-        block.hardware_status[ServiceId::Plant.index()].write(figures);
+        block.cameras_status.write(figures);
         let link = LinkFigures {
             state,
             ..LinkFigures::new_zeroed()
         };
-        block.hardware_status[ServiceId::RcOutput.index()].write(&link);
+        block.link_status.write(&link);
         block
     }
 
@@ -465,7 +478,7 @@ mod tests {
             open: 1,
             ..ReceiverFigures::new_zeroed()
         };
-        block.hardware_status[ServiceId::Plant.index()].write(&figures);
+        block.receivers_status.write(&figures);
         let shown = outdoors.snapshot(&block, NOW_NS).receivers.unwrap();
         assert_eq!((shown.rates, shown.packets), (figures.rates, 36));
         assert!(
@@ -529,6 +542,72 @@ mod tests {
         }
     }
 
+    /// Returns figures of receivers that measure at these rates of inertial samples and fixes, Hz.
+    fn received(inertial: f64, fixes: f64) -> ReceiverFigures {
+        let rates = [inertial, fixes, 25.0, 50.0];
+        ReceiverFigures {
+            rates,
+            arrived_ns: [NOW_NS; 4],
+            samples: rates.map(|rate| u64::from(rate > 0.0)),
+            packets: 36,
+            open: 1,
+            ..ReceiverFigures::new_zeroed()
+        }
+    }
+
+    #[test]
+    fn of_cameras_and_receivers_one_measures_the_position() {
+        let (stated, receivers) = (
+            stated(),
+            Receivers {
+                sources: vec!["udp:0.0.0.0:14550".to_owned()],
+                ..Receivers::default()
+            },
+        );
+        let mut laboratory = laboratory(&stated);
+        laboratory.receivers = Some((&receivers, [250.0, 10.0, 25.0, 50.0]));
+        let (silent, good) = (CaptureFigures::new_zeroed(), good());
+        for (capture, receiver, words) in [
+            (good, received(250.0, 10.0), ""),
+            (good, received(250.0, 0.0), ""),
+            (silent, received(250.0, 10.0), ""),
+            (
+                silent,
+                received(250.0, 0.0),
+                "neither poses nor fixes measure the position: nothing has come from the `vrpn`",
+            ),
+            (
+                silent,
+                received(250.0, 0.0),
+                "; no sample for `gnss/fix` has come",
+            ),
+            (good, received(0.0, 10.0), "no sample for `imu/sample` has come"),
+        ] {
+            let block = told(&capture, LinkFigures::STATE_OPEN);
+            block.receivers_status.write(&receiver);
+            let failure = laboratory.failure(&block, NOW_NS).unwrap_or_default();
+            assert!(
+                failure.contains(words) && failure.is_empty() == words.is_empty(),
+                "{failure}"
+            );
+            // Each is shown as it is.
+            let shown = laboratory.snapshot(&block, NOW_NS);
+            let troubles = [shown.cameras.unwrap().trouble, shown.receivers.unwrap().trouble];
+            let is_wrong = [
+                capture.health != good.health,
+                receiver.rates != [250.0, 10.0, 25.0, 50.0],
+            ];
+            assert_eq!(troubles.map(|trouble| trouble.is_some()), is_wrong);
+        }
+        let block = told(&good, LinkFigures::STATE_LOST);
+        block.receivers_status.write(&received(250.0, 10.0));
+        assert!(
+            laboratory
+                .failure(&block, NOW_NS)
+                .is_some_and(|failure| failure.contains("`crsf` is lost"))
+        );
+    }
+
     /// Returns a control block of a link that has measured a voltage, V, this long ago, s.
     fn measured(voltage: f64, age: f64) -> ControlBlock {
         let block = ControlBlock::default();
@@ -542,7 +621,7 @@ mod tests {
             pad0: reading.to_word(),
             ..LinkFigures::new_zeroed()
         };
-        block.hardware_status[ServiceId::RcOutput.index()].write(&link);
+        block.link_status.write(&link);
         block
     }
 

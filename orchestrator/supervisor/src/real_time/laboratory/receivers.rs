@@ -9,12 +9,14 @@ use super::STALE;
 /// Minimum rate of samples for arming, as a share of the scheduled one.
 const MINIMUM_RATE: f64 = 0.8;
 
-/// Returns why inertial navigation cannot rely on the receivers, if so. It does without altitudes.
+/// Returns why inertial navigation cannot rely on the receivers, if so. It does without altitudes, and without fixes where something
+/// else measures the position.
 pub(super) fn failure(
     stated: &Receivers,
     scheduled: &[f64; 4],
     figures: &ReceiverFigures,
     elapsed_ns: u64,
+    needs_fixes: bool,
 ) -> Option<String> {
     let sources = stated.sources.join(", ");
     let all = stated.sources.len();
@@ -56,7 +58,8 @@ pub(super) fn failure(
             "HIGHRES_IMU of an autopilot with a magnetometer has them",
         ),
     ];
-    needed.into_iter().find_map(|(sensor, fix)| {
+    let is_needed = |(sensor, _): &(usize, &str)| needs_fixes || *sensor != ReceiverFigures::FIX;
+    needed.into_iter().filter(is_needed).find_map(|(sensor, fix)| {
         let topic = ReceiverFigures::TOPICS[sensor];
         let (rate, scheduled) = (figures.rates[sensor], scheduled[sensor]);
         let age = seconds(elapsed_ns.saturating_sub(figures.arrived_ns[sensor]));
@@ -106,7 +109,7 @@ mod tests {
         };
         let mut figures = good();
         spoil(&mut figures);
-        failure(&stated, &[250.0, 10.0, 25.0, 50.0], &figures, NOW_NS)
+        failure(&stated, &[250.0, 10.0, 25.0, 50.0], &figures, NOW_NS, true)
     }
 
     #[test]
