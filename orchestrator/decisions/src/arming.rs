@@ -209,8 +209,12 @@ fn off_the_place(scenario: &Scenario, state: &VehicleState) -> Option<String> {
         return None;
     }
     let side = if z > 0.0 { "below" } else { "above" };
+    let by = match scenario.fuses_poses() {
+        Some(true) => "poses and fixes",
+        _ => "the fixes",
+    };
     Some(format!(
-        "by the fixes the vehicle is {across:.1} m beside and {:.1} m {side} `vehicle.initial.position`, and {across_limit} m and \
+        "by {by} the vehicle is {across:.1} m beside and {:.1} m {side} `vehicle.initial.position`, and {across_limit} m and \
          {up_limit:.1} m are permitted: correct `[datum]` (`height` is above the ellipsoid, not above the sea), carry the vehicle to \
          its place, or state `vehicle.initial.position`",
         z.abs()

@@ -101,11 +101,12 @@ pub fn unsimulated_poses(scenario: &Scenario) -> Option<String> {
         );
     }
     if scenario.real_receivers().is_some() {
-        return Some(
-            "receivers measure a real vehicle, in real time only; fly with --host realtime, or with --set receivers.sources=[], or \
+        let cameras = scenario.capture_system();
+        let and = cameras.map_or("", |_| " --set motion_capture.source=simulated");
+        return Some(format!(
+            "receivers measure a real vehicle, in real time only; fly with --host realtime, or with --set receivers.sources=[]{and}, or \
              look at what comes with `gerono gnss probe`"
-                .to_owned(),
-        );
+        ));
     }
     let name = scenario.capture_system()?.0.name();
     Some(format!(

@@ -314,9 +314,12 @@ impl FlightSummary {
                 .flight
                 .as_ref()
                 .map(|_| Box::new(ResponseWatch::new(scenario))),
-            cameras: scenario
-                .capture_system()
-                .map(|_| Box::new(CameraWatch::new(scenario.flight.is_some()))),
+            cameras: scenario.capture_system().map(|_| {
+                Box::new(CameraWatch::new(
+                    scenario.flight.is_some(),
+                    scenario.navigation.is_some(),
+                ))
+            }),
             battery: None,
             innovations: scenario
                 .navigation

@@ -460,6 +460,7 @@ mod tests {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
         let outdoors = [
             ("indoor_outdoor", "0.5"),
+            ("laboratory_indoor_outdoor", "0.5"),
             ("laboratory_outdoor", "0.5"),
             ("outdoor_50m", "0.5"),
             ("outdoor_events", "3"),

@@ -40,6 +40,8 @@ pub struct LateCameras {
 pub(super) struct CameraWatch {
     /// `true` from take-off until touch-down; always in a flight without phases.
     is_airborne: bool,
+    /// `true` in a flight that leaves the cameras' sight, in which pauses are no lateness.
+    leaves_sight: bool,
     /// `true` from the first pose on: before it nothing is missing.
     has_begun: bool,
     /// Tick of the previous sample, ns.
@@ -54,10 +56,11 @@ pub(super) struct CameraWatch {
 }
 
 impl CameraWatch {
-    /// Makes the watch over a flight with phases, or without.
-    pub(super) fn new(has_phases: bool) -> Self {
+    /// Makes the watch over a flight with phases, or without, that leaves the cameras' sight or not.
+    pub(super) fn new(has_phases: bool, leaves_sight: bool) -> Self {
         Self {
             is_airborne: !has_phases,
+            leaves_sight,
             has_begun: false,
             previous_ns: None,
             period_ns: u64::MAX,
@@ -89,7 +92,7 @@ impl CameraWatch {
             return;
         }
         if !pose.tracked.is_set() {
-            if self.has_begun {
+            if self.has_begun && !self.leaves_sight {
                 self.pause_ns += since_ns.min(self.period_ns);
                 self.longest_pause_ns = self.longest_pause_ns.max(self.pause_ns);
             }
@@ -179,7 +182,7 @@ mod tests {
         left_out: impl Fn(u64) -> bool,
         age_of: impl Fn(u64) -> u64,
     ) -> Option<LateCameras> {
-        let mut watch = CameraWatch::new(!phases.is_empty());
+        let mut watch = CameraWatch::new(!phases.is_empty(), false);
         let mut coming: Vec<[u64; 2]> = (0..100)
             .map(|index| [10 * index, 10 * index + age_of(10 * index)])
             .collect();

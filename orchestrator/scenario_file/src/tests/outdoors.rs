@@ -1,7 +1,7 @@
 //! Flight outdoors: its times, and the receivers of a real vehicle.
 
 use scenario::{Fault, FaultKind};
-use shared_types::Topic;
+use shared_types::{ServiceId, Topic};
 
 use super::*;
 
@@ -25,6 +25,9 @@ fn refused(name: &str, sets: &[&str], pieces: &[&str]) {
 
 /// Flight by the packets of receivers.
 const RECEIVERS: &str = "laboratory_outdoor";
+
+/// Flight by the poses of cameras and the packets of receivers.
+const HALL: &str = "laboratory_indoor_outdoor";
 
 #[test]
 fn times_of_a_topic_on_which_nothing_is_published_are_refused() {
@@ -126,11 +129,69 @@ fn real_samples_are_in_time_for_the_filter_or_refused() {
         &["navigation.horizon", late, "raise it to 0.204"],
     );
     assert!(load_text(&shipped(RECEIVERS), &["navigation.horizon=0.204"]).is_ok());
-    let fix = "it is 0.25 at most: let the receiver send sooner (`receivers.fix_latency`), or more often (`schedule.period.\"gnss/fix\"`)";
+    let fix = "it is 0.25 at most: let the sender send sooner (`receivers.fix_latency`), or more often (`schedule.period.\"gnss/fix\"`)";
     refused(
         RECEIVERS,
         &["receivers.fix_latency=0.2"],
         &["navigation.horizon", "late by 0.2 s", fix],
+    );
+}
+
+#[test]
+fn cameras_and_receivers_of_a_flight_are_both_real_or_both_simulated() {
+    let [no_receivers, no_cameras] = ["receivers.sources=[]", "motion_capture.source=simulated"];
+    let real = load_text(&shipped(HALL), &[]).unwrap();
+    assert_eq!(real.process_name(ServiceId::Plant), "receivers");
+    assert_eq!(real.schedule().unwrap().sample_count(Topic::VehicleTruth), 0);
+    let simulated = load_text(&shipped(HALL), &[no_receivers, no_cameras]).unwrap();
+    assert!(simulated.schedule().unwrap().simulates_the_world());
+    let pieces = [
+        "motion_capture.source",
+        "other sensors are simulated",
+        "state `receivers.sources`",
+    ];
+    refused(HALL, &[no_receivers], &pieces);
+    let pieces = [
+        "navigation.poses",
+        "no real cameras send poses",
+        "state `motion_capture.source`",
+    ];
+    refused(HALL, &[no_cameras], &pieces);
+    let cameras = "motion_capture={source='vrpn', server='127.0.0.1', object='quad'}";
+    let pieces = [
+        "motion_capture",
+        "it uses no cameras without `[navigation.poses]`",
+    ];
+    refused(RECEIVERS, &[cameras], &pieces);
+}
+
+#[test]
+fn real_poses_are_in_time_for_the_filter_or_refused() {
+    refused(
+        HALL,
+        &["schedule.latency.\"mocap/pose -> estimator\"=0.008"],
+        &["are late by themselves", "state `motion_capture.latency`"],
+    );
+    let late = "samples of `mocap/pose` are late by 0.21 s and wait for up to 0.02 s";
+    refused(
+        HALL,
+        &["motion_capture.latency=0.21"],
+        &["navigation.horizon", late, "raise it to 0.234"],
+    );
+    // Between two captures the newest sample has none.
+    let fast = [
+        "schedule.period.\"mocap/pose\"=0.003",
+        "schedule.period.\"gnss/fix\"=0.02",
+        "receivers.fix_latency=0.0",
+        "navigation.horizon=0.045",
+    ];
+    refused(
+        HALL,
+        &fast,
+        &[
+            "would miss samples of `mocap/pose`",
+            "or `mocap/pose` one of 0.004",
+        ],
     );
 }
 

@@ -13,13 +13,19 @@ impl Scenario {
         };
         let at = Key::root().then("motion_capture");
         section.check(&at, found);
-        if !section.source.is_simulated() && self.estimator.is_none() {
-            found.add(
-                at.then("source"),
+        let (reason, fix) = match self.navigation {
+            _ if section.source.is_simulated() => return,
+            None if self.estimator.is_none() => (
                 "these cameras do not measure velocities, and there is no estimator",
                 "add `[estimator.kalman]`, or leave `source` out",
-            );
-        }
+            ),
+            Some(_) if self.real_receivers().is_none() => (
+                "these cameras see a real vehicle, and the other sensors are simulated",
+                "state `receivers.sources`, or leave `source` out",
+            ),
+            _ => return,
+        };
+        found.add(at.then("source"), reason, fix);
     }
 }
 

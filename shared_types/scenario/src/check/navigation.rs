@@ -81,11 +81,16 @@ impl Scenario {
                 "add `[sensors]`, which may be empty, or leave `[navigation]` out",
             );
         };
-        let sees = self.cameras.is_some() && navigation.poses.is_none();
+        let without = "cameras without `[navigation.poses]`";
+        let is_unused = |is_stated| is_stated && navigation.poses.is_none();
         let sections = [
             ("estimator", self.estimator.is_some(), "other"),
-            ("cameras", sees, "cameras without `[navigation.poses]`"),
-            ("motion_capture", self.motion_capture.is_some(), "real cameras"),
+            ("cameras", is_unused(self.cameras.is_some()), without),
+            (
+                "motion_capture",
+                is_unused(self.motion_capture.is_some()),
+                without,
+            ),
         ];
         for (section, _, what) in sections.into_iter().filter(|(_, is_stated, _)| *is_stated) {
             found.add(
@@ -160,11 +165,17 @@ impl Scenario {
             );
         }
         let estimator = seconds(schedule.time_ns(schedule.service_rate(ServiceId::Estimator).period));
-        if estimator > imu {
+        // Between the captures of real cameras `mocap/pose` has no pose.
+        let real_poses = real
+            .filter(|_| self.fuses_poses() == Some(true))
+            .map(|_| Topic::MocapPose);
+        let missed = |topic: &Topic| estimator > period_of(*topic);
+        if let Some(topic) = [Topic::ImuSample].into_iter().chain(real_poses).find(missed) {
+            let period = period_of(topic);
             found.add(
                 Key::root().then("schedule").then("period").then(ServiceId::Estimator.name()),
-                format!("it would miss samples of `imu/sample`, which come every {imu:?} s: a step reads the newest only"),
-                format!("give it a period of {imu:?} or less, or `imu/sample` one of {estimator:?}"),
+                format!("it would miss samples of `{topic}`, which come every {period:?} s: a step reads the newest only"),
+                format!("give it a period of {period:?} or less, or `{topic}` one of {estimator:?}"),
             );
         }
         // A pose waits as a position and an attitude.
@@ -191,15 +202,22 @@ impl Scenario {
         others.dedup();
         for topic in others {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
-            let real = self.real_receivers().map(|receivers| receivers.latency_of(topic));
+            let (stated, of_cameras) = match topic {
+                Topic::MocapPose => ("motion_capture.latency", Some(seconds(self.capture_latency_ns()))),
+                Topic::GnssFix => ("receivers.fix_latency", None),
+                _ => ("receivers.latency", None),
+            };
+            let real = real.map(|receivers| of_cameras.unwrap_or(receivers.latency_of(topic)));
             let cameras = self.cameras.as_ref().filter(|_| topic == Topic::MocapPose);
             let jitter = cameras.map_or(0.0, |cameras| cameras.jitter);
             if real.is_some() && simulated > 0.0 {
                 let edge = format!("{topic} -> estimator");
                 found.add(
                     Key::root().then("schedule").then("latency").then(edge.as_str()),
-                    format!("samples of real receivers are late by themselves, and would be held back for {simulated:?} s"),
-                    "leave it out, and state `receivers.latency` and `receivers.fix_latency`",
+                    format!(
+                        "real samples are late by themselves, and would be held back for {simulated:?} s"
+                    ),
+                    format!("leave it out, and state `{stated}`"),
                 );
                 continue;
             }
@@ -211,7 +229,7 @@ impl Scenario {
                     _ if needed <= LONGEST_HORIZON => format!("raise it to {} or more", six_digits(needed)),
                     None => format!("it is {LONGEST_HORIZON} at most: lower `schedule.latency` of the input"),
                     Some(_) => format!(
-                        "it is {LONGEST_HORIZON} at most: let the receiver send sooner (`receivers.fix_latency`), or more often \
+                        "it is {LONGEST_HORIZON} at most: let the sender send sooner (`{stated}`), or more often \
                          (`schedule.period.\"{topic}\"`)"
                     ),
                 };

@@ -15,11 +15,14 @@ impl Scenario {
                 "add `[navigation]`, which may be empty, or leave `[receivers]` out",
             );
         }
-        if self.real_receivers().is_some() && self.fuses_poses() == Some(true) {
+        if self.real_receivers().is_some()
+            && self.fuses_poses() == Some(true)
+            && self.capture_system().is_none()
+        {
             found.add(
                 Key::root().then("navigation").then("poses"),
-                "no cameras are read beside real receivers",
-                "leave it out, or `receivers.sources` for a simulated vehicle",
+                "the receivers are real, and no real cameras send poses",
+                "state `motion_capture.source`, or leave it out, or `receivers.sources` for a simulated vehicle",
             );
         }
         let key = at.then("sources");
