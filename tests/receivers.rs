@@ -10,19 +10,25 @@ use common::pilot::{ask, comes_to_the_path};
 use common::ports::free_port;
 use common::processes::signal;
 use common::world::{World, arguments_of, kept_time, samples};
-use common::{Place, begin, complaint, finish, output, said, succeed, until};
+use common::{Begun, Place, begin, complaint, finish, output, said, succeed, until};
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::ServiceId;
-use shared_types::samples::{GnssFix, ImuSample, VehicleTruth};
+use shared_types::samples::{GnssFix, ImuSample, MocapPose, PathReference, VehicleState, VehicleTruth};
 
 const OUTDOOR: &str = "laboratory_outdoor";
+
+/// In and out of a hall with cameras.
+const HALL: &str = "laboratory_indoor_outdoor";
 
 /// Time for which the vehicle flies on the path, s, before and after the death of the driver.
 const FLOWN: f64 = 6.0;
 
 /// Largest distance of the estimate's flight from the path, root mean square, m: RTK in steps of 11 mm, in gusts.
 const ASTRAY: f64 = 0.1;
+
+/// Age of the last inertial sample after which the vehicle may be lost, ns: half of that at which it is.
+const UNMEASURED_NS: u64 = 50_000_000;
 
 /// Ports of this test's own, and an operator who does not dawdle.
 fn settings() -> Vec<String> {
@@ -55,17 +61,30 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
             shown.packets > 1000 && shown.rates.iter().all(|rate| *rate > 1.0),
             "{shown:?}"
         );
-        let driver = || Some(place.look()?.services.swap_remove(ServiceId::Plant.index()));
-        let before = ask("the driver", driver).pid;
-        signal(before, Signal::KILL);
-        ask("its successor", || {
-            driver().filter(|service| service.flies && service.pid != before)
-        });
+        kill_driver(place);
         wait();
-        flies = place
-            .look()
-            .is_some_and(|snapshot| snapshot.phase.as_deref() == Some("fly"));
+        flies = is_on_the_path(place);
     }
+    landed(place, flies, run, simulated, world)
+}
+
+/// Kills the driver, and waits for its successor.
+fn kill_driver(place: &Place) {
+    let driver = || Some(place.look()?.services.swap_remove(ServiceId::Plant.index()));
+    let before = ask("the driver", driver).pid;
+    signal(before, Signal::KILL);
+    ask("its successor", || {
+        driver().filter(|service| service.flies && service.pid != before)
+    });
+}
+
+fn is_on_the_path(place: &Place) -> bool {
+    let phase = || place.look()?.phase;
+    phase().as_deref() == Some("fly")
+}
+
+/// Ends a flight. Returns whether it flew and landed; the machine may have prevented it.
+fn landed(place: &Place, flies: bool, run: Begun, simulated: World, world: &str) -> bool {
     place.gerono(&["stop"]).output().unwrap();
     let ended = finish(run);
     simulated.end();
@@ -78,22 +97,136 @@ fn flown(place: &Place, flight: &str, world: &str) -> bool {
     flew
 }
 
-#[test]
-fn a_vehicle_outdoors_flies_by_the_packets_of_a_receiver_and_an_autopilot() {
-    let place = Place::in_real_time();
+/// Flies from the hall through its gate, where the driver dies, and back into the hall. Returns whether the machine let it.
+fn flown_through_the_gate(place: &Place, flight: &str, world: &str) -> bool {
+    let mut settings = settings();
+    settings.push(format!("motion_capture.port={}", free_port()));
+    let simulated = World::begin_of(HALL, place, &settings, &["--out", world]);
+    until("the world", || place.path(world).exists().then_some(()));
+    let run = ["--host", "realtime", "--out", flight];
+    let run = begin(&mut place.gerono(&arguments_of(HALL, "run", &settings, &run)));
+    let mut flies = comes_to_the_path(place);
+    // What does not see the vehicle says so.
+    let mut goes = |what: &str, is_outside: bool| {
+        flies = flies
+            && ask(what, || {
+                let snapshot = place.look()?;
+                let (cameras, receivers) = (snapshot.cameras?, snapshot.receivers?);
+                let is_there =
+                    cameras.trouble.is_some() == is_outside && receivers.trouble.is_none() == is_outside;
+                let is_over = snapshot.phase.as_deref() != Some("fly");
+                (is_there || is_over).then_some(!is_over)
+            });
+        flies
+    };
+    if goes("the way out", true) {
+        kill_driver(place);
+    }
+    goes("the way back", false);
+    let flies = flies && is_on_the_path(place);
+    landed(place, flies, run, simulated, world)
+}
+
+/// Returns the names of the flight that the machine let fly, and of its world.
+fn first_flown(place: &Place, fly: impl Fn(&Place, &str, &str) -> bool) -> [String; 2] {
     let names =
         ["1", "2", "3", "4", "5"].map(|attempt| [format!("flight{attempt}"), format!("world{attempt}")]);
-    let flown = names.iter().find(|[flight, world]| flown(&place, flight, world));
-    let [flight, world] = flown.expect("the machine stands still in every flight");
+    let flown = names
+        .into_iter()
+        .find(|[flight, world]| fly(place, flight, world));
+    flown.expect("the machine stands still in every flight")
+}
 
-    let compared = ["truth", flight, "--world", world, "--last", "5", "--json"];
+/// Returns the distance of the true vehicle from the path in the last of the parts that are compared, root mean square, m.
+fn from_the_path(place: &Place, flight: &str, world: &str, more: &[&str]) -> f64 {
+    let compared = [&["truth", flight, "--world", world, "--json"], more].concat();
     let compared = succeed(&mut place.gerono(&compared));
     let truth: Value = serde_json::from_slice(&compared.stdout).unwrap();
     let parts = truth["parts"].as_array().unwrap();
     let last = parts.iter().find(|part| part["name"] == "last").unwrap();
     let rmse = last["rmse"].as_f64().unwrap();
     println!("{rmse} m from the path");
-    assert!(rmse < ASTRAY, "{truth:#}");
+    rmse
+}
+
+#[test]
+fn a_vehicle_flies_out_of_a_hall_with_cameras_and_back_by_poses_and_fixes() {
+    let place = Place::in_real_time();
+    let [flight, world] = &first_flown(&place, flown_through_the_gate);
+    let log = place.log(flight);
+    let fixes: Vec<GnssFix> = samples(&log);
+    let fix = fixes.iter().find(|fix| fix.measured.is_set()).unwrap();
+    let references: Vec<PathReference> = samples(&log);
+    let airborne = references
+        .iter()
+        .find(|reference| reference.airborne.is_set())
+        .unwrap();
+    assert!(
+        airborne.header.stamp_ns + 1_000_000_000 < fix.header.stamp_ns,
+        "no fix before the gate"
+    );
+    let (mut seconds_seen, mut last_ns) = ([0.0; 2], 0);
+    let poses: Vec<MocapPose> = samples(&log);
+    for pose in poses.iter().filter(|pose| pose.tracked.is_set()) {
+        seconds_seen[usize::from(pose.header.stamp_ns > fix.header.stamp_ns)] += 0.02;
+        last_ns = pose.header.stamp_ns;
+        assert!(pose.capture_time_ns < pose.header.stamp_ns);
+    }
+    assert!(seconds_seen[0] > 5.0 && seconds_seen[1] > 1.0, "{seconds_seen:?}");
+    let last_fix = fixes.iter().rfind(|fix| fix.measured.is_set()).unwrap();
+    assert!(last_fix.header.stamp_ns < last_ns, "it is back");
+    let states: Vec<VehicleState> = samples(&log);
+    let flown = states
+        .iter()
+        .skip_while(|state| state.header.stamp_ns < airborne.header.stamp_ns);
+    // It is lost only while nobody measures its motion: between the driver and its successor.
+    let inertial: Vec<ImuSample> = samples(&log);
+    let measured = inertial.iter().filter(|sample| sample.measured.is_set());
+    let measured: Vec<u64> = measured.map(|sample| sample.header.stamp_ns).collect();
+    let lost: Vec<u64> = flown
+        .clone()
+        .filter(|state| !state.tracked.is_set())
+        .map(|state| state.header.stamp_ns)
+        .collect();
+    for at_ns in &lost {
+        let before = measured.partition_point(|stamp_ns| stamp_ns <= at_ns);
+        let age_ns = at_ns - before.checked_sub(1).map_or(0, |newest| measured[newest]);
+        assert!(
+            age_ns > UNMEASURED_NS,
+            "lost at {at_ns} ns, {age_ns} ns after a sample"
+        );
+    }
+    println!("lost for {} of {} states", lost.len(), flown.clone().count());
+    assert!(flown.clone().count() > 10 * lost.len());
+    let farthest = flown
+        .map(|state| state.position_world[0])
+        .fold(f64::NEG_INFINITY, f64::max);
+    assert!(farthest > 6.0, "{farthest} m from the gate");
+
+    assert!(from_the_path(&place, flight, world, &[]) < ASTRAY);
+    let truths = samples::<VehicleTruth>(&place.log(world));
+    assert_eq!(
+        truths.last().map(|truth| truth.position_world[2]),
+        Some(0.0),
+        "it has landed"
+    );
+    let report = &place.summary(flight)["laboratory"];
+    assert!(
+        report["motion_capture"]["believed"].as_u64() > Some(500),
+        "{report:#}"
+    );
+    assert!(
+        report["receivers"]["samples"]["fixes"].as_u64() > Some(20),
+        "{report:#}"
+    );
+}
+
+#[test]
+fn a_vehicle_outdoors_flies_by_the_packets_of_a_receiver_and_an_autopilot() {
+    let place = Place::in_real_time();
+    let [flight, world] = &first_flown(&place, flown);
+
+    assert!(from_the_path(&place, flight, world, &["--last", "5"]) < ASTRAY);
 
     let truths = samples::<VehicleTruth>(&place.log(world));
     let height = |truth: &VehicleTruth| -truth.position_world[2];

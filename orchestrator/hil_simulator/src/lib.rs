@@ -1,4 +1,4 @@
-//! Hardware-in-the-loop simulator of a scenario: vehicle, cameras or navigation receivers, and radio receiver in one process, connected to the flight by
+//! Hardware-in-the-loop simulator of a scenario: vehicle, cameras, navigation receivers or both, and radio receiver in one process, connected to the flight by
 //! the network and a radio link.
 //!
 //! ```text
@@ -101,46 +101,54 @@ pub struct HilReport {
     pub signal: Option<i32>,
 }
 
-/// What measures the vehicle.
+/// What measures the vehicle: cameras, receivers, or both.
 #[derive(Debug)]
-pub enum Sensing {
+pub struct Sensing {
     /// Cameras.
-    Cameras(Box<CameraSender>),
+    pub cameras: Option<Box<CameraSender>>,
     /// A satellite receiver and an autopilot.
-    Receivers(Box<ReceiverSender>),
+    pub receivers: Option<Box<ReceiverSender>>,
 }
 
 impl Sensing {
     fn captures_at(&self, tick: u64) -> bool {
-        matches!(self, Self::Cameras(cameras) if cameras.captures_at(tick))
+        self.cameras
+            .as_ref()
+            .is_some_and(|cameras| cameras.captures_at(tick))
     }
 
     fn due_ns(&self) -> u64 {
-        match self {
-            Self::Cameras(cameras) => cameras.due_ns(),
-            Self::Receivers(receivers) => receivers.due_ns(),
-        }
+        let cameras = self.cameras.as_ref().map_or(u64::MAX, |cameras| cameras.due_ns());
+        let receivers = self
+            .receivers
+            .as_ref()
+            .map_or(u64::MAX, |receivers| receivers.due_ns());
+        cameras.min(receivers)
     }
 
     fn send(&mut self, now_ns: u64) {
-        match self {
-            Self::Cameras(cameras) => cameras.send(now_ns),
-            Self::Receivers(receivers) => receivers.send(now_ns),
+        if let Some(cameras) = &mut self.cameras {
+            cameras.send(now_ns);
+        }
+        if let Some(receivers) = &mut self.receivers {
+            receivers.send(now_ns);
         }
     }
 
     fn late(&self) -> LateCaptures {
-        match self {
-            Self::Cameras(cameras) => cameras.late(),
-            Self::Receivers(receivers) => receivers.late(),
+        let cameras = self.cameras.as_ref().map(|cameras| cameras.late());
+        let receivers = self.receivers.as_ref().map(|receivers| receivers.late());
+        let [cameras, receivers] = [cameras, receivers].map(Option::unwrap_or_default);
+        LateCaptures {
+            count: cameras.count + receivers.count,
+            worst_ns: cameras.worst_ns.max(receivers.worst_ns),
         }
     }
 
     fn sent(&self) -> u64 {
-        match self {
-            Self::Cameras(cameras) => cameras.sent(),
-            Self::Receivers(receivers) => receivers.sent(),
-        }
+        let cameras = self.cameras.as_ref().map_or(0, |cameras| cameras.sent());
+        let receivers = self.receivers.as_ref().map_or(0, |receivers| receivers.sent());
+        cameras + receivers
     }
 }
 
@@ -261,14 +269,12 @@ impl HilSimulator {
         if let Some(voltage) = battery.and_then(|battery| battery.advance(&truth, self.clock.tick_ns)) {
             self.onboard.report_battery(voltage);
         }
-        match (&mut self.sensing, &pose) {
-            (Sensing::Cameras(cameras), Some(pose)) => {
-                cameras.schedule(pose, self.clock.start_ns + pose.capture_time_ns);
-            }
-            (Sensing::Cameras(_), None) => {}
-            (Sensing::Receivers(receivers), _) => {
-                receivers.schedule(&measured, begins_ns, self.clock.start_ns);
-            }
+        let Sensing { cameras, receivers } = &mut self.sensing;
+        if let (Some(cameras), Some(pose)) = (cameras, &pose) {
+            cameras.schedule(pose, self.clock.start_ns + pose.capture_time_ns);
+        }
+        if let Some(receivers) = receivers {
+            receivers.schedule(&measured, begins_ns, self.clock.start_ns);
         }
         self.record.push(RecordedTick { truth, pose, frame });
     }

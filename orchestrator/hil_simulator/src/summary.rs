@@ -27,30 +27,34 @@ pub fn introduction(scenario: &Scenario, timing: &Timing, is_betaflight: bool) -
             1e3 * radio_latency
         )
     };
-    let sensing = match (scenario.real_receivers(), scenario.capture_system()) {
-        (Some(receivers), _) => format!(
-            "receivers: NAV-PVT {:.1} ms after a fix, HIGHRES_IMU after {:.1} ms, to {}",
+    let receivers = scenario.real_receivers().map(|receivers| {
+        format!(
+            "receivers: NAV-PVT {:.1} ms after a fix, HIGHRES_IMU after {:.1} ms, to {}\n",
             1e3 * receivers.fix_latency,
             1e3 * receivers.latency,
             receivers.sources.join(", ")
-        ),
-        (None, system) => format!(
-            "cameras: `{}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure",
-            system.map_or("", |(system, _)| system.name()),
+        )
+    });
+    let cameras = scenario.capture_system().map(|(system, _)| {
+        format!(
+            "cameras: `{}`, {capture_rate:.1} poses per second, {:.1} ms after their exposure\n",
+            system.name(),
             1e3 * capture_latency
-        ),
-    };
+        )
+    });
+    let [cameras, receivers] = [cameras, receivers].map(Option::unwrap_or_default);
     format!(
-        "{sensing}\n{onboard}\nthe simulation starts now; fly with the same settings, and end it with Ctrl-C\n"
+        "{cameras}{receivers}{onboard}\nthe simulation starts now; fly with the same settings, and end it with Ctrl-C\n"
     )
 }
 
 /// Returns the warning at the first pose, or packet of receivers, that is sent late.
 #[must_use]
 pub fn warning(scenario: &Scenario, late: LateCaptures, is_fifo: bool) -> String {
-    let what = match scenario.real_receivers() {
-        Some(_) => "receivers are late: a packet",
-        None => "cameras are late: a pose",
+    let what = match (scenario.capture_system(), scenario.real_receivers()) {
+        (Some(_), Some(_)) => "cameras or receivers are late: a pose or packet",
+        (None, Some(_)) => "receivers are late: a packet",
+        (_, None) => "cameras are late: a pose",
     };
     let remedy = if is_fifo {
         "give the simulator a core of its own (`taskset`)"

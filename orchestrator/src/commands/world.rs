@@ -40,7 +40,12 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         capture_latency: arguments.capture_latency.unwrap_or(nominal.capture_latency),
         radio_latency: arguments.radio_latency.unwrap_or(nominal.radio_latency),
     };
-    let sensing = sensing(arguments, &scenario, &timing)?;
+    let mut seen = scenario.clone();
+    if arguments.by_hand && seen.capture_system().is_some() {
+        // Receivers do not measure what a hand moves.
+        seen.receivers = None;
+    }
+    let sensing = sensing(arguments, &seen, &timing)?;
     let onboard = onboard(arguments, &scenario, &timing)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
     let name = format!("{}-world", scenario_name(&arguments.scenario.scenario));
@@ -62,7 +67,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
         return Err(failure);
     }
     if !arguments.quiet {
-        print(summary::introduction(&scenario, &timing, arguments.betaflight));
+        print(summary::introduction(&seen, &timing, arguments.betaflight));
     }
     let ticks = arguments
         .seconds
@@ -74,7 +79,7 @@ pub fn world(arguments: &Arguments) -> Result<Exit, Failure> {
     };
     let warn = |late| {
         if !arguments.quiet {
-            note(summary::warning(&scenario, late, arguments.fifo));
+            note(summary::warning(&seen, late, arguments.fifo));
         }
     };
     let report = world.run(ticks, &interrupt, warn);
@@ -101,19 +106,22 @@ fn use_fifo() -> Result<(), Failure> {
 }
 
 fn sensing(arguments: &Arguments, scenario: &Scenario, timing: &Timing) -> Result<Sensing, Failure> {
-    let Some(receivers) = scenario.real_receivers() else {
-        return Ok(Sensing::Cameras(Box::new(cameras(scenario, timing)?)));
-    };
-    if arguments.by_hand {
+    let receivers = scenario.real_receivers();
+    if arguments.by_hand && receivers.is_some() {
         return Err(Failure::bad_input(
             "only the poses of cameras are moved by hand; leave out --by-hand",
         ));
     }
-    let opened = ReceiverSender::open(scenario, receivers).map_err(|error| match error {
+    let cameras = match receivers {
+        Some(_) if scenario.capture_system().is_none() => None,
+        _ => Some(Box::new(cameras(scenario, timing)?)),
+    };
+    let receivers = receivers.map(|stated| ReceiverSender::open(scenario, stated).map(Box::new));
+    let receivers = receivers.transpose().map_err(|error| match error {
         ReceiversError::Socket(_) => Failure::trouble(error),
         _ => Failure::bad_input(error),
     })?;
-    Ok(Sensing::Receivers(Box::new(opened)))
+    Ok(Sensing { cameras, receivers })
 }
 
 fn cameras(scenario: &Scenario, timing: &Timing) -> Result<CameraSender, Failure> {
