@@ -37,6 +37,8 @@ pub enum Stream {
     Magnetometer = 12,
     /// What sensors have from being switched on; the number of the sensor is the tick.
     SensorTurnOn = 13,
+    /// Errors of the baselines of two antennas.
+    GnssBaseline = 14,
     /// Lost samples of an edge; the index of the edge is added.
     EdgeLoss = 0x100,
     /// Random contents of the samples of an edge; the index of the edge is added.

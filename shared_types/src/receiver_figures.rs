@@ -18,7 +18,7 @@ crate::sample! {
         pub packets: u64,
         /// Packets with a wrong checksum, length or value.
         pub refused: u64,
-        /// Fixes without a position in three dimensions.
+        /// Fixes without a position in three dimensions, and baselines without one.
         pub without_position: u64,
         /// Packets with an impossible time.
         pub mistimed: u64,

@@ -395,6 +395,48 @@ crate::sample! {
         /// Explicit padding.
         pub pad0: [u8; 6],
     }
+
+    /// Baseline of a receiver with two antennas, from the main one to the second.
+    pub struct GnssBaseline {
+        /// Common header.
+        pub header: Header,
+        /// Time at which the baseline is valid, ns since the start of the flight.
+        pub valid_ns: u64,
+        /// Baseline to the north, to the east and downwards, m.
+        pub baseline_ned: [f64; 3],
+        /// Its standard deviations, as reported, m.
+        pub accuracies_ned: [f64; 3],
+        /// `true` if the numbers of carrier waves are known; else it is too inaccurate to be used.
+        pub fixed: Flag,
+        /// `true` if there is a baseline; if not, all else is zero.
+        pub measured: Flag,
+        /// Explicit padding.
+        pub pad0: [u8; 6],
+    }
+
+    /// Innovations of the baselines that inertial navigation fuses: the last, and what became of them.
+    pub struct BaselineInnovations {
+        /// Common header.
+        pub header: Header,
+        /// Time of validity of the last baseline, ns since the start of the flight; 0 for none.
+        pub valid_ns: [u64; 1],
+        /// Its innovation in {I}, m.
+        pub innovations: [f64; 3],
+        /// Its predicted variances.
+        pub variances: [f64; 3],
+        /// Its normalised square: χ² of three degrees of freedom.
+        pub normalised_squares: [f64; 1],
+        /// Baselines fused since the start of the flight.
+        pub fused: [u32; 1],
+        /// Baselines beyond the gate since the start of the flight.
+        pub refused: [u32; 1],
+        /// Baselines that were late, from the future, not finite, or too many, since the start of the flight.
+        pub unusable: [u32; 1],
+        /// `true` if the last baseline was within the gate.
+        pub accepted: [Flag; 1],
+        /// Explicit padding.
+        pub pad0: [u8; 3],
+    }
 }
 
 impl MocapPose {

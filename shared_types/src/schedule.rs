@@ -125,7 +125,7 @@ const SERVICES: usize = ServiceId::ALL.len();
 const TOPICS: usize = Topic::ALL.len();
 
 /// Largest number of inputs or outputs of a service.
-pub const MAX_PORTS: usize = 6;
+pub const MAX_PORTS: usize = 7;
 
 const _: () = {
     let mut service = 0;
@@ -154,6 +154,7 @@ pub struct Schedule {
     has_sensors: bool,
     has_captures: bool,
     fuses_poses: bool,
+    has_baseline: bool,
 }
 
 impl Schedule {
@@ -185,6 +186,7 @@ impl Schedule {
             has_sensors: false,
             has_captures: true,
             fuses_poses: false,
+            has_baseline: false,
         };
         for topic in Topic::ALL {
             if let Some(publisher) = topic.publisher()
@@ -256,13 +258,22 @@ impl Schedule {
         self
     }
 
+    /// Returns the same schedule with a receiver of two antennas, whose baselines inertial navigation fuses.
+    #[must_use]
+    pub fn with_baseline(mut self) -> Self {
+        self.has_baseline = true;
+        self
+    }
+
     /// Returns whether the flight has a topic: telemetry exists only if the scenario names its values, samples of sensors only
-    /// if it states sensors, and innovations of poses only if inertial navigation fuses them.
+    /// if it states sensors, and poses and baselines with their innovations only if inertial navigation fuses them.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => self.has_telemetry,
-            Topic::PoseInnovations => self.fuses_poses,
+            // A missing output is the last of its service.
+            Topic::PoseInnovations => self.fuses_poses || self.has_baseline,
+            Topic::GnssBaseline | Topic::BaselineInnovations => self.has_baseline,
             topic if topic.is_of_flight_outdoors() => self.has_sensors,
             _ => true,
         }

@@ -8,9 +8,9 @@ use std::ops::Range;
 use crate::ports::{Input, InputView, Inputs, Output, OutputSlot, Outputs, SampleKind};
 use crate::sample::{Header, Member, Sample, layout_hash, msg_definition};
 use crate::samples::{
-    BaroAltitude, ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry, GnssFix, ImuSample,
-    MagField, MocapPose, NavigationInnovations, PathReference, PoseInnovations, RcFrame, RunEvent,
-    VehicleState, VehicleTruth,
+    BaroAltitude, BaselineInnovations, ControlAdaptation, ControlCommand, ControlErrors, ControlTelemetry,
+    GnssBaseline, GnssFix, ImuSample, MagField, MocapPose, NavigationInnovations, PathReference,
+    PoseInnovations, RcFrame, RunEvent, VehicleState, VehicleTruth,
 };
 
 /// Set of external services: for each service in the order of the wiring table, whether a program replaces it.
@@ -149,6 +149,8 @@ impl Topic {
                 | Self::MagField
                 | Self::NavigationInnovations
                 | Self::PoseInnovations
+                | Self::GnssBaseline
+                | Self::BaselineInnovations
         )
     }
 
@@ -387,8 +389,13 @@ wiring! {
         MagField = "mag/field";
         /// The innovations of inertial navigation; all zero without it.
         NavigationInnovations = "navigation/innovations";
-        /// The innovations of the poses that inertial navigation fuses; only where the scenario lets it.
+        /// The innovations of the poses that inertial navigation fuses; only where the scenario lets it, or states two antennas: then
+        /// all zero without poses.
         PoseInnovations = "navigation/poses";
+        /// The baselines of two antennas; as the next, only where inertial navigation is told of them.
+        GnssBaseline = "gnss/baseline";
+        /// The innovations of these baselines.
+        BaselineInnovations = "navigation/baseline";
     }
     services {
         /// Rigid body, actuators, disturbances and the simulated cameras and sensors.
@@ -396,17 +403,18 @@ wiring! {
             PlantInputs { frame: RcFrame after 1 }
             PlantOutputs {
                 truth: VehicleTruth, pose: MocapPose, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
-                field: MagField
+                field: MagField, baseline: GnssBaseline
             }
         }
         /// Motion-capture feed and state estimator.
         Estimator = estimator {
             EstimatorInputs {
                 pose: MocapPose, frame: RcFrame after 1, imu: ImuSample, fix: GnssFix, altitude: BaroAltitude,
-                field: MagField
+                field: MagField, baseline: GnssBaseline
             }
             EstimatorOutputs {
-                state: VehicleState, innovations: NavigationInnovations, poses: PoseInnovations
+                state: VehicleState, innovations: NavigationInnovations, poses: PoseInnovations,
+                baselines: BaselineInnovations
             }
         }
         /// The path and its timing law.

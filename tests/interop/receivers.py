@@ -106,12 +106,15 @@ def nav_pvt(chosen):
 def nav_relposned(chosen):
     whole = chosen.randrange
     fine = {f"_HPrelPos{axis}": whole(-99, 100) / 100 for axis in ("N", "E", "D", "Length")}
+    time_of_week = whole(604_800_000)
     message = UBXMessage(
         "NAV",
         "NAV-RELPOSNED",
         GET,
         version=1,
-        iTOW=whole(604_800_000),
+        iTOW=time_of_week,
+        # Without a draw: packets after it are as before.
+        isMoving=time_of_week % 2,
         relPosN=whole(-(10**6), 10**6),
         relPosE=whole(-(10**6), 10**6),
         relPosD=whole(-(10**6), 10**6),
@@ -142,6 +145,7 @@ def nav_relposned(chosen):
         "down_accuracy": read.accD / 1000,
         "carrier": read.carrSoln,
         "is_valid": int(read.gnssFixOK and read.relPosValid),
+        "is_moving": read.isMoving,
         "heading": math.radians(read.relPosHeading) if read.relPosHeadingValid else NAN,
         "heading_deviation": math.radians(read.accHeading) if read.relPosHeadingValid else NAN,
     }

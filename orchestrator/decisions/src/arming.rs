@@ -167,9 +167,13 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
                     Some(true) => "neither fixes nor poses have",
                     _ => "fixes have not",
                 };
+                let baseline = match scenario.baseline() {
+                    Some(_) => ", or `navigation.baseline` is not that of the antennas",
+                    None => "",
+                };
                 format!(
                     "the position is not known: {what} been fused for `navigation.healthy_for` without a break, or inertial \
-                     samples are missing"
+                     samples are missing{baseline}"
                 )
             }
             NotReady::Sight => "the cameras do not see the vehicle".to_owned(),

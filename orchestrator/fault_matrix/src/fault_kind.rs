@@ -145,6 +145,7 @@ impl Error {
             Topic::ImuSample => by("specific_force_body.0", 0.3),
             // 1 m.
             Topic::GnssFix => by("latitude", 9e-6),
+            Topic::GnssBaseline => by("baseline_ned.1", 0.1),
             Topic::BaroAltitude => by("altitude", 1.0),
             Topic::MagField => by("field_body.0", 0.02),
             _ => by("position_world.0", 0.1),

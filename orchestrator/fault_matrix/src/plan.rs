@@ -119,7 +119,11 @@ mod tests {
     #[test]
     fn the_whole_matrix_has_every_service_but_the_plant_and_every_edge_in_all_ways() {
         let services: Vec<_> = services().collect();
-        let edges: Vec<_> = EdgeName::all().collect();
+        let flight = scenario(0.001, 20.0);
+        let schedule = flight.schedule().unwrap();
+        let edges: Vec<_> = EdgeName::all()
+            .filter(|edge| schedule.has_topic(edge.topic))
+            .collect();
         let cases = cases(&services, &edges, &MatrixFault::ALL);
         assert_eq!(cases.len(), 3 * (ServiceId::ALL.len() - 1) + 6 * edges.len());
         assert!(
@@ -127,7 +131,7 @@ mod tests {
                 .iter()
                 .all(|case| case.target != Target::Service(ServiceId::Plant))
         );
-        let cells = cells(&scenario(0.001, 20.0), &cases, &times()).unwrap();
+        let cells = cells(&flight, &cases, &times()).unwrap();
         assert_eq!(cells.len(), 2 * (cases.len() + 1));
         assert!(cells[..2].iter().all(|cell| cell.scenario.fault.is_empty()));
         assert!(cells[2..].iter().all(|cell| cell.scenario.fault.len() == 1));

@@ -78,6 +78,8 @@ impl SimulatedVehicle {
             measured.fix.as_mut().map(IntoBytes::as_mut_bytes),
             measured.altitude.as_mut().map(IntoBytes::as_mut_bytes),
             measured.field.as_mut().map(IntoBytes::as_mut_bytes),
+            // It is not sent.
+            None,
         ];
         let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
         self.plant.step(&now, &inputs, &mut outputs);

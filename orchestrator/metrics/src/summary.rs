@@ -375,7 +375,8 @@ impl FlightSummary {
             | Topic::ControlTelemetry
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField => {}
+            | Topic::MagField
+            | Topic::GnssBaseline => {}
             Topic::ImuSample => {
                 if let Some((innovations, edge)) = self.innovations.as_mut().zip(self.imu_edge.as_ref()) {
                     view(bytes, |sample| {
@@ -391,6 +392,11 @@ impl FlightSummary {
             Topic::PoseInnovations => {
                 if let Some(innovations) = &mut self.innovations {
                     view(bytes, |sample| innovations.observe_poses(sample));
+                }
+            }
+            Topic::BaselineInnovations => {
+                if let Some(innovations) = &mut self.innovations {
+                    view(bytes, |sample| innovations.observe_baselines(sample));
                 }
             }
         }

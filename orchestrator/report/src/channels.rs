@@ -3,12 +3,12 @@
 //! A value that a sample does not have is NaN.
 
 use control_law::yaw::shorter_way;
-use metrics::summary::innovations::{FREEDOM, POSE_SOURCES, SOURCES};
+use metrics::summary::innovations::{BASELINE, BASELINE_SOURCES, FREEDOM, POSE_SOURCES, SOURCES};
 use nalgebra::Vector3;
 use shared_types::rotation::{from_row_major, roll_pitch_yaw};
 use shared_types::samples::{
-    ControlAdaptation, ControlCommand, ControlErrors, NavigationInnovations, PathReference, PoseInnovations,
-    VehicleTruth,
+    BaselineInnovations, ControlAdaptation, ControlCommand, ControlErrors, NavigationInnovations,
+    PathReference, PoseInnovations, VehicleTruth,
 };
 
 /// Channels of `vehicle/truth`.
@@ -149,6 +149,17 @@ pub fn poses(sample: &PoseInnovations) -> [f64; POSES.len()] {
         0 => f64::NAN,
         _ => (sample.normalised_squares[index] / FREEDOM[SOURCES.len() + index]).sqrt(),
     })
+}
+
+/// Channels of `navigation/baseline`.
+pub const BASELINES: [&str; BASELINE_SOURCES.len()] = BASELINE_SOURCES;
+
+/// The same of baselines.
+pub fn baselines(sample: &BaselineInnovations) -> [f64; BASELINES.len()] {
+    match sample.valid_ns {
+        [0] => [f64::NAN],
+        _ => [(sample.normalised_squares[0] / FREEDOM[BASELINE]).sqrt()],
+    }
 }
 
 fn norm(vector: [f64; 3]) -> f64 {

@@ -106,6 +106,7 @@ struct Gatherer<'a> {
     telemetry: Table,
     innovations: Table,
     poses: Table,
+    baselines: Table,
     track: Track,
     marks: Marks,
     summary: FlightSummary,
@@ -151,6 +152,13 @@ impl<'a> Gatherer<'a> {
                     _ => &[],
                 },
             ),
+            baselines: table(
+                Topic::BaselineInnovations,
+                match scenario.baseline() {
+                    Some(_) => &channels::BASELINES,
+                    None => &[],
+                },
+            ),
             track: Track::new(schedule),
             marks: Marks::default(),
             summary: FlightSummary::new(scenario, schedule),
@@ -193,11 +201,13 @@ impl<'a> Gatherer<'a> {
             | Topic::ImuSample
             | Topic::GnssFix
             | Topic::BaroAltitude
-            | Topic::MagField => {}
+            | Topic::MagField
+            | Topic::GnssBaseline => {}
             Topic::NavigationInnovations => {
                 self.innovations.add(tick, &channels::innovations(&read(bytes)));
             }
             Topic::PoseInnovations => self.poses.add(tick, &channels::poses(&read(bytes))),
+            Topic::BaselineInnovations => self.baselines.add(tick, &channels::baselines(&read(bytes))),
         }
         self.marks.observe(topic, bytes);
         self.summary.observe(topic, bytes);
@@ -231,6 +241,7 @@ impl<'a> Gatherer<'a> {
             (Topic::ControlTelemetry, self.telemetry),
             (Topic::NavigationInnovations, self.innovations),
             (Topic::PoseInnovations, self.poses),
+            (Topic::BaselineInnovations, self.baselines),
         ];
         // A laboratory flight has no truth; for all others the truth replaces the estimate.
         let omitted = match self.tracker.source() {

@@ -43,6 +43,7 @@ const ADAPTATION: &str = "control/adaptation";
 const REFERENCE: &str = "path/reference";
 const INNOVATIONS: &str = "navigation/innovations";
 const POSES: &str = "navigation/poses";
+const BASELINES: &str = "navigation/baseline";
 
 const fn curve(topic: &'static str, channel: &'static str, label: &'static str, dash: u8) -> Curve {
     Curve {
@@ -216,6 +217,7 @@ const PANELS: [Panel; 14] = [
                 innovation!("resting rate" of INNOVATIONS),
                 innovation!("pose position" of POSES),
                 innovation!("pose attitude" of POSES),
+                innovation!("baseline" of BASELINES),
             ],
         )
     },
@@ -249,7 +251,7 @@ mod tests {
             .flat_map(|group| group.curves)
             .map(|curve| (curve.topic, curve.channel))
             .collect();
-        let tables: [(&str, &[&str]); 8] = [
+        let tables: [(&str, &[&str]); 9] = [
             (TRUTH, &channels::TRUTH),
             (STATE, &channels::STATE),
             (ERRORS, &channels::ERRORS),
@@ -258,6 +260,7 @@ mod tests {
             (REFERENCE, &channels::REFERENCE),
             (INNOVATIONS, &channels::INNOVATIONS),
             (POSES, &channels::POSES),
+            (BASELINES, &channels::BASELINES),
         ];
         let channels: BTreeSet<_> = tables
             .into_iter()

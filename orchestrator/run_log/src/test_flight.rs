@@ -25,7 +25,7 @@ pub fn scenario(tick: f64, duration: f64) -> Scenario {
         "description = \"a test\"\nduration = {duration}\nschedule.tick = {tick}\n\
          [vehicle]\nmass = 0.2\ninertia = [1e-3, 1e-3, 2e-3]\nchange = [{{ at = {}, mass = 0.3 }}]\n\
          [path.curve.hover]\nposition = [0.0, 0.0, -1.0]\n\
-         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n[sensors]\n[navigation.poses]\n",
+         [controller]\ntelemetry = [\"sliding\", \"gain\"]\n[sensors]\n[navigation]\nbaseline = [1.0, 0.0, 0.0]\n[navigation.poses]\n",
         duration / 2.0
     ))
     .unwrap()

@@ -279,6 +279,16 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
             warnings.push(Problem::new(at, reason, fix));
         }
     }
+    let true_baseline = sensors.and_then(|sensors| sensors.gnss.baseline);
+    if let (Some(assumed), Some(baseline)) = (scenario.baseline(), true_baseline) {
+        let apart = length(&std::array::from_fn(|axis| assumed[axis] - baseline[axis]));
+        if apart > SAME_PLACE {
+            let reason =
+                format!("it differs by {apart:.3} m from the simulated one, `sensors.gnss.baseline`");
+            let fix = "give both the same, unless a wrong baseline is what you test";
+            warnings.push(Problem::new(key(&["navigation", "baseline"]), reason, fix));
+        }
+    }
     warnings
 }
 
@@ -382,6 +392,16 @@ mod tests {
             keys(&["navigation.antenna=[0.2,0.0,-0.05]"]),
             ["navigation.antenna"]
         );
+        let stated = [
+            "sensors.gnss.baseline=[0.8,0.0,0.0]",
+            "schedule.period.'gnss/baseline'=0.1",
+            "schedule.latency.'gnss/baseline -> estimator'=0.1",
+        ];
+        for (baseline, warned) in [(0.8, &[][..]), (0.81, &["navigation.baseline"])] {
+            let assumed = format!("navigation.baseline=[{baseline},0.0,0.0]");
+            let sets: Vec<_> = stated.into_iter().chain([assumed.as_str()]).collect();
+            assert_eq!(keys(&sets), warned);
+        }
         let both = [
             "navigation.antenna=[5.0,0.0,-5.0]",
             "sensors.gnss.antenna=[5.0,0.0,-5.0]",

@@ -13,7 +13,8 @@
 //! Failure policy, besides that of the filter (`inertial_navigation::filter`):
 //! * an impossible sample is refused and counted, and so is one from the future;
 //! * a state counts as tracked once fixes or positions of poses have been fused for [`healthy_for`](scenario::Navigation::healthy_for)
-//!   without a break of a second, in which attitudes of poses, if there are any, were fused too: else the heading may be wrong; then
+//!   without a break of a second, in which attitudes of poses and baselines, if there are any, were fused too, and a stated baseline
+//!   does not contradict the field by 1.4 rad: else the heading may be wrong; then
 //!   as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the inertial measurement unit
 //!   arrive. It coasts while they are missing for more than a second;
 //! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
@@ -24,8 +25,8 @@
 use inertial_navigation::error_state::POSITION;
 use inertial_navigation::parameters::InertialNoise;
 use inertial_navigation::{
-    Altitude, Correction, Field, Fix, ImuSample as Measured, InertialFilter, InertialState, Parameters, Pose,
-    Source, SourceStatus,
+    Altitude, Baseline, Correction, Field, Fix, ImuSample as Measured, InertialFilter, InertialState,
+    Parameters, Pose, Source, SourceStatus,
 };
 use nalgebra::Vector3;
 use scenario::{Datum, Imu, Key, Model, Navigation, Problem, Scenario};
@@ -36,7 +37,8 @@ use shared_types::input_validator::{GateState, InputValidator, LARGEST, Validity
 use shared_types::rotation::{from_row_major, to_row_major};
 use shared_types::sample::{Field as _, Flag};
 use shared_types::samples::{
-    BaroAltitude, GnssFix, ImuSample, MagField, MocapPose, NavigationInnovations, PoseInnovations, RcFrame,
+    BaroAltitude, BaselineInnovations, GnssBaseline, GnssFix, ImuSample, MagField, MocapPose,
+    NavigationInnovations, PoseInnovations, RcFrame,
 };
 use shared_types::service::{nanoseconds, seconds};
 use shared_types::wiring::{EstimatorInputs, EstimatorOutputs};
@@ -57,6 +59,9 @@ const LARGEST_FIELD: f64 = 20.0;
 
 /// Lowest frequency at which a vibration may appear in the samples, Hz: below it the vehicle follows.
 const LOWEST_VIBRATION: f64 = 25.0;
+
+/// Bias of the field over the horizontal field of the earth above which a heading by two antennas is wrong: that of 1.4 rad.
+const MOST_BENT: f64 = 1.3;
 
 /// Time without a fused position above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
@@ -105,6 +110,8 @@ shared_types::sample! {
         pub field: GateState,
         /// State of that of poses.
         pub pose: GateState,
+        /// State of that of baselines.
+        pub baseline: GateState,
         /// The last good ones.
         pub imu_held: ImuSample,
         /// The last good fix.
@@ -115,6 +122,8 @@ shared_types::sample! {
         pub field_held: MagField,
         /// The last good pose.
         pub pose_held: MocapPose,
+        /// The last good baseline.
+        pub baseline_held: GnssBaseline,
         /// `true` if positions have been healthy for long enough once.
         pub was_healthy: Flag,
         /// `true` if the motors turn.
@@ -206,7 +215,11 @@ pub struct InertialEstimatorService {
     altitude: InputValidator<BaroAltitude>,
     field: InputValidator<MagField>,
     pose: InputValidator<MocapPose>,
+    baseline: InputValidator<GnssBaseline>,
     fuses_poses: bool,
+    has_baseline: bool,
+    /// Horizontal field of the earth, G.
+    horizontal_field: f64,
 }
 
 impl InertialEstimatorService {
@@ -255,7 +268,10 @@ impl InertialEstimatorService {
             altitude: InputValidator::default(),
             field: InputValidator::default(),
             pose: InputValidator::default(),
+            baseline: InputValidator::default(),
             fuses_poses: navigation.poses.is_some(),
+            has_baseline: navigation.baseline.is_some(),
+            horizontal_field: Vector3::from(datum.field_world()).xy().norm(),
         })
     }
 
@@ -282,6 +298,20 @@ impl InertialEstimatorService {
         });
         if let (Some(Validity::Good), Some(fix)) = (verdict, self.fix.held()) {
             self.filter.add_fix(&local_fix(&self.frame, fix));
+        }
+        let verdict = self.baseline.look(&inputs.baseline, LARGEST, |sample, _| {
+            let is_possible = sample.accuracies_ned.iter().all(|accuracy| *accuracy >= 0.0);
+            judged(sample.measured, is_past(sample.valid_ns) && is_possible)
+        });
+        if let (Some(Validity::Good), Some(sample)) = (verdict, self.baseline.held())
+            && sample.fixed.is_set()
+        {
+            let [north, east, down] = sample.accuracies_ned;
+            self.filter.add_baseline(&Baseline {
+                time_ns: sample.valid_ns,
+                baseline_world: self.frame.world_from_ned() * Vector3::from(sample.baseline_ned),
+                accuracies: [north.max(east), down],
+            });
         }
         let verdict = self.altitude.look(&inputs.altitude, LARGEST_HEIGHT, |sample, _| {
             judged(sample.measured, is_past(sample.measured_ns))
@@ -429,18 +459,45 @@ impl InertialEstimatorService {
         now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS
     }
 
-    /// Returns whether attitudes of poses have been refused in the last second, and none was fused.
-    fn contradicts_poses(&self, now: &Now) -> bool {
-        let attitude = self.filter.source(Source::PoseAttitude);
+    /// Returns whether attitudes of poses or baselines have been refused in the last second, and none was fused.
+    fn contradicts_attitudes(&self, now: &Now) -> bool {
         let is_recent = |time_ns: u64| now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS;
-        attitude.refused > 0 && is_recent(attitude.refused_ns) && !is_recent(attitude.fused_ns)
+        [Source::PoseAttitude, Source::Baseline]
+            .into_iter()
+            .any(|source| {
+                let status = self.filter.source(source);
+                status.refused > 0 && is_recent(status.refused_ns) && !is_recent(status.fused_ns)
+            })
+    }
+
+    /// Returns whether the heading is known well enough for the first flight with it: where two antennas are stated, by a baseline or a
+    /// pose, and not against the field. A baseline that is stated the wrong way round turns the heading by half a turn, and the filter
+    /// takes what it then sees of the field for its bias.
+    fn knows_heading(&self, now: &Now) -> bool {
+        if !self.has_baseline {
+            return true;
+        }
+        let is_recent = |time_ns: u64| now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS;
+        let is_fused = |source| {
+            let status = self.filter.source(source);
+            status.fused > 0 && is_recent(status.fused_ns)
+        };
+        let field = self.filter.source(Source::Field);
+        let is_refused = field.refused > 0 && is_recent(field.refused_ns) && !is_recent(field.fused_ns);
+        let bias = self
+            .filter
+            .horizon()
+            .map(|horizon| horizon.biases.field_body.norm());
+        let is_bent = bias.is_none_or(|bias| bias > MOST_BENT * self.horizontal_field);
+        (is_fused(Source::Baseline) || is_fused(Source::PoseAttitude)) && !is_refused && !is_bent
     }
 
     /// Returns whether the state is tracked, and whether it coasts.
     fn trust(&mut self, now: &Now) -> [bool; 2] {
         let without_ns = self.without_position_for_ns(now);
         let coasts = without_ns.is_none_or(|without| without > COASTS_AFTER_NS);
-        let is_healthy = !coasts && !self.contradicts_poses(now);
+        let is_healthy =
+            !coasts && !self.contradicts_attitudes(now) && (self.was_healthy || self.knows_heading(now));
         let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| is_healthy);
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
@@ -454,14 +511,19 @@ impl InertialEstimatorService {
         ]
     }
 
-    /// Writes the last innovation of each source but of poses.
+    /// Writes the last innovation of each source but of poses and baselines.
     fn write_innovations(&self, sample: &mut NavigationInnovations) {
         write_sources!(self, sample, Source::ALL[..Source::PosePosition as usize]);
     }
 
     /// Writes the last innovations of poses.
     fn write_pose_innovations(&self, sample: &mut PoseInnovations) {
-        write_sources!(self, sample, Source::ALL[Source::PosePosition as usize..]);
+        write_sources!(self, sample, [Source::PosePosition, Source::PoseAttitude]);
+    }
+
+    /// Writes the last innovation of baselines.
+    fn write_baseline_innovations(&self, sample: &mut BaselineInnovations) {
+        write_sources!(self, sample, [Source::Baseline]);
     }
 
     /// Returns the number of samples that were refused, by the validators and by the filter.
@@ -472,6 +534,7 @@ impl InertialEstimatorService {
             self.altitude.refused(),
             self.field.refused(),
             self.pose.refused(),
+            self.baseline.refused(),
         ];
         let of_filter = Source::ALL.map(|source| {
             let SourceStatus {
@@ -512,6 +575,9 @@ impl Service for InertialEstimatorService {
         if let Some(poses) = outputs.poses.due() {
             self.write_pose_innovations(poses);
         }
+        if let Some(baselines) = outputs.baselines.due() {
+            self.write_baseline_innovations(baselines);
+        }
     }
 
     fn save(&self) -> InertialEstimatorState {
@@ -521,6 +587,7 @@ impl Service for InertialEstimatorService {
         let (altitude, altitude_held) = self.altitude.save();
         let (field, field_held) = self.field.save();
         let (pose, pose_held) = self.pose.save();
+        let (baseline, baseline_held) = self.baseline.save();
         InertialEstimatorState {
             last: self.last,
             filter: self.filter.save(),
@@ -538,11 +605,13 @@ impl Service for InertialEstimatorService {
             altitude,
             field,
             pose,
+            baseline,
             imu_held,
             fix_held,
             altitude_held,
             field_held,
             pose_held,
+            baseline_held,
             was_healthy: self.was_healthy.into(),
             coasts: self.coasts.into(),
             motors_turn: self.motors_turn.into(),
@@ -572,6 +641,7 @@ impl Service for InertialEstimatorService {
         self.altitude.restore(&state.altitude, &state.altitude_held);
         self.field.restore(&state.field, &state.field_held);
         self.pose.restore(&state.pose, &state.pose_held);
+        self.baseline.restore(&state.baseline, &state.baseline_held);
     }
 }
 
@@ -632,6 +702,7 @@ fn parameters(navigation: &Navigation, field_world: [f64; 3]) -> Parameters {
         },
         fixes: navigation.errors(),
         antenna_body: navigation.antenna.into(),
+        baseline_body: navigation.baseline.map(Vector3::from),
         field_world: field_world.into(),
         field_white: navigation.field_white,
         field_bias_deviation: navigation.field_bias,

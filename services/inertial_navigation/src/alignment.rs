@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Where cameras see the vehicle, the heading is that of the last pose. One alone may be wrong: in the whole second each
-//! has to agree with the one before, and the last in tilt with the specific force, or the alignment begins again.
+//! has to agree with the one before, and the last in tilt with the specific force, or the alignment begins again. Where two antennas
+//! measure their baseline, the heading is that of the last one, by the same rules.
 //!
 //! The errors of the start are taken for independent and larger than they are; they become dependent as they should be
 //! (tilt on b_a, heading on b_m) with the measurements of the next seconds, in which the vehicle still rests.
@@ -22,6 +23,7 @@ use crate::error_state::{
     GYROSCOPE_BIAS, POSITION, Transition, VELOCITY, add_to_diagonal, symmetrized,
 };
 use crate::horizon::Horizon;
+use crate::measurement::baseline_deviations;
 use crate::nominal::{Biases, Kinematics};
 use crate::parameters::Parameters;
 
@@ -40,6 +42,10 @@ const HEADING_DEVIATION: f64 = 0.3;
 /// Standard deviation of the heading over that of a pose's attitude, if there is a pose: small enough to refuse a bent field. By as
 /// many deviations two poses may differ.
 const POSE_FACTOR: f64 = 10.0;
+/// Standard deviation of the heading over that of a baseline, if there is one, and the deviations by which its length and depth may be
+/// wrong. It has more noise than a pose, and a smaller factor, for a bent field is to be refused.
+const BASELINE_FACTOR: f64 = 2.0;
+const BASELINE_DEVIATIONS: f64 = 5.0;
 
 shared_types::sample! {
     /// Sums over the samples since the alignment began.
@@ -64,6 +70,8 @@ shared_types::sample! {
         pub fixes: f64,
         /// The last attitude of a pose, row-major; zero before the first.
         pub world_from_body: [f64; 9],
+        /// The last baseline of two antennas in {I}, m; zero before the first.
+        pub baseline_world: [f64; 3],
     }
 }
 
@@ -103,24 +111,44 @@ impl Alignment {
         self.world_from_body = to_row_major(world_from_body);
     }
 
+    /// Adds a baseline of two antennas in {I}, m. Begins again if it is not the one before: one of them is wrong.
+    pub fn add_baseline(&mut self, baseline_world: &Vector3<f64>, parameters: &Parameters) {
+        let last = Vector3::from(self.baseline_world);
+        let most = POSE_FACTOR * baseline_deviations(parameters)[1];
+        if last != Vector3::zeros() && (last - baseline_world).norm() > most {
+            *self = Self::new_zeroed();
+        }
+        self.baseline_world = (*baseline_world).into();
+    }
+
     /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved, or its pose is wrong.
     pub fn start(&mut self, time_ns: u64, parameters: &Parameters) -> Option<Horizon> {
         let posed = from_row_major(&self.world_from_body);
         let has_pose = posed != Matrix3::zeros();
-        if self.span < ALIGNMENT || (self.fields == 0.0 && !has_pose) {
+        let baseline_world = Vector3::from(self.baseline_world);
+        let baseline_body = parameters
+            .baseline_body
+            .filter(|_| baseline_world != Vector3::zeros() && !has_pose);
+        if self.span < ALIGNMENT || (self.fields == 0.0 && !has_pose && baseline_body.is_none()) {
             return None;
         }
         let rate = Vector3::from(self.turn_body) / self.span;
         let force = Vector3::from(self.push_body) / self.span;
         let is_tilted = has_pose && (posed.tr_mul(&Vector3::z()) + force.normalize()).norm() > MOST_TILT;
-        if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE || is_tilted {
+        let is_another = baseline_body.is_some_and(|baseline_body| {
+            !is_baseline(&baseline_world, &baseline_body, &-force.normalize(), parameters)
+        });
+        if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE || is_tilted || is_another {
             *self = Self::new_zeroed();
             return None;
         }
-        // Cameras know the heading better than a field that iron may bend.
+        // Cameras and two antennas know the heading better than a field that iron may bend.
         let (seen_body, seen_world, heading_deviation) = if has_pose {
             let deviation = POSE_FACTOR * parameters.pose_deviations[1];
             (posed.tr_mul(&Vector3::x()), Vector3::x(), deviation)
+        } else if let Some(baseline_body) = baseline_body {
+            let deviation = BASELINE_FACTOR * baseline_deviations(parameters)[0] / baseline_world.xy().norm();
+            (baseline_body, baseline_world, deviation.min(HEADING_DEVIATION))
         } else {
             let field_body = Vector3::from(self.field_body) / self.fields;
             (field_body, parameters.field_world, HEADING_DEVIATION)
@@ -148,6 +176,21 @@ impl Alignment {
             transition: Transition::NONE,
         })
     }
+}
+
+/// Returns whether a measured baseline has the length of that in {B}, and its angle to the vertical `down_body`, but for noise and the
+/// error of the tilt.
+pub(crate) fn is_baseline(
+    baseline_world: &Vector3<f64>,
+    baseline_body: &Vector3<f64>,
+    down_body: &Vector3<f64>,
+    parameters: &Parameters,
+) -> bool {
+    let noise = BASELINE_DEVIATIONS * baseline_deviations(parameters)[1];
+    let length = baseline_body.norm();
+    let depth = baseline_body.dot(down_body);
+    (baseline_world.norm() - length).abs() <= noise
+        && (baseline_world.z - depth).abs() <= MOST_TILT * length + noise
 }
 
 /// Adds a vector to a sum.

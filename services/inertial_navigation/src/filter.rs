@@ -8,6 +8,8 @@
 //!   is accepted again: what it measures is forgotten and taken from it, and the jump of the position is counted ([`InertialFilter::resets`]).
 //!   A fix is not, while poses are fused; the position of a pose is not, while fixes are, and else after a second, as the motion drifts
 //!   away meanwhile; its attitude is not, while the motors turn or gravity contradicts it;
+//! * a baseline of two antennas that is accepted again gives the heading alone, and is not while its length or its angle to gravity is
+//!   another, or while attitudes of poses are fused;
 //! * poses that scatter show no place: the time for which they are refused starts again with each that contradicts the one before;
 //! * when the kind of the fixes changes, their slow errors are new;
 //! * a step over a gap of the inertial measurement unit, or with a sample at the end of its range, adds the variance of a
@@ -27,13 +29,13 @@ use shared_types::sample::{Field as _, Flag};
 use shared_types::service::{nanoseconds, seconds};
 use zerocopy::FromZeros;
 
-use crate::alignment::{Alignment, MOST_TILT};
+use crate::alignment::{Alignment, MOST_TILT, is_baseline};
 use crate::error_state::{
     ATTITUDE, FIELD_BIAS, FIX_POSITION, FIX_VELOCITY, POSITION, VELOCITY, add_to_diagonal,
     slow_position_variance,
 };
 use crate::horizon::Horizon;
-use crate::measurement::{self, Altitude, Field, Fix, ImuSample, Linearized, Pose};
+use crate::measurement::{self, Altitude, Baseline, Field, Fix, ImuSample, Linearized, Pose};
 use crate::nominal::{Kinematics, Unbiased};
 use crate::parameters::Parameters;
 
@@ -95,11 +97,12 @@ pub enum Source {
     RestingRate = 5,
     PosePosition = 6,
     PoseAttitude = 7,
+    Baseline = 8,
 }
 
 impl Source {
     /// All sources.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::FixPosition,
         Self::FixVelocity,
         Self::Field,
@@ -108,6 +111,7 @@ impl Source {
         Self::RestingRate,
         Self::PosePosition,
         Self::PoseAttitude,
+        Self::Baseline,
     ];
 }
 
@@ -160,8 +164,8 @@ shared_types::sample! {
     pub struct QueuedMeasurement {
         /// Time at which it is valid, ns since the start of the flight.
         pub time_ns: u64,
-        /// Position (m), velocity (m/s) and accuracies of a fix; a field (G), an altitude (m), or position (m) or attitude
-        /// (row-major) of a pose.
+        /// Position (m), velocity (m/s) and accuracies of a fix; a field (G), an altitude (m), position (m) or attitude
+        /// (row-major) of a pose, or a baseline and its accuracies (m).
         pub numbers: [f64; 9],
         /// Its [`Source`]; `FixPosition` of a fix.
         pub source: u8,
@@ -212,7 +216,7 @@ pub(crate) struct Memory {
     pub starts_ns: Option<u64>,
     /// Kind of the last fix; `None` before the first.
     pub kind: Option<FixKind>,
-    pub sources: [SourceStatus; 8],
+    pub sources: [SourceStatus; 9],
     /// Sum of the jumps of the position by resets in {I}, m.
     pub jump_world: Vector3<f64>,
 }
@@ -261,7 +265,7 @@ impl InertialFilter {
                 motors_turn: false,
                 starts_ns: None,
                 kind: None,
-                sources: [source; 8],
+                sources: [source; 9],
                 jump_world: Vector3::zeros(),
             },
         }
@@ -404,6 +408,23 @@ impl InertialFilter {
             }
             self.enqueue(Source::PoseAttitude, kind, pose.time_ns, numbers);
         }
+    }
+
+    /// Adds a baseline; nothing without [`baseline_body`](Parameters::baseline_body).
+    pub fn add_baseline(&mut self, baseline: &Baseline) {
+        if self.parameters.baseline_body.is_none() {
+            return;
+        }
+        let [x, y, z]: [f64; 3] = baseline.baseline_world.into();
+        let [horizontal, vertical] = baseline.accuracies;
+        let numbers = [x, y, z, horizontal, vertical, 0.0, 0.0, 0.0, 0.0];
+        if self.memory.horizon.is_none() && numbers.is_finite() {
+            self.memory
+                .alignment
+                .add_baseline(&baseline.baseline_world, &self.parameters);
+            return;
+        }
+        self.enqueue(Source::Baseline, FixKind::RtkFixed, baseline.time_ns, numbers);
     }
 
     /// Inserts a measurement into the queue, by its time.
@@ -675,6 +696,14 @@ impl InertialFilter {
             Source::PoseAttitude => {
                 self.fuse_pose_attitude(horizon, queued.time_ns, &from_row_major(numbers))
             }
+            Source::Baseline => {
+                let baseline = Baseline {
+                    time_ns: queued.time_ns,
+                    baseline_world: three(0),
+                    accuracies: [numbers[3], numbers[4]],
+                };
+                self.fuse_baseline(horizon, &baseline)
+            }
             Source::ZeroVelocity | Source::RestingRate => false,
         }
     }
@@ -773,6 +802,26 @@ impl InertialFilter {
         verdict != Verdict::Refused
     }
 
+    fn fuse_baseline(&mut self, horizon: &mut Horizon, sample: &Baseline) -> bool {
+        let parameters = self.parameters;
+        let Some(baseline_body) = parameters.baseline_body else {
+            return false;
+        };
+        let measured = |horizon: &Horizon| {
+            measurement::baseline(sample, &baseline_body, &horizon.kinematics, &parameters)
+        };
+        let verdict = self.fuse(horizon, Source::Baseline, sample.time_ns, &measured(horizon));
+        if verdict == Verdict::Overdue {
+            // Half a turn is too large for a linearised correction: the mean is turned first.
+            let mean = horizon.kinematics.world_from_body * baseline_body;
+            let (from, to) = (mean.xy(), sample.baseline_world.xy());
+            horizon.turn(libm::atan2(from.perp(&to), from.dot(&to)), FORGOTTEN[2]);
+            let innovation = horizon.innovation(&measured(horizon));
+            horizon.correct(&innovation);
+        }
+        verdict != Verdict::Refused
+    }
+
     /// Forgets the position, takes it from a measurement, and counts the jump.
     fn reset_position(
         &mut self,
@@ -787,14 +836,17 @@ impl InertialFilter {
         is_corrected
     }
 
-    /// Returns whether poses are fused, so that no fix needs to be accepted again.
+    /// Returns whether poses are fused, so that no fix and no baseline needs to be accepted again.
     fn is_seen(&self, source: Source, time_ns: u64) -> bool {
-        let status = self.source(Source::PosePosition);
-        let is_recent = status.fused > 0 && time_ns.saturating_sub(status.fused_ns) <= SILENCE_NS;
-        matches!(source, Source::FixPosition | Source::FixVelocity) && is_recent
+        let status = match source {
+            Source::FixPosition | Source::FixVelocity => self.source(Source::PosePosition),
+            Source::Baseline => self.source(Source::PoseAttitude),
+            _ => return false,
+        };
+        status.fused > 0 && time_ns.saturating_sub(status.fused_ns) <= SILENCE_NS
     }
 
-    /// Returns whether a residual is that of the pose of this source before it, which was refused, but for noise and drift. Of other
+    /// Returns whether a residual is that of the pose or baseline before it, which was refused, but for noise and drift. Of other
     /// sources it always is.
     fn is_repeated(&self, source: Source, time_ns: u64, residual: &[f64]) -> bool {
         let status = self.source(source);
@@ -806,6 +858,11 @@ impl InertialFilter {
                 1,
                 angle_between(&exp(&three(residual)), &exp(&three(&status.innovation))),
             ),
+            // It counts at rest only, where the mean does not turn.
+            Source::Baseline => {
+                let change = (three(residual) - three(&status.innovation)).norm();
+                return change <= POSE_DEVIATIONS * measurement::baseline_deviations(&self.parameters)[1];
+            }
             _ => return true,
         };
         let h = seconds(time_ns.saturating_sub(status.refused_ns));
@@ -843,7 +900,8 @@ impl InertialFilter {
             | Source::FixVelocity
             | Source::Field
             | Source::PosePosition
-            | Source::PoseAttitude => GATES[1],
+            | Source::PoseAttitude
+            | Source::Baseline => GATES[1],
             // Motors that turn may carry a vehicle that is lighter than stated.
             Source::ZeroVelocity | Source::RestingRate if motors_turn => GATES[1],
             Source::ZeroVelocity | Source::RestingRate => f64::MAX,
@@ -864,7 +922,10 @@ impl InertialFilter {
         let patience_ns = match source {
             Source::PosePosition if drifts => SILENCE_NS.min(self.reset_after_ns),
             Source::PosePosition => u64::MAX,
-            Source::PoseAttitude if motors_turn || tilt(horizon, &status.innovation) > MOST_TILT => u64::MAX,
+            // In the air a wrong attitude is worse than an old one.
+            Source::PoseAttitude | Source::Baseline if motors_turn => u64::MAX,
+            Source::PoseAttitude if tilt(horizon, &status.innovation) > MOST_TILT => u64::MAX,
+            Source::Baseline if !shows_heading(horizon, &status.innovation, &self.parameters) => u64::MAX,
             _ => self.reset_after_ns,
         };
         if is_seen || time_ns - status.refused_since_ns < patience_ns {
@@ -874,6 +935,20 @@ impl InertialFilter {
         status.resets = status.resets.saturating_add(1);
         Verdict::Overdue
     }
+}
+
+/// Returns whether a baseline with this residual (m) differs from the mean in the heading alone.
+fn shows_heading(horizon: &Horizon, residual: &[f64; 3], parameters: &Parameters) -> bool {
+    let r = &horizon.kinematics.world_from_body;
+    parameters.baseline_body.is_some_and(|baseline_body| {
+        let baseline_world = r * baseline_body + Vector3::from(*residual);
+        is_baseline(
+            &baseline_world,
+            &baseline_body,
+            &r.tr_mul(&Vector3::z()),
+            parameters,
+        )
+    })
 }
 
 /// Returns the angle between the vertical of the mean and that of a pose with this residual, rad.

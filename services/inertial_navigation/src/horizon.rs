@@ -150,6 +150,21 @@ impl Horizon {
         }
     }
 
+    /// Turns the mean by an angle about the vertical, rad, and makes the heading unknown: of this variance, rad². The tilt is known as
+    /// well as before, but independent of all other errors.
+    pub fn turn(&mut self, angle: f64, variance: f64) {
+        let r = &mut self.kinematics.world_from_body;
+        *r = orthonormalized(&(exp(&(Vector3::z() * angle)) * *r));
+        let down_body = r.tr_mul(&Vector3::z());
+        let along = down_body * down_body.transpose();
+        let across = Matrix3::identity() - along;
+        let tilt = across * self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE) * across;
+        self.forget(ATTITUDE, Vector3::zeros());
+        self.covariance
+            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
+            .copy_from(&(tilt + along * variance));
+    }
+
     /// Returns the standard deviation of the largest component of three errors, at the end of the last carry.
     #[must_use]
     pub fn deviation(&self, row: usize) -> f64 {

@@ -4,7 +4,7 @@
 //! * [`nominal`]: the mean, and its propagation by the inertial measurement unit;
 //! * [`error_state`]: the error of the mean: its transition, and the process noise;
 //! * [`horizon`]: mean and covariance at a delayed time, and their correction by a measurement;
-//! * [`measurement`]: what a fix, a field, an altitude and a pose measure, with their derivatives;
+//! * [`measurement`]: what a fix, a baseline, a field, an altitude and a pose measure, with their derivatives;
 //! * [`alignment`]: the start at rest;
 //! * [`InertialFilter`]: measurements at their time of validity, gates, resets, and the motion at present;
 //! * [`InertialState`]: all of it as a record, from which a restarted filter continues bit by bit.
@@ -27,6 +27,6 @@ pub mod parameters;
 mod state;
 
 pub use filter::{Correction, InertialFilter, Source, SourceStatus};
-pub use measurement::{Altitude, Field, Fix, ImuSample, Pose};
+pub use measurement::{Altitude, Baseline, Field, Fix, ImuSample, Pose};
 pub use parameters::Parameters;
 pub use state::InertialState;

@@ -6,6 +6,7 @@
 //! z_B = RᵀB + b_m + n                    H = [0  0  S(RᵀB)       0       0  1  0  0  0]
 //! z_h = −p_z + b_h + n                   H = [−e_zᵀ  0  …  0  1]
 //! z_x = p + n                            H = [1  0  …]
+//! z_b = R b + n                          H = [0  0  −R S(b)  0  …]
 //! z_R = R exp S(n)                       H = [0  0  1  0  …],  residual log(RᵀR_m)
 //! ω_m = b_g + n,  V = 0 + n              of a vehicle at rest
 //! ```
@@ -76,6 +77,17 @@ pub struct Pose {
     pub position_world: Option<Vector3<f64>>,
     /// z_R, body to inertial; `None` if it is not measured.
     pub world_from_body: Option<Matrix3<f64>>,
+}
+
+/// Baseline of two antennas, with known numbers of carrier waves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Baseline {
+    /// Time at which it is valid, ns since the start of the flight.
+    pub time_ns: u64,
+    /// z_b in {I}, m.
+    pub baseline_world: Vector3<f64>,
+    /// Reported deviations: of each horizontal component, and of the vertical one, m.
+    pub accuracies: [f64; 2],
 }
 
 /// Measurement linearised about the mean.
@@ -224,6 +236,38 @@ pub fn pose_attitude(
         Vector3::repeat(deviation * deviation),
     )
     .with(ATTITUDE, &Matrix3::identity())
+}
+
+/// Returns the standard deviations that are assumed of a baseline: of each horizontal component, and of the vertical one, m. They are
+/// the white ones of a fix; the slow errors are those of both antennas, and cancel.
+#[must_use]
+pub fn baseline_deviations(parameters: &Parameters) -> [f64; 2] {
+    let errors = &parameters.fixes[FixKind::RtkFixed as usize];
+    [
+        errors.position_white,
+        errors.position_white * errors.vertical_factor,
+    ]
+}
+
+/// Returns a measured baseline; `baseline_body` is b, m.
+#[must_use]
+pub fn baseline(
+    sample: &Baseline,
+    baseline_body: &Vector3<f64>,
+    kinematics: &Kinematics,
+    parameters: &Parameters,
+) -> Linearized<3> {
+    let r = &kinematics.world_from_body;
+    let assumed = baseline_deviations(parameters);
+    let [horizontal, vertical] = [0, 1].map(|axis| {
+        let white = assumed[axis];
+        white * white * factor(sample.accuracies[axis], white)
+    });
+    Linearized::new(
+        sample.baseline_world - r * baseline_body,
+        Vector3::new(horizontal, horizontal, vertical),
+    )
+    .with(ATTITUDE, &-(r * skew(baseline_body)))
 }
 
 /// Returns the velocity 0 of a vehicle at rest, with a standard deviation of `deviation` (m/s).

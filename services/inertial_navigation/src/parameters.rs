@@ -25,6 +25,8 @@ pub struct Parameters {
     pub fixes: [FixErrors; 3],
     /// l, place of the antenna in {B}, m.
     pub antenna_body: Vector3<f64>,
+    /// b, place of the second antenna from the first in {B}, m; `None` of a receiver with one antenna.
+    pub baseline_body: Option<Vector3<f64>>,
     /// B, field of the earth in {I}, G.
     pub field_world: Vector3<f64>,
     /// Standard deviation of a component of the measured field, G: its noise, and soft iron.
@@ -66,6 +68,7 @@ impl Default for Parameters {
             },
             fixes: FixErrors::TYPICAL,
             antenna_body: Vector3::new(0.0, 0.0, 0.0),
+            baseline_body: None,
             field_world: Vector3::new(0.21, 0.0, 0.43),
             field_white: 0.01,
             field_bias_deviation: 0.015,

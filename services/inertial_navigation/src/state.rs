@@ -59,7 +59,7 @@ shared_types::sample! {
         /// Time at which the motors have started, until the horizon has come there, ns since the start of the flight; then all ones.
         pub starts_ns: u64,
         /// What has become of the measurements of each source.
-        pub sources: [SourceStatus; 8],
+        pub sources: [SourceStatus; 9],
         /// Sum of the jumps of the position by resets in {I}, m.
         pub jump_world: [f64; 3],
         /// `true` if there is a horizon.

@@ -207,7 +207,8 @@ impl ReceiverDriver {
         Ok(Self {
             threads,
             events,
-            feed: ReceiverFeed::new(latencies_ns, -z, !in_flight),
+            feed: ReceiverFeed::new(latencies_ns, -z, !in_flight)
+                .with_baselines(scenario.baseline().is_some()),
             left_out: 0,
             reason: StatusText::default(),
             page,

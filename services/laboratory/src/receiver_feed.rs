@@ -1,7 +1,8 @@
 //! Feed of receivers: from packets to samples with their times of validity.
 //!
 //! An autopilot's `HIGHRES_IMU` has inertial samples, fields and altitudes; fixes are `NAV-PVT` of a receiver, or, while none has
-//! come, `GPS_RAW_INT` of an autopilot. The first sender of each is used, packets of others are counted. If it is silent, the same
+//! come, `GPS_RAW_INT` of an autopilot; baselines of two antennas are `NAV-RELPOSNED` of a receiver whose first antenna moves, which need
+//! not be that of the fixes. The first sender of each is used, packets of others are counted. If it is silent, the same
 //! autopilot by another source replaces it, or another receiver.
 //!
 //! **Times.** A stamp is mapped by the arrivals to the machine's monotonic clock ([`RemoteClock`]), as if the fastest packet had
@@ -27,12 +28,12 @@ use std::collections::VecDeque;
 use motion_capture::clock::{ClockLine, Mapped, RemoteClock};
 use navigation_receivers::Packet;
 use navigation_receivers::autopilot::{GpsRawInt, HighresImu};
-use navigation_receivers::ubx::NavPvt;
+use navigation_receivers::ubx::{Carrier, NavPvt, RelativePosition};
 use shared_types::gnss::FixKind;
 use shared_types::navigation_limits::LONGEST_IMU_PERIOD_NS;
 use shared_types::receiver_figures::ReceiverFigures;
 use shared_types::sample::{Field, Flag};
-use shared_types::samples::GnssFix;
+use shared_types::samples::{GnssBaseline, GnssFix};
 use shared_types::wiring::PlantOutputs;
 use zerocopy::FromZeros;
 
@@ -260,8 +261,12 @@ shared_types::sample! {
         pub motion: TimelineMemory,
         /// Clock of the fixes.
         pub fixes: TimelineMemory,
+        /// Clock of the baselines.
+        pub baselines: TimelineMemory,
         /// Time of the week of the last `NAV-PVT`, ns, which continues at the end of a week.
         pub week_stamp_ns: i64,
+        /// The same of the last `NAV-RELPOSNED`.
+        pub baseline_stamp_ns: i64,
         /// Altitude by the barometer of the origin of {I}, m.
         pub altitude_of_origin: f64,
         /// `true` if this altitude is known.
@@ -324,13 +329,18 @@ pub(super) struct ReceiverFeed {
     ground_altitude: f64,
     /// `false` after a start in flight.
     is_on_ground: bool,
+    /// `true` if the flight has `gnss/baseline`.
+    uses_baselines: bool,
     altitude_of_origin: Option<f64>,
     motion: Timeline,
     fixes: Timeline,
+    baselines: Timeline,
     week_stamp_ns: i64,
+    baseline_stamp_ns: i64,
     arrived_ns: u64,
     inertial: Waiting<Inertial>,
     fix: Waiting<GnssFix>,
+    baseline: Waiting<GnssBaseline>,
     altitude: Waiting<f64>,
     field: Waiting<[f64; 3]>,
     figures: ReceiverFigures,
@@ -350,19 +360,29 @@ impl ReceiverFeed {
             fix_latency_ns,
             ground_altitude,
             is_on_ground,
+            uses_baselines: false,
             altitude_of_origin: None,
             motion: Timeline::default(),
             fixes: Timeline::default(),
+            baselines: Timeline::default(),
             week_stamp_ns: 0,
+            baseline_stamp_ns: 0,
             arrived_ns: 0,
             inertial: Waiting::default(),
             fix: Waiting::default(),
+            baseline: Waiting::default(),
             altitude: Waiting::default(),
             field: Waiting::default(),
             figures: ReceiverFigures::new_zeroed(),
             second_began_ns: 0,
             in_second: [0; 4],
         }
+    }
+
+    /// Uses baselines of two antennas, or not.
+    pub(super) fn with_baselines(mut self, uses_baselines: bool) -> Self {
+        self.uses_baselines = uses_baselines;
+        self
     }
 
     /// Adds a packet of a source with its arrival, ns of the local clock, never decreasing.
@@ -379,7 +399,7 @@ impl ReceiverFeed {
             }
             Packet::NavPvt(pvt) => {
                 if self.is_fix_from(Origin::new(source, 0, 0), arrived_ns) {
-                    let stamp_ns = self.stamp_ns(pvt);
+                    let stamp_ns = in_week(pvt.time_of_week_ms, &mut self.week_stamp_ns);
                     self.add_fix(fix_of_receiver(pvt), stamp_ns, arrived_ns);
                 }
             }
@@ -387,6 +407,9 @@ impl ReceiverFeed {
                 if self.is_fix_from(Origin::new(source, sender.system, sender.component), arrived_ns) {
                     self.add_fix(fix_of_autopilot(fix), microseconds(fix.time_us), arrived_ns);
                 }
+            }
+            Packet::RelativePosition(relative) if self.uses_baselines => {
+                self.add_baseline(relative, Origin::new(source, 0, 0), arrived_ns);
             }
             // Not measurements.
             Packet::Heartbeat(..) | Packet::Odometry(..) | Packet::RelativePosition(_) => {}
@@ -454,13 +477,34 @@ impl ReceiverFeed {
         self.count(ReceiverFigures::FIX, arrived_ns);
     }
 
-    /// Returns the time of the week of a fix, ns, which continues at the end of a week: that of the week which is nearest to the fix
-    /// before, so that a late packet of the old week does not begin another one.
-    fn stamp_ns(&mut self, pvt: &NavPvt) -> i64 {
-        let half_ns = WEEK_NS / 2;
-        let after_ns = i64::from(pvt.time_of_week_ms) * 1_000_000 - self.week_stamp_ns;
-        self.week_stamp_ns += (after_ns + half_ns).rem_euclid(WEEK_NS) - half_ns;
-        self.week_stamp_ns
+    fn add_baseline(&mut self, relative: &RelativePosition, origin: Origin, arrived_ns: u64) {
+        // That of a base station is no baseline of the vehicle.
+        if !relative.is_moving || !self.baselines.is_from(origin, arrived_ns, FIX_SILENCE_NS) {
+            self.figures.foreign += 1;
+            return;
+        }
+        let stamp_ns = in_week(relative.time_of_week_ms, &mut self.baseline_stamp_ns);
+        let Some(valid_ns) = self.baselines.measured_ns(
+            Times::Instants,
+            stamp_ns,
+            arrived_ns,
+            self.fix_latency_ns,
+            &mut self.figures,
+        ) else {
+            return;
+        };
+        if !relative.is_valid || relative.carrier == Carrier::None {
+            self.figures.without_position += 1;
+            return;
+        }
+        let baseline = GnssBaseline {
+            baseline_ned: relative.baseline_ned,
+            accuracies_ned: relative.accuracies_ned,
+            fixed: (relative.carrier == Carrier::Fixed && relative.heading.is_some()).into(),
+            measured: true.into(),
+            ..GnssBaseline::new_zeroed()
+        };
+        self.figures.left_out += self.baseline.push(valid_ns, baseline);
     }
 
     fn count(&mut self, sensor: usize, arrived_ns: u64) {
@@ -507,6 +551,15 @@ impl ReceiverFeed {
                 ..fix
             };
         }
+        if let Some(sample) = outputs.baseline.due()
+            && let Some((valid_ns, baseline)) = self.baseline.newest_by(tick_ns, start_ns, left_out)
+        {
+            *sample = GnssBaseline {
+                header: sample.header,
+                valid_ns,
+                ..baseline
+            };
+        }
         if let Some(sample) = outputs.altitude.due()
             && let Some((measured_ns, altitude)) = self.altitude.newest_by(tick_ns, start_ns, left_out)
         {
@@ -546,7 +599,9 @@ impl ReceiverFeed {
             arrived_ns: self.arrived_ns,
             motion: self.motion.save(),
             fixes: self.fixes.save(),
+            baselines: self.baselines.save(),
             week_stamp_ns: self.week_stamp_ns,
+            baseline_stamp_ns: self.baseline_stamp_ns,
             altitude_of_origin: self.altitude_of_origin.unwrap_or(0.0),
             has_altitude: self.altitude_of_origin.is_some().into(),
             pad0: [0; 7],
@@ -563,9 +618,20 @@ impl ReceiverFeed {
             self.arrived_ns = memory.arrived_ns;
             self.motion = Timeline::restored(&memory.motion, memory.arrived_ns);
             self.fixes = Timeline::restored(&memory.fixes, memory.arrived_ns);
+            self.baselines = Timeline::restored(&memory.baselines, memory.arrived_ns);
             self.week_stamp_ns = memory.week_stamp_ns;
+            self.baseline_stamp_ns = memory.baseline_stamp_ns;
         }
     }
+}
+
+/// Returns a time of the week, ns, which continues at the end of a week: that of the week which is nearest to the stamp before, so that
+/// a late packet of the old week does not begin another one.
+fn in_week(time_of_week_ms: u32, stamp_ns: &mut i64) -> i64 {
+    let half_ns = WEEK_NS / 2;
+    let after_ns = i64::from(time_of_week_ms) * 1_000_000 - *stamp_ns;
+    *stamp_ns += (after_ns + half_ns).rem_euclid(WEEK_NS) - half_ns;
+    *stamp_ns
 }
 
 fn microseconds(time_us: u64) -> i64 {

@@ -97,7 +97,7 @@ mod tests {
     /// Returns the exposure of the capture that is published at a time, ns.
     fn handed_on_at(cameras: &mut RecordedCaptures, time_ns: u64) -> Option<u64> {
         let mut pose = MocapPose::new_zeroed();
-        let bytes = [None, Some(pose.as_mut_bytes()), None, None, None, None];
+        let bytes = [None, Some(pose.as_mut_bytes()), None, None, None, None, None];
         let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
         let now = Now {
             tick: time_ns,

@@ -141,6 +141,8 @@ pub struct RelativePosition {
     pub carrier: Carrier,
     /// `true` if the baseline is valid.
     pub is_valid: bool,
+    /// `true` if the first antenna moves with the second. Else it is that of a base station, far away.
+    pub is_moving: bool,
     /// Direction of the baseline; `None` if it is not valid.
     pub heading: Option<Heading>,
 }
@@ -248,6 +250,7 @@ fn relative_position(fields: &Fields<'_>) -> Result<RelativePosition, Reason> {
         length: length(20, 35),
         carrier: carrier((flags >> 3).to_le_bytes()[0] & 3)?,
         is_valid: flags & 0b101 == 0b101,
+        is_moving: flags & 0x20 != 0,
         heading: (flags & 0x100 != 0).then(|| heading(fields.i32(24), fields.u32(52))),
     };
     if relative.time_of_week_ms <= WEEK_MS {

@@ -15,7 +15,7 @@ use sensor_models::{
 use shared_types::geodesy::LocalFrame;
 use shared_types::gnss::FixKind;
 use shared_types::rotation::{from_row_major, to_row_major};
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample};
+use shared_types::samples::{BaroAltitude, GnssBaseline, GnssFix, ImuSample};
 use shared_types::service::seconds;
 use shared_types::wiring::PlantOutputs;
 use shared_types::{Now, Topic};
@@ -122,6 +122,7 @@ impl Sensors {
                 &GnssParameters {
                     errors: sensors.gnss.errors(),
                     antenna_body: sensors.gnss.antenna.into(),
+                    baseline_body: sensors.gnss.baseline.map(Vector3::from),
                     // The latency is that of the edge.
                     latency: [0.0; 2],
                 },
@@ -193,6 +194,9 @@ impl Sensors {
         if let Some(sample) = outputs.fix.due() {
             self.write_fix(truth, now, sample);
         }
+        if let Some(sample) = outputs.baseline.due() {
+            self.write_baseline(truth, now, sample);
+        }
         if let Some(sample) = outputs.altitude.due() {
             self.write_altitude(truth, now, sample);
         }
@@ -249,12 +253,35 @@ impl Sensors {
         sample.clipped = measured.is_clipped.into();
     }
 
-    fn write_fix(&mut self, truth: &Truth, now: &Now, sample: &mut GnssFix) {
+    /// Returns what the receiver solves.
+    fn solved(&self, truth: &Truth, now: &Now) -> Option<FixKind> {
         let newest = self.changes.iter().rfind(|change| change.from_ns <= now.time_ns);
         let is_inside = |building: scenario::Volume| building.contains(&truth.motion.position_world.into());
-        let solved = newest
+        newest
             .map_or(self.kind, |change| change.kind)
-            .filter(|_| !self.building.is_some_and(is_inside));
+            .filter(|_| !self.building.is_some_and(is_inside))
+    }
+
+    fn write_baseline(&mut self, truth: &Truth, now: &Now, sample: &mut GnssBaseline) {
+        let motion = true_motion(&truth.motion);
+        let kind = self.solved(truth, now);
+        let Some(baseline) = kind.and_then(|kind| self.gnss.baseline(now.tick, &motion, kind)) else {
+            return;
+        };
+        sample.valid_ns = now.time_ns;
+        sample.baseline_ned = self
+            .frame
+            .world_from_ned()
+            .tr_mul(&baseline.baseline_world)
+            .into();
+        // The horizontal deviations are the same in all directions.
+        sample.accuracies_ned = baseline.accuracies.into();
+        sample.fixed = baseline.is_fixed.into();
+        sample.measured = true.into();
+    }
+
+    fn write_fix(&mut self, truth: &Truth, now: &Now, sample: &mut GnssFix) {
+        let solved = self.solved(truth, now);
         // The slow errors are those of the satellites: they go on where none is seen.
         let kind = solved.unwrap_or(FixKind::RtkFixed);
         let fix = self.gnss.sample(now.tick, &true_motion(&truth.motion), kind);

@@ -407,6 +407,35 @@ typedef struct {
 GERONO_ASSERT(sizeof(gerono_pose_innovations) == 184, "another layout of gerono_pose_innovations");
 #define GERONO_POSE_INNOVATIONS_LAYOUT "20815ccf52a7f87e2805213f6ad663a4"
 
+/* A sample of `gnss/baseline`. */
+typedef struct {
+    gerono_header header;               /* Common header. */
+    uint64_t valid_ns;                  /* Time at which the baseline is valid, ns since the start of the flight. */
+    double baseline_ned[3];             /* Baseline to the north, to the east and downwards, m. */
+    double accuracies_ned[3];           /* Its standard deviations, as reported, m. */
+    uint8_t fixed;                      /* `true` if the numbers of carrier waves are known; else it is too inaccurate to be used. */
+    uint8_t measured;                   /* `true` if there is a baseline; if not, all else is zero. */
+    uint8_t pad0[6];                    /* Explicit padding. */
+} gerono_gnss_baseline;
+GERONO_ASSERT(sizeof(gerono_gnss_baseline) == 88, "another layout of gerono_gnss_baseline");
+#define GERONO_GNSS_BASELINE_LAYOUT "57351991b762981df3a815bef0861b19"
+
+/* A sample of `navigation/baseline`. */
+typedef struct {
+    gerono_header header;               /* Common header. */
+    uint64_t valid_ns[1];               /* Time of validity of the last baseline, ns since the start of the flight; 0 for none. */
+    double innovations[3];              /* Its innovation in {I}, m. */
+    double variances[3];                /* Its predicted variances. */
+    double normalised_squares[1];       /* Its normalised square: χ² of three degrees of freedom. */
+    uint32_t fused[1];                  /* Baselines fused since the start of the flight. */
+    uint32_t refused[1];                /* Baselines beyond the gate since the start of the flight. */
+    uint32_t unusable[1];               /* Baselines that were late, from the future, not finite, or too many, since the start of the flight. */
+    uint8_t accepted[1];                /* `true` if the last baseline was within the gate. */
+    uint8_t pad0[3];                    /* Explicit padding. */
+} gerono_baseline_innovations;
+GERONO_ASSERT(sizeof(gerono_baseline_innovations) == 104, "another layout of gerono_baseline_innovations");
+#define GERONO_BASELINE_INNOVATIONS_LAYOUT "0146992e6bfd59a4b6bb2ba809fe4f22"
+
 /* Inputs and outputs of `plant`. */
 enum {
     GERONO_PLANT_IN_FRAME = 0,
@@ -416,8 +445,9 @@ enum {
     GERONO_PLANT_OUT_FIX = 3,
     GERONO_PLANT_OUT_ALTITUDE = 4,
     GERONO_PLANT_OUT_FIELD = 5,
+    GERONO_PLANT_OUT_BASELINE = 6,
 };
-#define GERONO_PLANT_LAYOUTS {GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_TRUTH_LAYOUT, GERONO_MOCAP_POSE_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT}
+#define GERONO_PLANT_LAYOUTS {GERONO_RC_FRAME_LAYOUT, GERONO_VEHICLE_TRUTH_LAYOUT, GERONO_MOCAP_POSE_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_GNSS_BASELINE_LAYOUT}
 
 /* Inputs and outputs of `estimator`. */
 enum {
@@ -427,11 +457,13 @@ enum {
     GERONO_ESTIMATOR_IN_FIX = 3,
     GERONO_ESTIMATOR_IN_ALTITUDE = 4,
     GERONO_ESTIMATOR_IN_FIELD = 5,
+    GERONO_ESTIMATOR_IN_BASELINE = 6,
     GERONO_ESTIMATOR_OUT_STATE = 0,
     GERONO_ESTIMATOR_OUT_INNOVATIONS = 1,
     GERONO_ESTIMATOR_OUT_POSES = 2,
+    GERONO_ESTIMATOR_OUT_BASELINES = 3,
 };
-#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_NAVIGATION_INNOVATIONS_LAYOUT, GERONO_POSE_INNOVATIONS_LAYOUT}
+#define GERONO_ESTIMATOR_LAYOUTS {GERONO_MOCAP_POSE_LAYOUT, GERONO_RC_FRAME_LAYOUT, GERONO_IMU_SAMPLE_LAYOUT, GERONO_GNSS_FIX_LAYOUT, GERONO_BARO_ALTITUDE_LAYOUT, GERONO_MAG_FIELD_LAYOUT, GERONO_GNSS_BASELINE_LAYOUT, GERONO_VEHICLE_STATE_LAYOUT, GERONO_NAVIGATION_INNOVATIONS_LAYOUT, GERONO_POSE_INNOVATIONS_LAYOUT, GERONO_BASELINE_INNOVATIONS_LAYOUT}
 
 /* Inputs and outputs of `path_generator`. */
 enum {

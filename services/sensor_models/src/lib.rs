@@ -1,7 +1,7 @@
 //! Sensors of flight outdoors: from a true motion to what each of them measures.
 //!
 //! * [`imu`]: gyroscope and accelerometer;
-//! * [`gnss`]: fixes of a satellite receiver;
+//! * [`gnss`]: fixes of a satellite receiver, and the baseline of two antennas;
 //! * [`barometer`]: pressure altitude;
 //! * [`magnetometer`]: the field of the earth and of the vehicle;
 //! * [`gauss_markov`]: slowly varying errors.
@@ -21,7 +21,7 @@ pub mod magnetometer;
 use nalgebra::{Matrix3, Vector3};
 
 pub use barometer::{Barometer, BarometerParameters, BarometerState};
-pub use gnss::{Fix, Gnss, GnssParameters, GnssState};
+pub use gnss::{Baseline, Fix, Gnss, GnssParameters, GnssState};
 pub use imu::{Imu, ImuParameters, ImuSample, ImuState};
 pub use magnetometer::{Magnetometer, MagnetometerParameters};
 

@@ -87,6 +87,9 @@ pub struct Navigation {
     pub accelerometer_walk: f64,
     /// Place of the antenna in {B}, m.
     pub antenna: Vector,
+    /// Vector from the antenna of the moving base to that of its rover, which sends it, in {B}, m; it is not used unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baseline: Option<Vector>,
     /// Errors of fixes from codes alone.
     #[serde(with = "FixDeviations")]
     pub single_point: FixErrors,
@@ -178,6 +181,7 @@ impl Default for Navigation {
             accelerometer_bias: 0.1,
             accelerometer_walk: 1e-3,
             antenna: [0.0; 3],
+            baseline: None,
             single_point,
             rtk_float,
             rtk_fixed,
@@ -220,12 +224,14 @@ impl Navigation {
 
 impl Scenario {
     /// Returns whether the flight has a topic, by its sections: that of a sensor only with sensors, telemetry only if it
-    /// names values, and innovations of poses only if they are fused.
+    /// names values, and innovations of poses and baselines only if they are fused.
     #[must_use]
     pub fn has_topic(&self, topic: Topic) -> bool {
         match topic {
             Topic::ControlTelemetry => !self.controller.telemetry.is_empty(),
-            Topic::PoseInnovations => self.fuses_poses() == Some(true),
+            // A missing output is the last of its service.
+            Topic::PoseInnovations => self.fuses_poses() == Some(true) || self.baseline().is_some(),
+            Topic::GnssBaseline | Topic::BaselineInnovations => self.baseline().is_some(),
             topic if topic.is_of_flight_outdoors() => self.sensors.is_some(),
             _ => true,
         }
@@ -237,6 +243,12 @@ impl Scenario {
         self.navigation
             .as_ref()
             .map(|navigation| navigation.poses.is_some())
+    }
+
+    /// Returns the baseline that inertial navigation assumes of two antennas in {B}, m.
+    #[must_use]
+    pub fn baseline(&self) -> Option<Vector> {
+        self.navigation.as_ref()?.baseline
     }
 
     /// Returns the place where the vehicle flies.

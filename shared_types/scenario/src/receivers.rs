@@ -60,7 +60,7 @@ impl Receivers {
     #[must_use]
     pub fn latency_of(&self, topic: Topic) -> f64 {
         match topic {
-            Topic::GnssFix => self.fix_latency,
+            Topic::GnssFix | Topic::GnssBaseline => self.fix_latency,
             _ => self.latency,
         }
     }

@@ -101,6 +101,9 @@ pub struct Gnss {
     pub building: Option<Volume>,
     /// Place of the antenna in {B}, m.
     pub antenna: Vector,
+    /// Place of a second antenna from this one in {B}, m; there is none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baseline: Option<Vector>,
     /// Errors of fixes from codes alone.
     #[serde(with = "FixDeviations")]
     pub single_point: FixErrors,
@@ -125,6 +128,7 @@ impl Default for Gnss {
             kind: Fixes::RtkFixed,
             building: None,
             antenna: [0.0; 3],
+            baseline: None,
             single_point,
             rtk_float,
             rtk_fixed,

@@ -86,6 +86,9 @@ impl Scenario {
                 if let Some(fuses_poses) = self.fuses_poses() {
                     schedule = schedule.with_navigation(fuses_poses);
                 }
+                if self.has_topic(Topic::GnssBaseline) {
+                    schedule = schedule.with_baseline();
+                }
                 if !self.pose_source().is_simulated() || self.real_receivers().is_some() {
                     schedule = schedule.with_real_world();
                 }

@@ -12,7 +12,7 @@ proptest! {
     }
 
     #[test]
-    fn in_an_order_no_service_waits_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform6(0..2u64))) {
+    fn in_an_order_no_service_waits_for_a_later_one(latencies in proptest::array::uniform5(proptest::array::uniform7(0..2u64))) {
         if let Ok(order) = topological_order(&latencies) {
             let place = |service| order.iter().position(|&other| other == service).unwrap();
             for service in ServiceId::ALL {
@@ -69,6 +69,12 @@ fn a_flight_without_telemetry_lacks_that_topic_and_nothing_else() {
             .published_topics()
             .eq(sensors.published_topics().chain([Topic::PoseInnovations]))
     );
+    let antennas = sensors.clone().with_navigation(false).with_baseline();
+    assert!(
+        antennas.published_topics().eq(poses
+            .published_topics()
+            .chain([Topic::GnssBaseline, Topic::BaselineInnovations]))
+    );
     let blind = sensors.with_navigation(false);
     assert_eq!(
         (
@@ -94,7 +100,8 @@ fn a_real_plant_differs_from_a_simulated_one_only_by_the_truth() {
     let simulated = Schedule::ideal(1, 100)
         .with_telemetry()
         .with_sensors()
-        .with_navigation(true);
+        .with_navigation(true)
+        .with_baseline();
     let real = simulated.clone().with_real_world();
     assert!(simulated.simulates_the_world() && !real.simulates_the_world());
     for topic in Topic::ALL {

@@ -141,7 +141,7 @@ impl Reception {
                 });
             }
             Packet::RelativePosition(relative) => {
-                self.has_heading |= relative.is_valid && relative.heading.is_some();
+                self.has_heading |= relative.is_valid && relative.is_moving && relative.heading.is_some();
             }
             _ => {}
         }
@@ -388,8 +388,8 @@ impl Reception {
             add("GPS_RAW_INT has no vertical velocity: connect the receiver itself for a flight".to_owned());
         }
         if self.of(Message::NavRelposned).count > 0 && !self.has_heading {
-            add("NAV-RELPOSNED has no valid heading: both antennas must see the sky, and the moving base must send its \
-                 corrections to the rover (RTCM 4072.0 and MSM)"
+            add("NAV-RELPOSNED has no valid heading of a moving base: both antennas must see the sky, and the moving base must send \
+                 its corrections to the rover (RTCM 4072.0 and MSM)"
                 .to_owned());
         }
     }

@@ -4,10 +4,10 @@ use std::fmt::{Display, Formatter, Result};
 
 use scenario::Scenario;
 use serde::Serialize;
-use shared_types::samples::{ImuSample, NavigationInnovations, PoseInnovations};
+use shared_types::samples::{BaselineInnovations, ImuSample, NavigationInnovations, PoseInnovations};
 use shared_types::service::seconds;
 
-/// The sources but poses, in the order of the sample.
+/// The sources but poses and baselines, in the order of the sample.
 pub const SOURCES: [&str; 6] = [
     "position",
     "velocity",
@@ -20,15 +20,18 @@ pub const SOURCES: [&str; 6] = [
 /// The sources of poses, in the order of their sample.
 pub const POSE_SOURCES: [&str; 2] = ["pose position", "pose attitude"];
 
+/// The source of baselines.
+pub const BASELINE_SOURCES: [&str; 1] = ["baseline"];
+
 /// Number of all sources.
-const ALL: usize = SOURCES.len() + POSE_SOURCES.len();
+const ALL: usize = BASELINE + BASELINE_SOURCES.len();
 
 /// Degrees of freedom of their normalised squares.
-pub const FREEDOM: [f64; ALL] = [3.0, 3.0, 3.0, 1.0, 3.0, 3.0, 3.0, 3.0];
+pub const FREEDOM: [f64; ALL] = [3.0, 3.0, 3.0, 1.0, 3.0, 3.0, 3.0, 3.0, 3.0];
 
 /// Their 99.9 % quantiles, at which the filter's gates are. A refused square counts as that large, so that a fault does not hide all
 /// others.
-const LARGEST: [f64; ALL] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27, 16.27, 16.27];
+const LARGEST: [f64; ALL] = [16.27, 16.27, 16.27, 10.83, 16.27, 16.27, 16.27, 16.27, 16.27];
 
 /// The sources that measure at rest only.
 const AT_REST: std::ops::Range<usize> = 4..6;
@@ -40,6 +43,9 @@ const FIXES: std::ops::Range<usize> = 0..2;
 const POSITION: usize = FIXES.start;
 const POSE_POSITION: usize = SOURCES.len();
 
+/// Baselines of two antennas.
+pub const BASELINE: usize = SOURCES.len() + POSE_SOURCES.len();
+
 /// Name of the inertial measurement unit, which predicts and has no innovations.
 const INERTIAL: &str = "inertial";
 
@@ -48,7 +54,7 @@ const NO_MOTION: f64 = 0.1;
 
 /// Time without a fused measurement above which a source counts as cut off, s. Without fixes the state coasts then; heading and height
 /// drift by less than the noise of a field and of an altitude in theirs.
-const CUT_OFF: [f64; ALL] = [1.0, 1.0, 3.0, 3.0, f64::INFINITY, f64::INFINITY, 1.0, 1.0];
+const CUT_OFF: [f64; ALL] = [1.0, 1.0, 3.0, 3.0, f64::INFINITY, f64::INFINITY, 1.0, 1.0, 3.0];
 
 /// Ratio of the mean normalised square to its expectation above which a source is inconsistent: then the errors that the filter does
 /// not model are larger than those that it does. Any unmodelled error leaves the 95 % interval of a whole flight, which is narrow:
@@ -95,6 +101,8 @@ pub(super) struct InnovationWatch {
     has_no_fixes: bool,
     /// `true` if poses are fused.
     fuses_poses: bool,
+    /// `true` if baselines are fused.
+    fuses_baselines: bool,
     /// Positions by fixes or poses.
     positions: Tally,
     inertial: Tally,
@@ -168,6 +176,7 @@ impl InnovationWatch {
         Self {
             has_no_fixes: gnss.is_some_and(|gnss| gnss.least_accurate().is_none()),
             fuses_poses: scenario.fuses_poses() == Some(true),
+            fuses_baselines: scenario.baseline().is_some(),
             ..Self::default()
         }
     }
@@ -178,6 +187,10 @@ impl InnovationWatch {
 
     pub(super) fn observe_poses(&mut self, sample: &PoseInnovations) {
         observe_sources!(self, sample, SOURCES.len());
+    }
+
+    pub(super) fn observe_baselines(&mut self, sample: &BaselineInnovations) {
+        observe_sources!(self, sample, BASELINE);
     }
 
     /// Adds a sample of the inertial measurement unit, and whether a planned fault loses it.
@@ -242,11 +255,13 @@ impl InnovationWatch {
         };
         let is_there = |&(index, _): &(usize, &str)| match index {
             index if FIXES.contains(&index) => !self.has_no_fixes,
+            BASELINE => self.fuses_baselines,
             index => index < SOURCES.len() || self.fuses_poses,
         };
         let sources = SOURCES
             .into_iter()
             .chain(POSE_SOURCES)
+            .chain(BASELINE_SOURCES)
             .enumerate()
             .filter(is_there);
         sources.map(of_source).chain(self.inertial(last_ns)).collect()

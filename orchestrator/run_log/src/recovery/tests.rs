@@ -210,7 +210,7 @@ fn a_damaged_manifest_asks_for_the_scenario_and_takes_no_other_for_it() {
     log.bytes[place + seed.len() - 1] = b'2';
     let error = log.recover(&log.bytes).unwrap_err();
     assert!(
-        matches!(&error, RecoverError::Manifest { samples: 336, .. }),
+        matches!(&error, RecoverError::Manifest { samples: 378, .. }),
         "{error}"
     );
     assert!(error.to_string().contains("--scenario"), "{error}");
@@ -256,7 +256,6 @@ fn what_is_empty_or_no_log_is_said_to_be_so() {
     assert!(matches!(recover_bytes(mcap::MAGIC), RecoverError::Nothing(_)));
 }
 
-/// The log in the making of `run.mcap` has the name of the source.
 #[test]
 fn a_log_that_is_being_written_is_not_recovered_before_its_writer_is_gone() {
     let folder = tempfile::tempdir().unwrap();
@@ -276,6 +275,7 @@ fn a_log_that_is_being_written_is_not_recovered_before_its_writer_is_gone() {
     ));
 }
 
+/// The log in the making of `run.mcap` has the name of the source.
 #[test]
 fn a_log_that_was_never_closed_is_kept_when_it_is_recovered_under_its_final_name() {
     let log = Log::new(Compression::None);

@@ -12,8 +12,8 @@ use shared_types::gnss::FixKind;
 use shared_types::noise::{Noise, Stream};
 use shared_types::rotation::{exp, to_row_major};
 use shared_types::samples::{
-    BaroAltitude, GnssFix, ImuSample, MagField, MocapPose, NavigationInnovations, PoseInnovations, RcFrame,
-    VehicleState,
+    BaroAltitude, BaselineInnovations, GnssBaseline, GnssFix, ImuSample, MagField, MocapPose,
+    NavigationInnovations, PoseInnovations, RcFrame, VehicleState,
 };
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
@@ -24,6 +24,9 @@ use crate::allocations;
 const STEP_NS: u64 = 4_000_000;
 /// Latency of a fix, steps.
 const FIX_LATE: u64 = 25;
+
+/// Place of the second antenna from the first in {B}, m.
+const BASELINE: [f64; 3] = [0.0, 1.0, 0.0];
 
 const OUTDOORS: &str = "duration = 100.0\n\
     vehicle = { mass = 0.5, inertia = [2e-3, 2e-3, 4e-3] }\n\
@@ -47,6 +50,13 @@ fn service() -> InertialEstimatorService {
 fn seen() -> InertialEstimatorService {
     let mut scenario = scenario();
     scenario.navigation.as_mut().unwrap().poses = Some(scenario::Poses::default());
+    InertialEstimatorService::new(&scenario).unwrap()
+}
+
+/// The same with two antennas.
+fn with_two_antennas() -> InertialEstimatorService {
+    let mut scenario = scenario();
+    scenario.navigation.as_mut().unwrap().baseline = Some(BASELINE);
     InertialEstimatorService::new(&scenario).unwrap()
 }
 
@@ -82,6 +92,7 @@ struct Arrived {
     field: Option<MagField>,
     frame: Option<RcFrame>,
     pose: Option<MocapPose>,
+    baseline: Option<GnssBaseline>,
 }
 
 impl World {
@@ -93,6 +104,7 @@ impl World {
         };
         let gnss = GnssParameters {
             latency: [0.0; 2],
+            baseline_body: Some(BASELINE.into()),
             ..GnssParameters::default()
         };
         Self {
@@ -143,6 +155,20 @@ impl World {
                 ..GnssFix::new_zeroed()
             };
             self.late.push((step + FIX_LATE, sample));
+            if let Some(baseline) = self.gnss.baseline(step, &motion, self.kind) {
+                arrived.baseline = Some(GnssBaseline {
+                    valid_ns: time_ns,
+                    baseline_ned: self
+                        .frame
+                        .world_from_ned()
+                        .tr_mul(&baseline.baseline_world)
+                        .into(),
+                    accuracies_ned: baseline.accuracies.into(),
+                    fixed: baseline.is_fixed.into(),
+                    measured: true.into(),
+                    ..GnssBaseline::new_zeroed()
+                });
+            }
         }
         if self.late.first().is_some_and(|(at, _)| *at <= step) {
             let (_, fix) = self.late.remove(0);
@@ -208,7 +234,12 @@ fn published(
     service: &mut InertialEstimatorService,
     step: u64,
     arrived: &Arrived,
-) -> (VehicleState, NavigationInnovations, PoseInnovations) {
+) -> (
+    VehicleState,
+    NavigationInnovations,
+    PoseInnovations,
+    BaselineInnovations,
+) {
     let now = Now {
         tick: step,
         time_ns: step * STEP_NS,
@@ -218,6 +249,7 @@ fn published(
     let mut state = VehicleState::new_zeroed();
     let mut innovations = NavigationInnovations::new_zeroed();
     let mut poses = PoseInnovations::new_zeroed();
+    let mut baselines = BaselineInnovations::new_zeroed();
     let mut outputs = [
         OutputSlot {
             bytes: Some(state.as_mut_bytes()),
@@ -228,6 +260,9 @@ fn published(
         OutputSlot {
             bytes: Some(poses.as_mut_bytes()),
         },
+        OutputSlot {
+            bytes: Some(baselines.as_mut_bytes()),
+        },
     ];
     let inputs = [
         view(&arrived.pose),
@@ -236,9 +271,10 @@ fn published(
         view(&arrived.fix),
         view(&arrived.altitude),
         view(&arrived.field),
+        view(&arrived.baseline),
     ];
     ErasedService::step(service, &now, &inputs, &mut outputs);
-    (state, innovations, poses)
+    (state, innovations, poses, baselines)
 }
 
 fn saved(service: &InertialEstimatorService) -> Vec<u8> {
@@ -315,7 +351,7 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
 
 #[test]
 fn restored_at_any_step_it_continues_with_the_same_bytes() {
-    for new in [service, seen] {
+    for new in [service, seen, with_two_antennas] {
         let (mut service, mut world) = (new(), World::new(4));
         for number in 0..4000 {
             // A jump of the fixes, which is accepted after 7 s, and cameras that see nothing for a while.
@@ -331,6 +367,7 @@ fn restored_at_any_step_it_continues_with_the_same_bytes() {
                 assert_eq!(got.0.as_bytes(), expected.0.as_bytes(), "at step {number}");
                 assert_eq!(got.1.as_bytes(), expected.1.as_bytes(), "at step {number}");
                 assert_eq!(got.2.as_bytes(), expected.2.as_bytes(), "at step {number}");
+                assert_eq!(got.3.as_bytes(), expected.3.as_bytes(), "at step {number}");
                 assert_eq!(saved(&restarted), saved(&service), "at step {number}");
             }
         }
@@ -368,7 +405,7 @@ fn innovations_are_published_and_those_beyond_the_gate_refused() {
         if let Some(altitude) = arrived.altitude.as_mut().filter(|_| number >= 2500) {
             altitude.altitude += 5.0;
         }
-        let (_, now, _) = published(&mut service, number, &arrived);
+        let (_, now, ..) = published(&mut service, number, &arrived);
         assert_eq!(now.unusable, [0; 6]);
         for source in 0..6 {
             let [fused, refused] = [(now.fused, last.fused), (now.refused, last.refused)]
@@ -478,7 +515,7 @@ fn between_poses_and_fixes_the_published_position_takes_no_step() {
         // In the building, outdoors, and in it again.
         world.is_silent = !(4500..7500).contains(&number);
         world.is_hidden = (5000..7000).contains(&number);
-        let (state, _, poses) = published(&mut service, number, &world.step(number));
+        let (state, _, poses, _) = published(&mut service, number, &world.step(number));
         if let Some(last) = last.filter(|_| number > 3000) {
             let place = |state: &VehicleState| nalgebra::Vector3::from(state.position_world);
             largest = largest.max((place(&state) - place(&last)).norm());
@@ -522,7 +559,16 @@ type Spoilt = (&'static str, fn(&mut Arrived));
 
 #[test]
 fn impossible_samples_change_nothing_and_are_counted() {
-    let spoilt: [Spoilt; 12] = [
+    let spoilt: [Spoilt; 15] = [
+        ("baseline", |arrived| {
+            arrived.baseline.as_mut().unwrap().baseline_ned[1] = f64::NAN;
+        }),
+        ("accuracy of a baseline", |arrived| {
+            arrived.baseline.as_mut().unwrap().accuracies_ned[2] = -1.0;
+        }),
+        ("baseline from the future", |arrived| {
+            arrived.baseline.as_mut().unwrap().valid_ns += 1_000_000_000;
+        }),
         ("attitude", |arrived| {
             let pose = arrived.pose.as_mut().unwrap();
             (pose.world_from_body[0], pose.position_world[0]) = (0.5, 2e9);
@@ -597,6 +643,7 @@ fn samples_of_ticks_at_which_nothing_was_measured_are_no_samples() {
         field: Some(MagField::new_zeroed()),
         frame: None,
         pose: Some(MocapPose::new_zeroed()),
+        baseline: Some(GnssBaseline::new_zeroed()),
     };
     let none = Arrived {
         imu,
@@ -643,4 +690,84 @@ fn while_attitudes_of_poses_are_refused_the_vehicle_is_not_tracked() {
     let from = tracked_from.unwrap() as f64 * 0.004;
     assert!((18.0..19.0).contains(&from), "{from}");
     assert!((state.world_from_body[0] - 1.0).abs() < 1e-3, "{state:?}");
+}
+
+/// Without a field that shows the heading, of which a magnet turns 1.2 rad; baselines of unknown numbers of carrier waves are no help.
+#[test]
+fn beside_a_magnet_the_heading_is_that_of_two_antennas() {
+    for is_fixed in [true, false] {
+        let (mut service, mut world) = (with_two_antennas(), World::new(16));
+        let mut state = VehicleState::new_zeroed();
+        let mut baselines = BaselineInnovations::new_zeroed();
+        for number in 0..5000 {
+            let mut arrived = world.step(number);
+            if let Some(field) = arrived.field.as_mut() {
+                let turned =
+                    exp(&nalgebra::Vector3::new(0.0, 0.0, 1.2)) * nalgebra::Vector3::from(field.field_body);
+                field.field_body = turned.into();
+            }
+            if let Some(baseline) = arrived.baseline.as_mut() {
+                baseline.fixed = is_fixed.into();
+            }
+            (state, _, _, baselines) = published(&mut service, number, &arrived);
+        }
+        let heading = libm::atan2(state.world_from_body[3], state.world_from_body[0]).abs();
+        assert_eq!(heading < 0.01, is_fixed, "{heading}");
+        // A heading by the field alone is not that for which two antennas are stated.
+        assert_eq!(state.tracked.is_set(), is_fixed, "{state:?}");
+        // 10 Hz after the alignment, and before the horizon.
+        let [fused] = baselines.fused;
+        assert!(
+            if is_fixed {
+                fused.abs_diff(188) < 3
+            } else {
+                fused == 0
+            },
+            "{baselines:?}"
+        );
+        assert_eq!(baselines.refused, [0]);
+    }
+}
+
+/// Returns the time (s) from which a vehicle is tracked that is aligned by a field bent by an angle (rad), before the first baseline,
+/// and the heading at the end, rad; `sign` of the baselines is 1, or −1 where they are stated the wrong way round.
+fn aligned_by_a_bent_field(bend: f64, sign: f64) -> (Option<f64>, f64) {
+    let (mut service, mut world) = (with_two_antennas(), World::new(17));
+    let mut tracked_from = None;
+    let mut state = VehicleState::new_zeroed();
+    for number in 0..10_000 {
+        let mut arrived = world.step(number);
+        if let Some(field) = arrived.field.as_mut() {
+            let turned =
+                exp(&nalgebra::Vector3::new(0.0, 0.0, bend)) * nalgebra::Vector3::from(field.field_body);
+            field.field_body = turned.into();
+        }
+        arrived.baseline = arrived.baseline.filter(|_| number > 300);
+        if let Some(baseline) = arrived.baseline.as_mut() {
+            baseline.baseline_ned = baseline.baseline_ned.map(|component| sign * component);
+        }
+        state = step(&mut service, number, &arrived);
+        if state.tracked.is_set() {
+            tracked_from.get_or_insert(number as f64 * 0.004);
+        }
+    }
+    (
+        tracked_from,
+        libm::atan2(state.world_from_body[3], state.world_from_body[0]).abs(),
+    )
+}
+
+#[test]
+fn while_baselines_are_refused_or_contradict_the_field_the_vehicle_is_not_tracked() {
+    // Baselines are refused for 7 s, then the field for as long, and then the vehicle has to be healthy for 10 s.
+    let (from, heading) = aligned_by_a_bent_field(1.0, 1.0);
+    assert!(
+        from.is_some_and(|from| (24.0..27.0).contains(&from)) && heading < 0.01,
+        "{from:?} {heading}"
+    );
+    // A magnet or a wrong sign: one of the two is wrong, and nobody knows which.
+    for (bend, sign) in [(2.0, 1.0), (0.0, -1.0)] {
+        let (from, heading) = aligned_by_a_bent_field(bend, sign);
+        assert_eq!(from, None, "{bend} {sign}: {heading}");
+    }
 }

@@ -145,6 +145,8 @@ impl Reference {
                     quality: 100,
                 });
             }
+            // EKF2 takes a heading, no baseline; none of the flights has one.
+            Event::Baseline(_) => {}
             Event::Motors => {
                 ekf.set_in_air_status(true);
                 ekf.set_vehicle_at_rest(false);

@@ -15,8 +15,11 @@ fn innovations_of_every_source_have_the_filters_covariance() {
     let outdoors: fn(u64) -> Flight = |seed| Flight::modelled(seed, FixKind::RtkFixed);
     let single: fn(u64) -> Flight = |seed| Flight::modelled(seed, FixKind::SinglePoint);
     let seen: fn(u64) -> Flight = |seed| Flight::modelled(seed, FixKind::RtkFixed).seen();
+    let two_antennas: fn(u64) -> Flight =
+        |seed| Flight::modelled(seed, FixKind::RtkFixed).with_two_antennas();
     for (name, flight, has_fixes) in [
         ("RTK", outdoors, true),
+        ("RTK and two antennas", two_antennas, true),
         ("single point", single, true),
         ("RTK and cameras", seen, true),
         ("cameras", seen, false),

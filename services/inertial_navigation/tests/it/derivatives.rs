@@ -7,7 +7,7 @@ use inertial_navigation::error_state::{
 use inertial_navigation::horizon::Horizon;
 use inertial_navigation::measurement::{self, Linearized};
 use inertial_navigation::nominal::{Biases, Kinematics};
-use inertial_navigation::{Altitude, Field, Fix, Parameters};
+use inertial_navigation::{Altitude, Baseline, Field, Fix, Parameters};
 use nalgebra::{SMatrix, Vector3};
 use proptest::prelude::*;
 use shared_types::gnss::{FixErrors, FixKind};
@@ -152,6 +152,9 @@ proptest! {
         assert_derivative(&mean, |h| measurement::field(&field, &h.kinematics, &h.biases, &parameters));
         let altitude = Altitude { time_ns: 0, altitude: 3.0 };
         assert_derivative(&mean, |h| measurement::altitude(&altitude, &h.kinematics, &h.biases, &parameters));
+        let baseline = Baseline { time_ns: 0, baseline_world: measured, accuracies: [0.0; 2] };
+        let body = Vector3::new(0.8, -0.3, 0.1);
+        assert_derivative(&mean, |h| measurement::baseline(&baseline, &body, &h.kinematics, &parameters));
         assert_derivative(&mean, |h| measurement::pose_position(&measured, &h.kinematics, &parameters));
         // Of the first order in the innovation.
         let near = mean.kinematics.world_from_body * exp(&(measured * 1e-9));

@@ -480,3 +480,82 @@ fn scattered(range: f64, time_ns: u64) -> Vector3<f64> {
     let draws = Noise::new(1, Stream::EdgeGarbage).at(time_ns / H_NS).normal3();
     draws.map(|draw| (draw * range).clamp(-range, range))
 }
+
+/// Returns the largest error of the heading from a time to another, s, in a flight beside a magnet from `from` on.
+fn heading_beside_a_magnet(has_antennas: bool, from: f64, span: [f64; 2]) -> f64 {
+    let flight = Flight::modelled(3, FixKind::RtkFixed).with_two_antennas();
+    let mut ticks = 0;
+    let flown = Flown::new(&flight, &flight.parameters(), |event| {
+        ticks += u64::from(matches!(event, Event::Imu(_)));
+        if let Event::Field(field) = event
+            && ticks as f64 * H >= from
+        {
+            field.field_body += Vector3::new(0.05, 0.15, 0.0);
+        }
+        has_antennas || !matches!(event, Event::Baseline(_))
+    });
+    let errors = flown
+        .errors
+        .iter()
+        .filter(|(tick, _)| within(*tick as f64 * H, span[0], span[1]));
+    errors.fold(0.0, |largest, (tick, errors)| {
+        let truth = &flown.truths[usize::try_from(*tick).unwrap()].world_from_body;
+        (truth * errors.attitude).z.abs().max(largest)
+    })
+}
+
+#[test]
+fn beside_a_magnet_two_antennas_keep_the_heading() {
+    let mut table = Vec::new();
+    for (name, from, span) in [
+        ("magnet from the start, at rest", 0.0, [10.0, 19.0]),
+        ("magnet from the start, in flight", 0.0, [30.0, 110.0]),
+        ("magnet from 60 s on, in flight", 60.0, [60.0, 110.0]),
+        ("none, at rest", 200.0, [10.0, 19.0]),
+        ("none, in flight", 200.0, [30.0, 110.0]),
+    ] {
+        let [with, without] = [true, false].map(|has| heading_beside_a_magnet(has, from, span));
+        println!(
+            "{name}: {:.1} mrad with, {:.1} mrad without",
+            1e3 * with,
+            1e3 * without
+        );
+        table.push([with, without]);
+    }
+    for [with, without] in &table {
+        assert!(*with < 0.02 && with < without, "{with} {without}");
+    }
+    assert!(table[0][1] > 0.3, "{table:?}");
+}
+
+/// Wrong numbers of carrier waves along the baseline make another length, and a baseline that scatters is no second time the same. One
+/// across it is refused by the gate alone, and not taken in the air.
+#[test]
+fn wrong_baselines_are_refused_and_right_ones_fused_at_once() {
+    type Wrong = fn(u64) -> Vector3<f64>;
+    let wrongs: [Wrong; 5] = [
+        |_| Vector3::new(0.2, -0.19, 0.0),
+        |_| Vector3::new(0.0, 0.19, 0.0),
+        |time_ns| scattered(0.3, time_ns),
+        |time_ns| scattered(1.0, time_ns),
+        |time_ns| scattered(2.0, time_ns),
+    ];
+    for wrong in wrongs {
+        let flight = Flight::modelled(3, FixKind::RtkFixed).with_two_antennas();
+        let mut ticks = 0;
+        let flown = Flown::new(&flight, &flight.parameters(), |event| {
+            ticks += u64::from(matches!(event, Event::Imu(_)));
+            if let Event::Baseline(baseline) = event
+                && within(ticks as f64 * H, 60.0, 75.0)
+            {
+                baseline.baseline_world += wrong(baseline.time_ns);
+            }
+            true
+        });
+        let [.., attitude] = flown.largest(30.0, 110.0);
+        assert!(attitude < 0.02, "{attitude}");
+        let status = flown.filter.source(Source::Baseline);
+        assert!((140..160).contains(&status.refused), "{status:?}");
+        assert!(status.resets == 0 && status.fused > 900, "{status:?}");
+    }
+}

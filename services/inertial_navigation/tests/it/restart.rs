@@ -8,7 +8,11 @@ use super::rig::{Event, Flight, H_NS, give};
 
 #[test]
 fn a_filter_restored_at_any_time_continues_bit_by_bit() {
-    let mut flight = Flight::with_all_errors(4, FixKind::RtkFloat).seen();
+    restored(Flight::with_all_errors(4, FixKind::RtkFloat).seen());
+    restored(Flight::with_all_errors(4, FixKind::RtkFixed).with_two_antennas());
+}
+
+fn restored(mut flight: Flight) {
     flight.duration = 30.0;
     let parameters = flight.parameters();
     let mut filter = InertialFilter::new(&parameters);

@@ -5,7 +5,9 @@
 
 use std::collections::VecDeque;
 
-use inertial_navigation::{Altitude, Field, Fix, ImuSample, InertialFilter, Parameters, Pose, Source};
+use inertial_navigation::{
+    Altitude, Baseline, Field, Fix, ImuSample, InertialFilter, Parameters, Pose, Source,
+};
 use nalgebra::{Matrix3, Vector3};
 use sensor_models::barometer::Surroundings;
 use sensor_models::{
@@ -43,6 +45,7 @@ pub enum Event {
     Field(Field),
     Altitude(Altitude),
     Pose(Pose),
+    Baseline(Baseline),
     /// The motors turn from now on.
     Motors,
 }
@@ -147,10 +150,17 @@ impl Flight {
         self
     }
 
+    /// With a second antenna, 1 m in front of the first.
+    pub fn with_two_antennas(mut self) -> Self {
+        self.gnss.baseline_body = Some(Vector3::x());
+        self
+    }
+
     /// Returns the parameters of a filter that fits these sensors.
     pub fn parameters(&self) -> Parameters {
         let mut parameters = Parameters {
             altitude_ground_effect: self.barometer.ground_effect,
+            baseline_body: self.gnss.baseline_body,
             ..Parameters::default()
         };
         for (assumed, triad) in [
@@ -233,22 +243,33 @@ impl Flight {
             }
             if tick % FIX_EVERY == 0 {
                 let fix = gnss.sample(tick, truth, self.kind);
+                let baseline = gnss.baseline(tick, truth, self.kind);
+                if let Some(baseline) = baseline.filter(|baseline| baseline.is_fixed) {
+                    late.push_back((
+                        time + fix.latency,
+                        Event::Baseline(Baseline {
+                            time_ns,
+                            baseline_world: baseline.baseline_world,
+                            accuracies: [baseline.accuracies.x, baseline.accuracies.z],
+                        }),
+                    ));
+                }
                 late.push_back((
                     time + fix.latency,
-                    Fix {
+                    Event::Fix(Fix {
                         time_ns,
                         kind: fix.kind,
                         position_world: fix.position_world,
                         velocity_world: fix.velocity_world,
                         accuracies: [fix.horizontal_accuracy, fix.vertical_accuracy, fix.speed_accuracy],
-                    },
+                    }),
                 ));
             }
             while late
                 .front()
                 .is_some_and(|(arrival, _)| *arrival <= time + 0.5 * H)
             {
-                events.extend(late.pop_front().map(|(_, fix)| Event::Fix(fix)));
+                events.extend(late.pop_front().map(|(_, event)| event));
             }
         }
         (truths, events)
@@ -350,6 +371,7 @@ pub fn give(filter: &mut InertialFilter, event: &Event, now_ns: u64) {
         Event::Field(field) => filter.add_field(field),
         Event::Altitude(altitude) => filter.add_altitude(altitude),
         Event::Pose(pose) => filter.add_pose(pose),
+        Event::Baseline(baseline) => filter.add_baseline(baseline),
         Event::Motors => filter.set_motors(now_ns, true, true),
     }
 }

@@ -1,7 +1,7 @@
 use super::*;
 use mavlink_frame::Sender;
 use navigation_receivers::autopilot::Heartbeat;
-use navigation_receivers::ubx::{Carrier, Solution};
+use navigation_receivers::ubx::{Carrier, Heading, Solution};
 use proptest::prelude::*;
 use shared_types::samples::{BaroAltitude, ImuSample, MagField};
 use shared_types::service::{OutputSlot, Outputs};
@@ -18,7 +18,7 @@ const AUTOPILOT: Sender = Sender {
 
 /// Feed of a vehicle that stands 0.2 m below the origin.
 fn feed() -> ReceiverFeed {
-    ReceiverFeed::new(LATENCIES_NS, -0.2, true)
+    ReceiverFeed::new(LATENCIES_NS, -0.2, true).with_baselines(true)
 }
 
 /// Sample that was measured at a time of the sender's clock, ms, with a rate about x and an altitude.
@@ -88,12 +88,14 @@ struct Published {
     fix: GnssFix,
     altitude: BaroAltitude,
     field: MagField,
+    baseline: GnssBaseline,
 }
 
 /// Publishes at a time of the sender's clock, ms, in a flight that began with that clock.
 fn publish(feed: &mut ReceiverFeed, at_ms: u64) -> Published {
     let (mut imu, mut fix) = (ImuSample::new_zeroed(), GnssFix::new_zeroed());
     let (mut altitude, mut field) = (BaroAltitude::new_zeroed(), MagField::new_zeroed());
+    let mut baseline = GnssBaseline::new_zeroed();
     let bytes = [
         None,
         None,
@@ -101,6 +103,7 @@ fn publish(feed: &mut ReceiverFeed, at_ms: u64) -> Published {
         Some(fix.as_mut_bytes()),
         Some(altitude.as_mut_bytes()),
         Some(field.as_mut_bytes()),
+        Some(baseline.as_mut_bytes()),
     ];
     let mut slots = bytes.map(|bytes| OutputSlot { bytes });
     let mut outputs = PlantOutputs::from_slots(&mut slots);
@@ -110,6 +113,7 @@ fn publish(feed: &mut ReceiverFeed, at_ms: u64) -> Published {
         fix,
         altitude,
         field,
+        baseline,
     }
 }
 
@@ -193,7 +197,7 @@ fn a_restarted_driver_continues_the_spans() {
     let mut before = feed();
     add_inertial(&mut before, 0..400);
     let last_ns = before.motion.last_ns;
-    let mut after = ReceiverFeed::new(LATENCIES_NS, -0.2, false);
+    let mut after = ReceiverFeed::new(LATENCIES_NS, -0.2, false).with_baselines(true);
     after.restore(&before.save(), OFFSET_NS + 401 * MS);
     // 5 ms late: the clock's line does not follow yet, and neither does the time.
     let packet = Packet::HighresImu(AUTOPILOT, inertial(400, 0.0, 30.0));
@@ -208,7 +212,7 @@ fn the_first_altitude_is_that_of_the_vehicle_on_the_ground() {
     let packet = Packet::HighresImu(AUTOPILOT, inertial(400, 0.0, 31.5));
     on_ground.add(&packet, 0, OFFSET_NS + 403 * MS);
     assert!((publish(&mut on_ground, 402).altitude.altitude - 1.3).abs() < 1e-12);
-    let mut in_flight = ReceiverFeed::new(LATENCIES_NS, -0.2, false);
+    let mut in_flight = ReceiverFeed::new(LATENCIES_NS, -0.2, false).with_baselines(true);
     add_inertial(&mut in_flight, 0..400);
     assert!(!publish(&mut in_flight, 402).altitude.measured.is_set());
     in_flight.restore(&on_ground.save(), OFFSET_NS + 404 * MS);
@@ -391,4 +395,73 @@ fn another_receiver_replaces_one_that_is_silent_and_an_autopilot_does_not() {
     assert_eq!(feed.figures(0, 0).foreign, 10 + 30);
     let fix = publish(&mut feed, 2931).fix;
     assert_eq!((fix.latitude, fix.valid_ns), (49.0, 2930 * MS));
+}
+
+fn relative(week_time_ms: u32, carrier: Carrier) -> RelativePosition {
+    RelativePosition {
+        time_of_week_ms: week_time_ms,
+        baseline_ned: [0.6, 0.8, 0.1],
+        accuracies_ned: [0.006, 0.006, 0.01],
+        length: 1.005,
+        carrier,
+        is_valid: true,
+        is_moving: true,
+        heading: Some(Heading {
+            angle: 0.93,
+            deviation: 0.006,
+        }),
+    }
+}
+
+/// At the end of a week too; that of a base station never.
+#[test]
+fn baselines_of_two_antennas_are_published_at_their_time_of_validity() {
+    let mut feed = feed();
+    let begin_ms = 604_799_000;
+    let add = |feed: &mut ReceiverFeed, at_ms: u64, relative: RelativePosition| {
+        feed.add(
+            &Packet::RelativePosition(relative),
+            1,
+            OFFSET_NS + (at_ms + 100) * MS,
+        );
+    };
+    let week_ms = |at_ms: u64| u32::try_from((begin_ms + at_ms) % 604_800_000).unwrap();
+    for at_ms in (0..2000).step_by(100) {
+        add(&mut feed, at_ms, relative(week_ms(at_ms), Carrier::Fixed));
+    }
+    let published = publish(&mut feed, 2000).baseline;
+    assert!(
+        published.measured.is_set() && published.fixed.is_set(),
+        "{published:?}"
+    );
+    assert_eq!(published.valid_ns, 1900 * MS);
+    assert_eq!(published.baseline_ned, [0.6, 0.8, 0.1]);
+    assert_eq!(published.accuracies_ned, [0.006, 0.006, 0.01]);
+    assert!(!publish(&mut feed, 2001).baseline.measured.is_set(), "once");
+
+    add(&mut feed, 2000, relative(week_ms(2000), Carrier::Float));
+    assert!(!publish(&mut feed, 2100).baseline.fixed.is_set());
+    let before = feed.figures(0, 0);
+    let base_station = RelativePosition {
+        is_moving: false,
+        ..relative(week_ms(2100), Carrier::Fixed)
+    };
+    add(&mut feed, 2100, base_station);
+    let invalid = RelativePosition {
+        is_valid: false,
+        ..relative(week_ms(2200), Carrier::Fixed)
+    };
+    add(&mut feed, 2200, invalid);
+    let after = feed.figures(0, 0);
+    assert_eq!(after.foreign, before.foreign + 1);
+    assert_eq!(after.without_position, before.without_position + 1);
+    assert!(!publish(&mut feed, 2300).baseline.measured.is_set());
+
+    // A restarted driver continues with their clock.
+    let memory = feed.save();
+    let now_ns = OFFSET_NS + 2300 * MS;
+    let mut restarted = ReceiverFeed::new(LATENCIES_NS, -0.2, false).with_baselines(true);
+    restarted.restore(&memory, now_ns);
+    add(&mut restarted, 2300, relative(week_ms(2300), Carrier::Fixed));
+    assert_eq!(publish(&mut restarted, 2400).baseline.valid_ns, 2300 * MS);
 }

@@ -157,6 +157,7 @@ impl Bench {
                 None,
                 None,
                 None,
+                None,
             ];
             let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
             let now = Now {

@@ -83,6 +83,7 @@ fn numbers(packet: &Packet) -> Numbers {
                 .number("length", relative.length)
                 .number("carrier", relative.carrier as u8)
                 .number("is_valid", relative.is_valid)
+                .number("is_moving", relative.is_moving)
                 .heading(relative.heading);
         }
         Packet::Heartbeat(_, heartbeat) => {

@@ -47,6 +47,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> (VehicleTruth
         None,
         None,
         None,
+        None,
     ];
     let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
     ErasedService::step(service, &now, &inputs, &mut outputs);

@@ -5,7 +5,9 @@ use plant::PlantService;
 use scenario::{GRAVITY, Scenario};
 use shared_types::Now;
 use shared_types::geodesy::Geodetic;
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField, RcFrame, VehicleTruth};
+use shared_types::samples::{
+    BaroAltitude, GnssBaseline, GnssFix, ImuSample, MagField, RcFrame, VehicleTruth,
+};
 use shared_types::service::{ErasedService, InputView, OutputSlot};
 use zerocopy::{FromZeros, IntoBytes};
 
@@ -43,6 +45,7 @@ struct Measured {
     fix: GnssFix,
     altitude: BaroAltitude,
     field: MagField,
+    baseline: GnssBaseline,
 }
 
 fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> Measured {
@@ -58,6 +61,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> Measured {
         fix: GnssFix::new_zeroed(),
         altitude: BaroAltitude::new_zeroed(),
         field: MagField::new_zeroed(),
+        baseline: GnssBaseline::new_zeroed(),
     };
     let due = |period: u64, bytes| tick.is_multiple_of(period).then_some(bytes);
     let bytes = [
@@ -67,6 +71,7 @@ fn step(service: &mut PlantService, tick: u64, frame: &RcFrame) -> Measured {
         due(100, measured.fix.as_mut_bytes()),
         due(40, measured.altitude.as_mut_bytes()),
         due(20, measured.field.as_mut_bytes()),
+        due(100, measured.baseline.as_mut_bytes()),
     ];
     let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
     let inputs = [InputView {
@@ -94,7 +99,7 @@ fn saved(service: &PlantService) -> Vec<u8> {
 
 #[test]
 fn restored_at_any_tick_its_sensors_continue_to_the_bit() {
-    let scenario = scenario("[sensors]\n");
+    let scenario = scenario("[sensors.gnss]\nbaseline = [0.8, 0.0, 0.1]\n");
     let mut service = PlantService::new(&scenario);
     for tick in 0..1000 {
         let before = saved(&service);
@@ -107,6 +112,7 @@ fn restored_at_any_tick_its_sensors_continue_to_the_bit() {
         assert_eq!(got.fix.as_bytes(), expected.fix.as_bytes(), "at {tick}");
         assert_eq!(got.altitude.as_bytes(), expected.altitude.as_bytes(), "at {tick}");
         assert_eq!(got.field.as_bytes(), expected.field.as_bytes(), "at {tick}");
+        assert_eq!(got.baseline.as_bytes(), expected.baseline.as_bytes(), "at {tick}");
         assert_eq!(saved(&restarted), saved(&service), "at {tick}");
     }
 }
@@ -222,4 +228,35 @@ fn a_touch_down_is_in_the_inertial_samples() {
     }
     assert!(has_flown && !clipped);
     assert!(velocity.abs() < 0.02, "{velocity}");
+}
+
+/// Its errors are those of a fix without the slow ones, in a frame that is turned against north; one antenna measures none.
+#[test]
+fn the_baseline_of_two_antennas_is_that_of_the_attitude_where_carrier_waves_are_solved() {
+    let planned = "[sensors.gnss]\nbaseline = [0.8, 0.3, 0.1]\n\
+         [[sensors.gnss.change]]\nat = 0.5\nkind = \"rtk_float\"\n\
+         [[sensors.gnss.change]]\nat = 1.0\nkind = \"single_point\"\n";
+    let scenario = scenario(planned);
+    let mut service = PlantService::new(&scenario);
+    let frame_of_datum = scenario.datum.clone().unwrap().frame();
+    let mut solved = Vec::new();
+    for tick in 0..1500 {
+        let measured = step(&mut service, tick, &frame());
+        if tick % 100 != 0 {
+            continue;
+        }
+        let baseline = &measured.baseline;
+        solved.push(u8::from(baseline.measured.is_set()) + u8::from(baseline.fixed.is_set()));
+        if baseline.fixed.is_set() {
+            assert_eq!(baseline.valid_ns, tick * TICK_NS);
+            assert_eq!(baseline.accuracies_ned, [0.008, 0.008, 0.012]);
+            let r = shared_types::rotation::from_row_major(&measured.truth.world_from_body);
+            let world = frame_of_datum.world_from_ned() * Vector3::from(baseline.baseline_ned);
+            let error = (world - r * Vector3::new(0.8, 0.3, 0.1)).norm();
+            assert!(error > 1e-4 && error < 0.05, "{error}");
+        }
+    }
+    assert_eq!(solved, [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0]);
+    let mut without = PlantService::new(&self::scenario("[sensors]\n"));
+    assert!((0..300).all(|tick| !step(&mut without, tick, &frame()).baseline.measured.is_set()));
 }

@@ -74,7 +74,7 @@ fn step_into(
         fresh: frame.is_some(),
     }];
     let [truth, pose] = outputs;
-    let mut outputs = [truth, pose, None, None, None, None].map(|bytes| OutputSlot { bytes });
+    let mut outputs = [truth, pose, None, None, None, None, None].map(|bytes| OutputSlot { bytes });
     ErasedService::step(service, &now, &inputs, &mut outputs);
 }
 

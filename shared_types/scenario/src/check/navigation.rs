@@ -16,6 +16,9 @@ use shared_types::wiring::{ServiceId, Topic};
 /// Time for the first fixes after the alignment, s.
 const SETTLES: f64 = 1.0;
 
+/// Shortest horizontal baseline of two antennas, m: there the heading is as uncertain as that by a field.
+const SHORTEST_BASELINE: f64 = 0.1;
+
 impl Scenario {
     pub(super) fn check_outdoors(&self, found: &mut Findings) {
         if let Some(sensors) = &self.sensors {
@@ -58,6 +61,7 @@ impl Scenario {
         } else if !self.has_topic(topic) && !is_reported {
             let section = match topic {
                 Topic::PoseInnovations => "`[navigation.poses]`",
+                Topic::GnssBaseline | Topic::BaselineInnovations => "`navigation.baseline`",
                 topic if topic.is_of_flight_outdoors() => "`[sensors]`",
                 _ => "`controller.telemetry`",
             };
@@ -97,6 +101,26 @@ impl Scenario {
                 Key::root().then(section),
                 format!("inertial navigation is the estimator of this flight, and it uses no {what}"),
                 format!("leave `[{section}]` or `[navigation]` out"),
+            );
+        }
+        let simulated = self.real_receivers().is_none();
+        if simulated && navigation.baseline.is_some() != sensors.gnss.baseline.is_some() {
+            found.add(
+                at.clone().then("baseline"),
+                "the simulated receiver and the estimator differ in whether there is a second antenna",
+                "state both `sensors.gnss.baseline` and `navigation.baseline`, or neither",
+            );
+        }
+        if navigation
+            .baseline
+            .is_some_and(|[x, y, z]| (x * x + y * y).sqrt() < SHORTEST_BASELINE.max(0.5 * z.abs()))
+        {
+            found.add(
+                at.clone().then("baseline"),
+                format!(
+                    "no heading follows from a baseline of less than {SHORTEST_BASELINE:?} m, or half of its height, along x and y"
+                ),
+                "the unit is m: place the antennas apart, and beside each other",
             );
         }
         let Some(flight) = &self.flight else {
@@ -182,11 +206,13 @@ impl Scenario {
         let poses = [Topic::MocapPose; 2]
             .into_iter()
             .filter(|_| self.fuses_poses() == Some(true));
+        let baseline = self.baseline().map(|_| Topic::GnssBaseline);
         let gnss = self.sensors.as_ref().map(|sensors| &sensors.gnss);
         let has_fixes = real.is_some() || gnss.is_some_and(|gnss| gnss.least_accurate().is_some());
         let mut others: Vec<_> = [Topic::GnssFix, Topic::BaroAltitude, Topic::MagField]
             .into_iter()
             .filter(|&topic| has_fixes || topic != Topic::GnssFix)
+            .chain(baseline)
             .chain(poses)
             .collect();
         let waiting: f64 = others.iter().map(|topic| horizon / period_of(*topic) + 1.0).sum();
@@ -196,7 +222,7 @@ impl Scenario {
             found.add(
                 key_of(topic),
                 format!("{waiting:.0} measurements would wait for the filter's horizon, more than {STORED_MEASUREMENTS}"),
-                "give fixes a period of 0.1, altitudes one of 0.04, fields one of 0.02 and poses one of 0.01",
+                "give fixes and baselines a period of 0.1, altitudes one of 0.04, fields one of 0.02 and poses one of 0.01",
             );
         }
         others.dedup();
@@ -204,7 +230,7 @@ impl Scenario {
             let simulated = seconds(schedule.time_ns(schedule.latency_of(ServiceId::Estimator, topic)));
             let (stated, of_cameras) = match topic {
                 Topic::MocapPose => ("motion_capture.latency", Some(seconds(self.capture_latency_ns()))),
-                Topic::GnssFix => ("receivers.fix_latency", None),
+                Topic::GnssFix | Topic::GnssBaseline => ("receivers.fix_latency", None),
                 _ => ("receivers.latency", None),
             };
             let real = real.map(|receivers| of_cameras.unwrap_or(receivers.latency_of(topic)));

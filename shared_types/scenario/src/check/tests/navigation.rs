@@ -167,6 +167,43 @@ fn poses_are_a_further_source_of_inertial_navigation_or_the_only_one_of_its_posi
 }
 
 #[test]
+fn two_antennas_are_stated_to_receiver_and_estimator_with_a_baseline_that_shows_the_heading() {
+    let state = |scenario: &mut Scenario, sensor, assumed, period| {
+        scenario.sensors.as_mut().unwrap().gnss.baseline = sensor;
+        scenario.navigation.as_mut().unwrap().baseline = assumed;
+        let name = "gnss/baseline".to_owned();
+        scenario.schedule.period.insert(name, period);
+    };
+    let long = Some([0.8, 0.0, 0.1]);
+    assert_eq!(problems(|s| state(s, long, long, 0.1)), []);
+    let [with, without] = [schedule(|s| state(s, long, long, 0.1)), schedule(|_| ())];
+    for topic in [Topic::GnssBaseline, Topic::BaselineInnovations] {
+        assert!(with.has_topic(topic) && !without.has_topic(topic));
+    }
+    let (key, reason) = (
+        "navigation.baseline",
+        "differ in whether there is a second antenna",
+    );
+    refused(|s| state(s, None, long, 0.1), key, reason, "state both");
+    let short = Some([0.05, 0.0, 0.5]);
+    refused(
+        |s| state(s, short, short, 0.1),
+        key,
+        "no heading follows",
+        "the unit is m",
+    );
+    let key = "schedule.period.\"gnss/baseline\"";
+    refused(
+        |s| state(s, long, long, 0.001),
+        key,
+        "would wait",
+        "baselines a period of 0.1",
+    );
+    let add = "add `navigation.baseline`";
+    refused(|s| state(s, None, None, 0.1), key, "has no `gnss/baseline`", add);
+}
+
+#[test]
 fn a_vehicle_that_would_never_be_armed_is_refused() {
     let single = |scenario: &mut Scenario, sigma| {
         scenario.sensors.as_mut().unwrap().gnss.kind = Fixes::SinglePoint;

@@ -188,7 +188,7 @@ proptest! {
         let mut latencies: [[u64; MAX_PORTS]; ServiceId::ALL.len()] = shared_types::schedule::default_latencies();
         services[ServiceId::Estimator.index()] = Rate { period: periods[0], phase: phases[0] };
         topics[Topic::VehicleState.index()] = services[ServiceId::Estimator.index()];
-        for topic in [Topic::NavigationInnovations, Topic::PoseInnovations] {
+        for topic in [Topic::NavigationInnovations, Topic::PoseInnovations, Topic::BaselineInnovations] {
             topics[topic.index()] = topics[Topic::VehicleState.index()];
         }
         topics[Topic::MocapPose.index()] = Rate { period: periods[1], phase: phases[1] };
