@@ -685,7 +685,7 @@ fn no_crate_holds_half_of_the_house() {
             "orchestrator/run_log" => 8760,
             "services/runtime" => 8730,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.
-            "shared_types/scenario" => 12_900,
+            "shared_types/scenario" => 12_930,
             _ => 8500,
         };
         assert!((1..=most).contains(&lines), "{}: {lines} lines", member.folder);
