@@ -168,7 +168,7 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
                     _ => "fixes have not",
                 };
                 let baseline = match scenario.baseline() {
-                    Some(_) => ", or `navigation.baseline` is not that of the antennas",
+                    Some(_) => "; or no baseline has been, or it and the field show different headings",
                     None => "",
                 };
                 format!(
