@@ -274,7 +274,7 @@ fn highres_imu(measured: &Measured, since_start_ns: u64, height: f64, sequence: 
         put(52, &[altitude.altitude + height], ALTITUDE);
     }
     payload[60..62].copy_from_slice(&u16::to_le_bytes(updated));
-    let mut bytes = Vec::with_capacity(HIGHRES_IMU.longest_frame());
+    let mut bytes = Vec::with_capacity(mavlink_frame::LONGEST);
     mavlink_frame::encode(&HIGHRES_IMU, &payload, AUTOPILOT, sequence, |part| {
         bytes.extend_from_slice(part);
     });

@@ -29,6 +29,9 @@ const CHECKSUM: usize = 2;
 /// Bytes of a signature.
 const SIGNATURE: usize = 13;
 
+/// Length of the longest frame, bytes. A known message may have extensions that are not, up to the longest payload.
+pub const LONGEST: usize = HEADER_2 + u8::MAX as usize + CHECKSUM + SIGNATURE;
+
 /// Initial value of the checksum.
 const INITIAL: u16 = 0xffff;
 
@@ -52,14 +55,6 @@ pub struct Definition {
     pub length: usize,
     /// Byte derived from the definition.
     pub crc_extra: u8,
-}
-
-impl Definition {
-    /// Returns the length of the longest frame with this message, bytes.
-    #[must_use]
-    pub const fn longest_frame(&self) -> usize {
-        HEADER_2 + self.length + CHECKSUM + SIGNATURE
-    }
 }
 
 /// Frame with a correct checksum.

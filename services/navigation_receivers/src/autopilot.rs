@@ -63,8 +63,6 @@ const DEFINITIONS: [Definition; MESSAGES.len()] = {
 
 /// Length of the longest payload, bytes.
 const PAYLOAD: usize = 233;
-/// Length of the longest frame, bytes.
-pub const LONGEST: usize = DEFINITIONS[3].longest_frame();
 
 /// `HEARTBEAT`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use crate::decoded::Decoded;
 use crate::{Packet, autopilot, ubx};
 
 /// Length of the buffer for an incomplete packet, bytes.
-const CAPACITY: usize = if autopilot::LONGEST > ubx::LONGEST {
-    autopilot::LONGEST
+const CAPACITY: usize = if mavlink_frame::LONGEST > ubx::LONGEST {
+    mavlink_frame::LONGEST
 } else {
     ubx::LONGEST
 };
@@ -69,7 +69,8 @@ impl Stream {
                     self.counts.refuse(message, reason);
                     length
                 }
-                Decoded::Incomplete if !is_end => break,
+                // A full buffer has to lose a byte, whatever it begins with: else nothing would ever be read again.
+                Decoded::Incomplete if !is_end && self.length - at < CAPACITY => break,
                 skipped => {
                     self.count(&skipped);
                     self.counts.skipped += 1;

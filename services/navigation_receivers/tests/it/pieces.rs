@@ -239,3 +239,21 @@ fn a_number_that_is_none_is_refused() {
     assert!(packets.is_empty());
     assert_eq!(counts.refused(Message::HighresImu, Reason::NotFinite), 1);
 }
+
+/// A single wrong byte on the line makes such a header, which once stopped the decoder for ever.
+#[test]
+fn the_longest_frame_that_a_header_can_claim_is_waited_for_and_no_longer() {
+    let vector = &vectors::committed()[0];
+    for length in 230..=255_u8 {
+        for signed in [0, 1] {
+            let header = [0xfd, length, signed, 0, 0, 1, 1, 105, 0, 0];
+            let mut bytes = header.to_vec();
+            bytes.extend([0; 300]);
+            bytes.extend(&vector.bytes);
+            for pieces in [&[usize::MAX][..], &[1], &[7, 64]] {
+                let (packets, counts) = decoded(&bytes, pieces);
+                assert_eq!(packets.len(), 1, "{length} {signed}: {counts:?}");
+            }
+        }
+    }
+}
