@@ -559,10 +559,10 @@ fn a_complete_folder_belongs_to_one_sweep_scenario_and_plug_in() {
 #[test]
 fn criteria_are_met_by_flights_that_were_flown_to_their_end() {
     let place = Place::new();
-    // A vehicle that follows its rates after a second tips over; a mass below zero cannot be flown.
+    // A vehicle that follows its rates after 0.9 s tips over; a mass below zero cannot be flown.
     let text = format!(
         "scenario = {:?}\nmethod = \"grid\"\nset = [\"duration=2.0\", \"vehicle.change=[]\"]\n\
-         [vary]\n\"vehicle.mass\" = {{ choice = [-0.2, 0.19] }}\nlag = {{ choice = [0.02, 1.0] }}\n\
+         [vary]\n\"vehicle.mass\" = {{ choice = [-0.2, 0.19] }}\nlag = {{ choice = [0.02, 0.9] }}\n\
          \"vehicle.actuators.rate_lag\" = [\"lag\", \"lag\", 0.02]\n\
          [judge]\nany = \"max < 1e9\"\nchain = \"0 < max < 1e9\"\nlate = \"ended >= 0\"\nwas_lost = \"lost and max > 0\"\n",
         scenario("fig3_6")
