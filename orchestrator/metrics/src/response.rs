@@ -23,7 +23,7 @@ use crate::view;
 /// Rise from which the vehicle is off the ground, m.
 const RISE: f64 = 0.01;
 
-/// Rotation from the attitude on the ground from which it is off it with a leg, rad.
+/// Tilt from the attitude on the ground from which it is off it with a leg, rad; it may turn on its legs.
 const TIPPED: f64 = 0.1;
 
 /// Time between two compared attitudes, ns: the noise of cameras is then small.
@@ -47,6 +47,9 @@ const RESPONDS: f64 = 0.3;
 /// Largest ratio of measured and commanded rotation in a block, beside this rotation (rad): more is an error of the cameras.
 const MOST_RESPONDS: f64 = 3.0;
 const JUMP: f64 = 0.1;
+
+/// Share by which one explanation of the rotations about x and y must exceed the other to be the only one.
+const TELLS: f64 = 0.1;
 
 /// Angle between commanded and measured axis from which the response is wrong, rad: 50°.
 const TURNED: f64 = 0.87;
@@ -201,7 +204,7 @@ impl ResponseWatch {
         let attitude = from_row_major(&pose.world_from_body);
         let height = -pose.position_world[2];
         let (ground, level) = *self.ground.get_or_insert((height, attitude));
-        self.is_off = self.is_off || height - ground > RISE || turn(&level, &attitude).norm() > TIPPED;
+        self.is_off = self.is_off || height - ground > RISE || turn(&level, &attitude).xy().norm() > TIPPED;
         if !self.is_off {
             return None;
         }
@@ -340,31 +343,34 @@ impl Sums {
         let size = |[real, imaginary]: [f64; 2]| libm::hypot(real, imaginary);
         let explained = |pair| size(pair) * size(pair) / (commanded * measured).max(f64::MIN_POSITIVE);
         let responds = |pair| size(pair) > RESPONDS * commanded;
-        let angle = libm::atan2(turned[1], turned[0]);
-        if moved.x && moved.y && explained(reflected) > needed.max(explained(turned)) && responds(reflected) {
-            let angle = libm::atan2(reflected[1], reflected[0]);
-            return Some(if angle.abs() > REVERSED {
-                wrong_sign("roll")
-            } else if angle.abs() < std::f64::consts::PI - REVERSED {
-                wrong_sign("pitch")
-            } else {
-                "roll and pitch are exchanged: commands about one axis turn the vehicle about the other"
-                    .to_owned()
-            });
-        }
-        if explained(turned) <= needed || !responds(turned) || angle.abs() < TURNED {
-            return None;
-        }
-        if angle.abs() > REVERSED {
-            return Some(match (moved.x, moved.y) {
+        let as_reflected = || {
+            let is_found = explained(reflected) > needed && responds(reflected);
+            is_found.then(|| reflected_axes(libm::atan2(reflected[1], reflected[0])))
+        };
+        let as_turned = || {
+            let angle = libm::atan2(turned[1], turned[0]);
+            let is_found = explained(turned) > needed && responds(turned) && angle.abs() >= TURNED;
+            is_found.then(|| match (moved.x, moved.y) {
+                _ if angle.abs() <= REVERSED => turned_axes(angle, yaw),
                 (true, false) => wrong_sign("roll"),
                 (false, true) => wrong_sign("pitch"),
-                _ => "roll and pitch answer with the wrong sign: the body was created turned by 180°, or both channels are \
-                      reversed"
-                    .to_owned(),
-            });
+                _ => HALF_A_TURN.to_owned(),
+            })
+        };
+        let better = explained(reflected) - explained(turned);
+        if !moved.x || !moved.y || better < -TELLS {
+            return as_turned();
         }
-        Some(turned_axes(angle, yaw))
+        if better > TELLS {
+            return as_reflected();
+        }
+        // Rotations about one direction do not tell them apart, nor one of them from a right vehicle.
+        match (as_turned(), as_reflected()) {
+            (Some(turned), Some(reflected)) => Some(format!("{turned}; or {reflected}")),
+            (turned, None) if explained(reflected) <= needed => turned,
+            (None, reflected) if explained(turned) <= needed => reflected,
+            _ => None,
+        }
     }
 
     /// Returns that commands about y turn the vehicle about z, as with another up axis.
@@ -388,6 +394,19 @@ impl Sums {
         (self.commanded.z > MOVED && is_reversed).then(|| wrong_sign("yaw"))
     }
 }
+
+/// Names axes that are exchanged or reversed by the angle of q in m = q c*, rad.
+fn reflected_axes(angle: f64) -> String {
+    if angle.abs() > REVERSED {
+        wrong_sign("roll")
+    } else if angle.abs() < std::f64::consts::PI - REVERSED {
+        wrong_sign("pitch")
+    } else {
+        "roll and pitch are exchanged: commands about one axis turn the vehicle about the other".to_owned()
+    }
+}
+
+const HALF_A_TURN: &str = "roll and pitch answer with the wrong sign: the body was created turned by 180°, or both channels are reversed";
 
 fn wrong_sign(axis: &str) -> String {
     format!(
