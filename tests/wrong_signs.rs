@@ -15,12 +15,8 @@ use common::world::{World, arguments, kept_time, samples};
 use common::{Place, begin, complaint, finish, succeed, until};
 use shared_types::samples::VehicleTruth;
 
-/// Height that no vehicle reaches with a wrong sign of roll or pitch, m.
+/// Height that no vehicle reaches with a wrong sign or axis, m.
 const LOW: f64 = 0.1;
-
-/// Height that it reaches before a wrong sign of yaw tips it, m: nothing is commanded about that axis at first, so that the sign
-/// is not always found in time.
-const LOW_FOR_YAW: f64 = 1.2;
 
 /// Time after arming for which a flight is watched, s.
 const WATCHED: f64 = 4.0;
@@ -126,6 +122,7 @@ fn fly(wrong: &[Wrong], more: &[String]) -> Option<Flown> {
         format!("motion_capture.port={}", free_port()),
         format!("rc_output.transmitter.device='{}'", place.path("radio").display()),
         "flight.spool_up=0.2".to_owned(),
+        "flight.yaw_test=0.2".to_owned(),
     ];
     let settings = [&laboratory, &settings_of(wrong)?, more].concat();
     let simulated = World::begin(&place, &laboratory, &["--out", "world"]);
@@ -197,6 +194,7 @@ fn row(wrong: &[Wrong]) -> String {
     };
     let says = |words: &str| flown.says.contains(words);
     let is_right = match wrong {
+        [Wrong::Reversed('R')] => says("yaw answers with the wrong sign"),
         // Half a turn reverses roll and pitch, of which one may be found first.
         [Wrong::Body(PI)] => says("was created turned by") || says("with the wrong sign"),
         [Wrong::Body(yaw)] => {
@@ -205,10 +203,8 @@ fn row(wrong: &[Wrong]) -> String {
         _ => true,
     };
     assert!(is_right, "{names:?}: {}", flown.says);
-    let is_yaw = wrong == [Wrong::Reversed('R')];
-    let limit = if is_yaw { LOW_FOR_YAW } else { LOW };
     assert!(
-        flown.height < limit,
+        flown.height < LOW,
         "{names:?}: {} m above the ground, and said was: {}",
         flown.height,
         flown.says
@@ -245,6 +241,7 @@ fn no_vehicle_comes_high_with_wrong_signs_or_axes() {
             .collect(),
         false => [
             Wrong::Reversed('A'),
+            Wrong::Reversed('R'),
             Wrong::Reversed('T'),
             Wrong::Exchanged,
             Wrong::Body(FRAC_PI_2),
@@ -271,4 +268,20 @@ fn a_wrong_response_kills_lands_or_is_only_said_as_stated() {
         let is_killed = flown.killed_by.contains("flight.wrong_response");
         assert_eq!(is_killed, action == "kill", "{action}: {}", flown.killed_by);
     }
+}
+
+/// It stands on its legs until the controller has made up for the mass, and turns only then.
+#[test]
+fn a_vehicle_heavier_than_believed_is_accused_of_what_is_wrong_alone() {
+    let heavier = ["model.mass=0.17", "controller.initial.mass=0.17"].map(str::to_owned);
+    let right = flown(&[], &heavier);
+    assert_eq!(right.says, "nothing");
+    assert!(right.height > 0.3, "{} m", right.height);
+    let reversed = flown(&[Wrong::Reversed('R')], &heavier);
+    assert!(
+        reversed.says.contains("yaw answers with the wrong sign") && reversed.height < LOW,
+        "{} m: {}",
+        reversed.height,
+        reversed.says
+    );
 }

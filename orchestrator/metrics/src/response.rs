@@ -302,7 +302,8 @@ fn verdict(sums: &[Sums; LATENESS_NS.len()], yaw: f64) -> Option<String> {
     };
     let pitch = sums.iter().map(|late| late.products[(1, 1)]).fold(0.0, f64::max);
     let horizontal = in_time.horizontal(needed(&[0, 1]), yaw);
-    let by_pitch = || in_time.pitch_turns_yaw(pitch);
+    let yaw_by_yaw = sums.iter().map(Sums::yaw_by_yaw).fold(0.0, f64::max);
+    let by_pitch = || in_time.pitch_turns_yaw(pitch, yaw_by_yaw);
     horizontal
         .or_else(by_pitch)
         .or_else(|| in_time.vertical(needed(&[2])))
@@ -374,23 +375,30 @@ impl Sums {
     }
 
     /// Returns that commands about y turn the vehicle about z, as with another up axis.
-    /// `pitch` is the largest product with the rotation about y itself, at any lateness.
-    fn pitch_turns_yaw(&self, pitch: f64) -> Option<String> {
+    /// `pitch` is the largest product with the rotation about y itself, and `yaw_by_yaw` the largest share of the rotation about z that
+    /// its own commands explain, at any lateness.
+    fn pitch_turns_yaw(&self, pitch: f64, yaw_by_yaw: f64) -> Option<String> {
         let is_moved = self.commanded.y > MOVED;
         let response = self.products[(2, 1)].abs();
         let explained = response * response / (self.commanded.y * self.measured.z).max(f64::MIN_POSITIVE);
         let is_other = self.products[(1, 1)].abs().max(pitch) < 0.5 * response;
-        (is_moved && is_other && explained > EXPLAINS && response > RESPONDS * self.commanded.y).then(|| {
+        let needed = EXPLAINS.max(yaw_by_yaw + BETTER);
+        (is_moved && is_other && explained > needed && response > RESPONDS * self.commanded.y).then(|| {
             "commands of pitch turn the measured yaw: the up axis of the camera system is another one than \
              `motion_capture.world_from_capture` says"
                 .to_owned()
         })
     }
 
+    /// Returns the share of the measured rotation about z that the commands about z explain, in either sense.
+    fn yaw_by_yaw(&self) -> f64 {
+        let response = self.products[(2, 2)];
+        response * response / (self.commanded.z * self.measured.z).max(f64::MIN_POSITIVE)
+    }
+
     fn vertical(&self, needed: f64) -> Option<String> {
         let response = self.products[(2, 2)];
-        let explained = response * response / (self.commanded.z * self.measured.z).max(f64::MIN_POSITIVE);
-        let is_reversed = -response > RESPONDS * self.commanded.z && explained > needed;
+        let is_reversed = -response > RESPONDS * self.commanded.z && self.yaw_by_yaw() > needed;
         (self.commanded.z > MOVED && is_reversed).then(|| wrong_sign("yaw"))
     }
 }
@@ -652,6 +660,17 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Commands of pitch and yaw together, as in a yaw test.
+    #[test]
+    fn a_yaw_that_its_own_commands_turn_is_not_that_of_another_up_axis() {
+        let half_a_turn = Matrix3::from_diagonal(&Vector3::new(-1.0, -1.0, 1.0));
+        let command = |time: f64| Vector3::new(0.0, 0.8, 0.8) * libm::sin(9.0 * time);
+        let (_, found) = fly_commands(half_a_turn, 0.0, 5, command).unwrap();
+        assert!(found.starts_with("pitch answers with the wrong sign"), "{found}");
+        let held = Matrix3::from_diagonal(&Vector3::new(1.0, 0.0, 1.0));
+        assert_eq!(fly_commands(held, 0.0, 5, command), None);
     }
 
     #[test]

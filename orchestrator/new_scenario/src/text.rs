@@ -110,6 +110,7 @@ takeoff_height = 0.8            # m
 takeoff_speed = 0.4             # m/s
 landing_speed = 0.3             # m/s
 position_sigma_max = 0.01       # m
+yaw_test = 0.2                  # rad, a turn at lift-off and back, which shows a wrong sign of yaw
 # `gerono lab check` prints these three lines for your vehicle; without them a vehicle in a hand, or with wrong axes, is armed, too.
 # hand_test = "hand_test.json"
 # ground = 0.0                  # m, z of the vehicle on the ground

@@ -64,6 +64,10 @@ pub const AT_REST: f64 = 0.3;
 pub const DOWN_AFTER: f64 = 0.5;
 /// Timeout of a take-off for the arrival of the vehicle at the end of a leg, s.
 pub const ARRIVAL_TIMEOUT: f64 = 5.0;
+/// Rise from which a vehicle is off the ground and can turn, m.
+pub const OFF_THE_GROUND: f64 = 0.01;
+/// Duration of the turn of `flight.yaw_test` from then on, s.
+pub const YAW_TEST: f64 = 0.8;
 /// Time constant of the mean thrust in flight, s.
 const CARRYING: f64 = 1.0;
 /// Maximum time that one observation of the vehicle accounts for, s: after a restart the time since the last step may be
@@ -107,6 +111,8 @@ shared_types::sample! {
         pub away_for: f64,
         /// z of the vehicle in {I} when it was armed, m.
         pub ground: f64,
+        /// Time at which it left the ground in a take-off, ns; 0 before.
+        pub lifted_ns: u64,
         /// Mean of the thrust that carries the vehicle, N.
         pub carrying_thrust: f64,
         /// Time for which the vehicle has not sunk although it should, s.
@@ -242,6 +248,7 @@ impl Phases {
         let elapsed = now.elapsed();
         if let Some(vehicle) = input.vehicle {
             self.detect_contact(elapsed, vehicle, input.frame);
+            self.detect_lift(now, vehicle);
         } else {
             self.persistent.standing_for = 0.0;
         }
@@ -409,6 +416,29 @@ impl Phases {
             (true, false) => PathRateCommand::Path(self.profile(now)),
             (false, _) => PathRateCommand::PathAt([0.0; 3]),
         }
+    }
+
+    /// Notes when the vehicle leaves the ground: one that stands on its legs cannot turn.
+    fn detect_lift(&mut self, now: &Now, vehicle: &VehicleState) {
+        let [.., z] = vehicle.position_world;
+        let is_off = self.rises_from_the_ground() && z < self.persistent.ground - OFF_THE_GROUND;
+        if is_off && self.persistent.lifted_ns == 0 {
+            self.persistent.lifted_ns = now.time_ns;
+        }
+    }
+
+    fn rises_from_the_ground(&self) -> bool {
+        self.phase() == FlightPhase::TakeOff && self.persistent.way == PhasesMemory::WAY_RISE
+    }
+
+    /// Returns the angle of `flight.yaw_test` at a time of its turn, rad, which is added to the desired yaw; otherwise 0.
+    #[must_use]
+    pub fn yaw_test(&self, now: &Now) -> f64 {
+        let lifted_ns = self.persistent.lifted_ns;
+        let turns = lifted_ns != 0
+            && self.rises_from_the_ground()
+            && now.time_ns.saturating_sub(lifted_ns) < nanoseconds(YAW_TEST);
+        self.stated.yaw_test.filter(|_| turns).unwrap_or(0.0)
     }
 
     /// Returns whether the vehicle follows the reference.
@@ -586,6 +616,7 @@ impl Phases {
             FlightPhase::Armed => {
                 let place = input.vehicle.map_or([0.0; 3], |vehicle| vehicle.position_world);
                 self.persistent.ground = place[2];
+                self.persistent.lifted_ns = 0;
                 self.persistent.ground_known = true.into();
             }
             FlightPhase::TakeOff => {

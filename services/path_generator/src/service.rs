@@ -159,10 +159,11 @@ impl PathGeneratorService {
         })
     }
 
-    /// Returns ψd at a tick, rad.
-    fn yaw_at(&self, tick: u64) -> f64 {
-        let begun = self.yaws.partition_point(|(from, _)| *from <= tick);
-        self.yaws[begun.max(1) - 1].1
+    /// Returns ψd at a step, rad.
+    fn yaw_at(&self, now: &Now) -> f64 {
+        let begun = self.yaws.partition_point(|(from, _)| *from <= now.tick);
+        let phases = self.generator.phases.as_ref();
+        self.yaws[begun.max(1) - 1].1 + phases.map_or(0.0, |phases| phases.yaw_test(now))
     }
 }
 
@@ -358,7 +359,7 @@ impl Service for PathGeneratorService {
                 derivative1_world: point.derivative1.into(),
                 derivative2_world: point.derivative2.into(),
                 derivative3_world: point.derivative3.into(),
-                yaw: self.yaw_at(now.tick),
+                yaw: self.yaw_at(now),
                 yaw_rate: 0.0,
                 states_refused: self.states.refused(),
                 vehicle_known: known.is_some().into(),

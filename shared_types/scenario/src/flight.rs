@@ -1,6 +1,6 @@
 //! Phases of a flight: the operator's planned requests, and take-off and landing.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
@@ -12,9 +12,7 @@ use shared_types::flight_phase::ReadyLimits;
 use shared_types::schedule::OperatorPlan;
 use shared_types::{ServiceId, Topic};
 
-/// Flight with phases: disarmed, armed, take-off, fly, land, disarmed.
-///
-/// The ground is at the vehicle's initial height.
+/// Flight with phases: disarmed, armed, take-off, fly, land, disarmed. The ground is at the vehicle's initial height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Flight {
@@ -52,6 +50,10 @@ pub struct Flight {
     /// Maximum angle between thrust axis and vertical for arming, rad.
     #[schemars(transform = positive_up_to(Included(FRAC_PI_2)), extend("x-hint" = "0.35, which is 20°, is much for a vehicle that stands on its legs"))]
     pub tilt_max: f64,
+    /// Turn at lift-off, and back, which shows a wrong sign of yaw (`wrong_response`), rad; none unless stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive_up_to(Included(FRAC_PI_6)), extend("x-hint" = "0.2, which is 11°, shows the sign"))]
+    pub yaw_test: Option<f64>,
     /// z in {I} of the vehicle on the ground, m: farther from it than `ground_tolerance`, it is not armed by command. Not
     /// checked unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,6 +88,7 @@ impl Default for Flight {
             landing_speed: 0.3,
             position_sigma_max: 0.02,
             tilt_max: 0.35,
+            yaw_test: None,
             ground: None,
             ground_tolerance: None,
             hand_test: None,
