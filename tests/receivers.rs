@@ -176,9 +176,15 @@ fn a_vehicle_flies_out_of_a_hall_with_cameras_and_back_by_poses_and_fixes() {
     let last_fix = fixes.iter().rfind(|fix| fix.measured.is_set()).unwrap();
     assert!(last_fix.header.stamp_ns < last_ns, "it is back");
     let states: Vec<VehicleState> = samples(&log);
+    let landed = references
+        .iter()
+        .rfind(|reference| reference.airborne.is_set())
+        .unwrap();
+    // On the ground it is not tracked while poses are refused.
+    let in_the_air = airborne.header.stamp_ns..landed.header.stamp_ns;
     let flown = states
         .iter()
-        .skip_while(|state| state.header.stamp_ns < airborne.header.stamp_ns);
+        .filter(|state| in_the_air.contains(&state.header.stamp_ns));
     // It is lost only while nobody measures its motion: between the driver and its successor.
     let inertial: Vec<ImuSample> = samples(&log);
     let measured = inertial.iter().filter(|sample| sample.measured.is_set());

@@ -167,13 +167,22 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
                     Some(true) => "neither fixes nor poses have",
                     _ => "fixes have not",
                 };
+                let poses = match scenario.fuses_poses() {
+                    Some(true) => {
+                        "; or poses contradict the fixes or the heading: compare `[datum]` with the axes of the cameras"
+                    }
+                    _ => "",
+                };
                 let baseline = match scenario.baseline() {
-                    Some(_) => "; or no baseline has been, or it and the field show different headings",
+                    Some(_) => {
+                        "; or no baseline has been fused beside the field, or they show different headings: compare `gerono gnss probe` \
+                         with `navigation.baseline` and a compass, and let the field come in gauss"
+                    }
                     None => "",
                 };
                 format!(
-                    "the position is not known: {what} been fused for `navigation.healthy_for` without a break, or inertial \
-                     samples are missing{baseline}"
+                    "the position is not known: {what} been fused for `navigation.healthy_for` without a break (fixes that come and \
+                     are refused for 7 s belong to another `[datum]` or height), or inertial samples are missing{poses}{baseline}"
                 )
             }
             NotReady::Sight => "the cameras do not see the vehicle".to_owned(),

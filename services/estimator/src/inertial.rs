@@ -13,10 +13,11 @@
 //! Failure policy, besides that of the filter (`inertial_navigation::filter`):
 //! * an impossible sample is refused and counted, and so is one from the future;
 //! * a state counts as tracked once fixes or positions of poses have been fused for [`healthy_for`](scenario::Navigation::healthy_for)
-//!   without a break of a second, in which attitudes of poses and baselines, if there are any, were fused too, and a stated baseline
+//!   without a break of a second, in which poses and baselines, if there are any, were fused too, and a stated baseline
 //!   does not contradict the field by 1.4 rad: else the heading may be wrong; then
 //!   as long as the last one is at most [`coast`](scenario::Navigation::coast) old, and samples of the inertial measurement unit
-//!   arrive. It coasts while they are missing for more than a second;
+//!   arrive. It coasts while they are missing for more than a second. A vehicle at rest whose poses or baselines are refused for half
+//!   a second has to be healthy again;
 //! * once tracked, a correction of the position by more than 5 cm (a better kind of fixes, the first fix after a silence, a source
 //!   that is accepted again) is no step of the published one, which follows over [`ramp`](scenario::Navigation::ramp), and by at
 //!   most 1 m/s; and so with the velocity, above 0.1 m/s and by at most 1 m/s². After a silence, or when the position is more than
@@ -65,6 +66,9 @@ const MOST_BENT: f64 = 1.3;
 
 /// Time without a fused position above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
+/// Time for which poses or baselines must be refused in a row for a vehicle at rest to lose its trust, ns: less than the time after
+/// which they are accepted again.
+const CONTRADICTED_FOR_NS: u64 = 500_000_000;
 /// Correction of the position (m) above which the published one follows slowly, and the highest speed at which it does, m/s.
 const POSITION_FOLLOWS: [f64; 2] = [0.05, 1.0];
 /// The same of the velocity, m/s and m/s².
@@ -459,45 +463,49 @@ impl InertialEstimatorService {
         now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS
     }
 
-    /// Returns whether attitudes of poses or baselines have been refused in the last second, and none was fused.
-    fn contradicts_attitudes(&self, now: &Now) -> bool {
-        let is_recent = |time_ns: u64| now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS;
-        [Source::PoseAttitude, Source::Baseline]
+    /// Returns whether poses or baselines have been refused in the last second, for a time (ns) and more, and none was fused.
+    fn contradicts_poses(&self, now: &Now, for_ns: u64) -> bool {
+        [Source::PosePosition, Source::PoseAttitude, Source::Baseline]
             .into_iter()
             .any(|source| {
                 let status = self.filter.source(source);
-                status.refused > 0 && is_recent(status.refused_ns) && !is_recent(status.fused_ns)
+                let is_refused = status.refused > 0 && is_recent(status.refused_ns, now);
+                is_refused
+                    && !self.is_fused(source, now)
+                    && status.refused_ns.saturating_sub(status.refused_since_ns) >= for_ns
             })
     }
 
-    /// Returns whether the heading is known well enough for the first flight with it: where two antennas are stated, by a baseline or a
-    /// pose, and not against the field. A baseline that is stated the wrong way round turns the heading by half a turn, and the filter
+    /// Returns whether a source was fused in the last second.
+    fn is_fused(&self, source: Source, now: &Now) -> bool {
+        let status = self.filter.source(source);
+        status.fused > 0 && is_recent(status.fused_ns, now)
+    }
+
+    /// Returns whether the heading is known well enough for the first flight with it: where two antennas are stated, by a pose, or by a
+    /// baseline and a field that agree. A baseline that is stated the wrong way round turns the heading by half a turn, and the filter
     /// takes what it then sees of the field for its bias.
     fn knows_heading(&self, now: &Now) -> bool {
-        if !self.has_baseline {
+        if !self.has_baseline || self.is_fused(Source::PoseAttitude, now) {
             return true;
         }
-        let is_recent = |time_ns: u64| now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS;
-        let is_fused = |source| {
-            let status = self.filter.source(source);
-            status.fused > 0 && is_recent(status.fused_ns)
-        };
-        let field = self.filter.source(Source::Field);
-        let is_refused = field.refused > 0 && is_recent(field.refused_ns) && !is_recent(field.fused_ns);
         let bias = self
             .filter
             .horizon()
             .map(|horizon| horizon.biases.field_body.norm());
         let is_bent = bias.is_none_or(|bias| bias > MOST_BENT * self.horizontal_field);
-        (is_fused(Source::Baseline) || is_fused(Source::PoseAttitude)) && !is_refused && !is_bent
+        self.is_fused(Source::Baseline, now) && self.is_fused(Source::Field, now) && !is_bent
     }
 
     /// Returns whether the state is tracked, and whether it coasts.
     fn trust(&mut self, now: &Now) -> [bool; 2] {
         let without_ns = self.without_position_for_ns(now);
         let coasts = without_ns.is_none_or(|without| without > COASTS_AFTER_NS);
-        let is_healthy =
-            !coasts && !self.contradicts_attitudes(now) && (self.was_healthy || self.knows_heading(now));
+        // At rest poses and baselines reset the heading after some seconds: which of the two is right is not known then.
+        let rests = !self.motors_turn && self.is_fused(Source::ZeroVelocity, now);
+        self.was_healthy &= !(rests && self.contradicts_poses(now, CONTRADICTED_FOR_NS));
+        let is_contradicted = self.contradicts_poses(now, 0);
+        let is_healthy = !coasts && !is_contradicted && (self.was_healthy || self.knows_heading(now));
         let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| is_healthy);
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
@@ -645,6 +653,14 @@ impl Service for InertialEstimatorService {
     }
 }
 
+/// Latitude from which the vertical component of the earth's field has the sign of the latitude, degrees.
+const LATITUDE_OF_DIP: f64 = 30.0;
+
+/// Returns whether a source's last sample at a time of validity is recent.
+fn is_recent(time_ns: u64, now: &Now) -> bool {
+    now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS
+}
+
 /// Returns the result for a sample: nothing new if nothing was measured.
 fn judged(measured: Flag, is_possible: bool) -> Validity {
     match (measured.is_set(), is_possible) {
@@ -738,16 +754,33 @@ fn check_vibration(imu: &Imu, schedule: &Schedule) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Checks that a field is that of the earth, which is nowhere outside of 0.2 to 0.7 G.
+/// Checks that a field is that of the earth, which is nowhere outside of 0.2 to 0.7 G, and away from the equator points down in the
+/// north and up in the south.
 fn check_field(datum: &Datum) -> Result<(), Problem> {
-    let field = Vector3::from(datum.field_world()).norm();
-    if (0.15..0.75).contains(&field) {
+    let field = Vector3::from(datum.field_world());
+    let strength = field.norm();
+    let [reason, fix] = if !(0.15..0.75).contains(&strength) {
+        [
+            format!("{strength:.3} G is not the field of the earth, which has 0.2 to 0.7 G"),
+            "give it in gauss: 1 µT are 0.01 G, and 1000 nT too".to_owned(),
+        ]
+    } else if datum.latitude.abs() > LATITUDE_OF_DIP && field.z * datum.latitude < 0.0 {
+        let side = if field.z > 0.0 { "down" } else { "up" };
+        [
+            format!(
+                "the field points {side}, and at a latitude of {:?}° it does not",
+                datum.latitude
+            ),
+            "its third component is the one downwards, positive in the north and negative in the south"
+                .to_owned(),
+        ]
+    } else {
         return Ok(());
-    }
+    };
     Err(Problem::new(
         Key::root().then("datum").then("field"),
-        format!("{field:.3} G is not the field of the earth, which has 0.2 to 0.7 G"),
-        "give it in gauss: 1 µT are 0.01 G, and 1000 nT too",
+        reason,
+        &fix,
     ))
 }
 
@@ -800,6 +833,26 @@ fn check_times(
                     "the vehicle would be lost before each {what}: the last one is up to {age:?} s old by then"
                 ),
                 "give it several seconds",
+            ));
+        }
+    }
+    // Without poses the heading of two antennas is trusted only beside a field.
+    let is_needed = navigation.baseline.is_some() && navigation.poses.is_none();
+    for topic in [Topic::GnssBaseline, Topic::MagField]
+        .into_iter()
+        .filter(|_| is_needed)
+    {
+        let age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
+        if age_ns > COASTS_AFTER_NS {
+            return Err(Problem::new(
+                key_of("period", topic.name()),
+                format!(
+                    "the vehicle would never be tracked: with two antennas one has to be fused each {:?} s, and the last is up to {:?} s \
+                     old by then",
+                    seconds(COASTS_AFTER_NS),
+                    seconds(age_ns)
+                ),
+                "shorten it, or `navigation.horizon`",
             ));
         }
     }

@@ -492,10 +492,12 @@ impl InertialFilter {
             memory.alignment = Alignment::new_zeroed();
             return;
         }
-        // The first sample has no beginning.
-        if h < LONGEST_SPAN {
-            memory.alignment.add_imu(&sample.rate_body, &sample.force_body, h);
+        // The first sample has no beginning, and after a gap the vehicle may stand elsewhere.
+        if h >= LONGEST_SPAN {
+            memory.alignment = Alignment::new_zeroed();
+            return;
         }
+        memory.alignment.add_imu(&sample.rate_body, &sample.force_body, h);
         memory.horizon = memory.alignment.start(sample.time_ns, &self.parameters);
         if let Some(horizon) = &memory.horizon {
             memory.present = horizon.kinematics;

@@ -158,7 +158,9 @@ impl FlightWatch {
 #[must_use]
 pub fn not_ready_in_words(found: NotReady, tilt: f64, tilt_max: f64, is_inertial: bool) -> String {
     match found {
-        NotReady::Sight if is_inertial => "no recent position was fused".to_owned(),
+        NotReady::Sight if is_inertial => {
+            "no recent position was fused, or its sources contradict each other".to_owned()
+        }
         NotReady::Sight => "the cameras did not see the vehicle".to_owned(),
         NotReady::Level => not_level_in_words(tilt, tilt_max),
         _ => found.words().to_owned(),
@@ -375,7 +377,7 @@ mod tests {
         outdoors.watch.is_inertial = true;
         assert_reason(
             &outdoors.caused(DISARMED, unseen),
-            "was not ready, no recent position was fused: arm again",
+            "was not ready, no recent position was fused, or its sources contradict each other: arm again",
         );
         let mut lying = Watched::default().phase(DISARMED);
         lying.watch.tilt_max = 0.35;

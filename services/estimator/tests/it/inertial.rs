@@ -313,7 +313,7 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
     fn time(table: &mut std::collections::BTreeMap<String, f64>, name: &str, seconds: f64) {
         table.insert(name.to_owned(), seconds);
     }
-    let changes: [(Change, &str); 6] = [
+    let changes: [(Change, &str); 9] = [
         (
             |scenario| time(&mut scenario.schedule.latency, "imu/sample -> estimator", 0.1),
             "schedule.latency.\"imu/sample -> estimator\"",
@@ -338,6 +338,19 @@ fn times_with_which_the_vehicle_is_never_tracked_are_refused_with_the_key() {
             |scenario| scenario.model.get_or_insert_default().radio_latency = 0.3,
             "model.radio_latency",
         ),
+        (
+            |scenario| {
+                scenario.navigation.as_mut().unwrap().baseline = Some(BASELINE);
+                time(&mut scenario.schedule.period, "gnss/baseline", 0.9);
+            },
+            "schedule.period.\"gnss/baseline\"",
+        ),
+        // The field points down in the north.
+        (
+            |scenario| scenario.datum.as_mut().unwrap().field[2] *= -1.0,
+            "datum.field",
+        ),
+        (|scenario| scenario.datum.as_mut().unwrap().latitude = 20.0, ""),
         (|_| (), ""),
     ];
     for (change, key) in changes {
@@ -769,5 +782,123 @@ fn while_baselines_are_refused_or_contradict_the_field_the_vehicle_is_not_tracke
     for (bend, sign) in [(2.0, 1.0), (0.0, -1.0)] {
         let (from, heading) = aligned_by_a_bent_field(bend, sign);
         assert_eq!(from, None, "{bend} {sign}: {heading}");
+    }
+}
+
+fn heading_of(state: &VehicleState) -> f64 {
+    libm::atan2(state.world_from_body[3], state.world_from_body[0])
+}
+
+/// Baselines that are stated the wrong way round, and no field that could contradict them: none comes, or in milligauss.
+#[test]
+fn without_a_field_baselines_alone_do_not_make_the_vehicle_tracked() {
+    for factor in [None, Some(1000.0)] {
+        let (mut service, mut world) = (with_two_antennas(), World::new(17));
+        for number in 0..5000 {
+            let mut arrived = world.step(number);
+            arrived.field = arrived.field.zip(factor).map(|(mut field, factor)| {
+                field.field_body = field.field_body.map(|component| factor * component);
+                field
+            });
+            if let Some(baseline) = arrived.baseline.as_mut() {
+                baseline.baseline_ned = baseline.baseline_ned.map(|component| -component);
+            }
+            let state = step(&mut service, number, &arrived);
+            assert!(!state.tracked.is_set(), "{factor:?}: {state:?}");
+        }
+    }
+    let (mut service, mut world) = (with_two_antennas(), World::new(17));
+    let with_all = (0..5000).map(|number| step(&mut service, number, &world.step(number)));
+    assert!(with_all.last().unwrap().tracked.is_set());
+}
+
+/// A vehicle that was seen in a hall is carried out, turned, and its inertial measurement unit is switched on there.
+#[test]
+fn the_alignment_forgets_poses_from_before_a_gap_of_the_inertial_samples() {
+    let (mut service, mut world) = (seen(), World::new(15));
+    let turned = to_row_major(&exp(&nalgebra::Vector3::new(0.0, 0.0, 1.2)));
+    let mut state = VehicleState::new_zeroed();
+    for number in 0..6000 {
+        let mut arrived = world.step(number);
+        if number < 500 {
+            if let Some(pose) = arrived.pose.as_mut() {
+                pose.world_from_body = turned;
+            }
+        } else if number < 2500 {
+            arrived = Arrived::default();
+        } else {
+            arrived.pose = None;
+        }
+        if number < 500 {
+            arrived = Arrived {
+                pose: arrived.pose,
+                ..Arrived::default()
+            };
+        }
+        state = step(&mut service, number, &arrived);
+    }
+    // That of the field.
+    assert!(
+        state.tracked.is_set() && heading_of(&state).abs() < 0.3,
+        "{state:?}"
+    );
+}
+
+/// After the heading was reset on the ground, all that made it trusted holds again.
+#[test]
+fn baselines_that_turn_on_the_ground_end_the_trust_in_the_heading() {
+    let (mut service, mut world) = (with_two_antennas(), World::new(17));
+    let turn = exp(&nalgebra::Vector3::new(0.0, 0.0, std::f64::consts::PI));
+    for number in 0..12_000 {
+        let mut arrived = world.step(number);
+        if let Some(baseline) = arrived.baseline.as_mut().filter(|_| number >= 4000) {
+            baseline.baseline_ned = (turn * nalgebra::Vector3::from(baseline.baseline_ned)).into();
+        }
+        let state = step(&mut service, number, &arrived);
+        // 1 s after the first that is refused, beyond the horizon.
+        let is_trusted = (3000..4000).contains(&number);
+        if is_trusted || number > 4400 {
+            assert_eq!(state.tracked.is_set(), is_trusted, "{number}: {state:?}");
+        }
+    }
+}
+
+/// Poses with another origin than the fixes: the one that was fused first would be flown by.
+#[test]
+fn poses_that_contradict_the_fixes_keep_the_vehicle_from_being_tracked() {
+    let (mut service, mut world) = (seen(), World::new(15));
+    world.shift = [3.0, 0.0, 0.0];
+    for number in 0..9000 {
+        world.is_hidden = number < 4000;
+        let state = step(&mut service, number, &world.step(number));
+        if number > 4400 || number == 3999 {
+            assert_eq!(state.tracked.is_set(), number == 3999, "{number}: {state:?}");
+        }
+    }
+}
+
+/// One pose that is no pose of the vehicle costs nothing, and a frame that stops the motors in the air for a moment neither.
+#[test]
+fn trust_ends_only_at_rest_and_after_refusals_in_a_row() {
+    for (seen_at, motors_from, stopped_at) in [(3501..3502, u64::MAX, 0), (4000..6000, 3500, 5000)] {
+        let (mut service, mut world) = (seen(), World::new(15));
+        world.motors_from = motors_from;
+        for number in 0..6000 {
+            let mut arrived = world.step(number);
+            arrived.pose = arrived
+                .pose
+                .filter(|_| seen_at.contains(&number))
+                .map(|mut pose| {
+                    pose.position_world[0] += 3.0;
+                    pose
+                });
+            if number == stopped_at
+                && let Some(frame) = arrived.frame.as_mut()
+            {
+                frame.failsafe = true.into();
+            }
+            let state = step(&mut service, number, &arrived);
+            assert!(number < 3000 || state.tracked.is_set(), "{number}: {state:?}");
+        }
     }
 }
