@@ -398,14 +398,16 @@ impl ReceiverFeed {
                 );
             }
             Packet::NavPvt(pvt) => {
-                if self.is_fix_from(Origin::new(source, 0, 0), arrived_ns) {
+                if let Some(fix) = self.used_fix(fix_of_receiver(pvt), Origin::new(source, 0, 0), arrived_ns)
+                {
                     let stamp_ns = in_week(pvt.time_of_week_ms, &mut self.week_stamp_ns);
-                    self.add_fix(fix_of_receiver(pvt), stamp_ns, arrived_ns);
+                    self.add_fix(fix, stamp_ns, arrived_ns);
                 }
             }
-            Packet::GpsRawInt(sender, fix) => {
-                if self.is_fix_from(Origin::new(source, sender.system, sender.component), arrived_ns) {
-                    self.add_fix(fix_of_autopilot(fix), microseconds(fix.time_us), arrived_ns);
+            Packet::GpsRawInt(sender, packet) => {
+                let origin = Origin::new(source, sender.system, sender.component);
+                if let Some(fix) = self.used_fix(fix_of_autopilot(packet), origin, arrived_ns) {
+                    self.add_fix(fix, microseconds(packet.time_us), arrived_ns);
                 }
             }
             Packet::RelativePosition(relative) if self.uses_baselines => {
@@ -452,14 +454,21 @@ impl ReceiverFeed {
         self.figures.left_out += dropped;
     }
 
-    /// Returns whether fixes of a sender are used, and counts others.
-    fn is_fix_from(&mut self, origin: Origin, arrived_ns: u64) -> bool {
-        let is_used = self.fixes.is_from(origin, arrived_ns, FIX_SILENCE_NS);
+    /// Returns a sender's fix if it is used, and counts others. A sender without a position keeps no place from another one, nor does
+    /// the second of two antennas take that of the first, whose place on the vehicle is another one.
+    fn used_fix(&mut self, fix: Option<GnssFix>, origin: Origin, arrived_ns: u64) -> Option<GnssFix> {
+        if fix.is_none() {
+            self.figures.without_position += 1;
+            return None;
+        }
+        let is_second = |used: Origin| used != origin && [used.system, origin.system] == [0; 2];
+        let is_used = !(self.uses_baselines && self.fixes.origin.is_some_and(is_second))
+            && self.fixes.is_from(origin, arrived_ns, FIX_SILENCE_NS);
         self.figures.foreign += u64::from(!is_used);
-        is_used
+        fix.filter(|_| is_used)
     }
 
-    fn add_fix(&mut self, fix: Option<GnssFix>, stamp_ns: i64, arrived_ns: u64) {
+    fn add_fix(&mut self, fix: GnssFix, stamp_ns: i64, arrived_ns: u64) {
         let Some(valid_ns) = self.fixes.measured_ns(
             Times::Instants,
             stamp_ns,
@@ -467,10 +476,6 @@ impl ReceiverFeed {
             self.fix_latency_ns,
             &mut self.figures,
         ) else {
-            return;
-        };
-        let Some(fix) = fix else {
-            self.figures.without_position += 1;
             return;
         };
         self.figures.left_out += self.fix.push(valid_ns, fix);

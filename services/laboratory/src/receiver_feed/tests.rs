@@ -326,9 +326,9 @@ fn what_is_no_sample_is_counted() {
     assert_eq!(counted("repeated"), Some(1));
     assert_eq!(counted("foreign"), Some(1));
     assert_eq!(counted("mistimed"), Some(1));
-    assert_eq!(counted("without a position"), Some(8));
-    // Before each clock was known: 50 inertial ones, and two fixes.
-    assert_eq!(counted("unsettled"), Some(52));
+    assert_eq!(counted("without a position"), Some(10));
+    // Before the clock was known.
+    assert_eq!(counted("unsettled"), Some(50));
     assert_eq!(figures.samples, [50, 0, 50, 50]);
 }
 
@@ -378,7 +378,7 @@ fn the_same_autopilot_by_another_source_replaces_a_source_that_is_silent() {
 
 #[test]
 fn another_receiver_replaces_one_that_is_silent_and_an_autopilot_does_not() {
-    let mut feed = feed();
+    let mut feed = feed().with_baselines(false);
     let mut add = |k: u32, source: u8, latitude: f64| {
         let packet = Packet::NavPvt(pvt(100 * k, latitude));
         feed.add(&packet, source, OFFSET_NS + u64::from(100 * k + 130) * MS);
@@ -395,6 +395,42 @@ fn another_receiver_replaces_one_that_is_silent_and_an_autopilot_does_not() {
     assert_eq!(feed.figures(0, 0).foreign, 10 + 30);
     let fix = publish(&mut feed, 2931).fix;
     assert_eq!((fix.latitude, fix.valid_ns), (49.0, 2930 * MS));
+}
+
+#[test]
+fn of_two_antennas_the_second_gives_no_fix_after_the_first() {
+    let mut feed = feed();
+    for k in 0..40 {
+        let source = u8::from(k >= 10);
+        let fix = Packet::NavPvt(pvt(100 * k, 48.0 + f64::from(source)));
+        feed.add(&fix, source, OFFSET_NS + u64::from(100 * k + 130) * MS);
+    }
+    assert_eq!(feed.figures(0, 0).foreign, 30);
+    assert_eq!(publish(&mut feed, 3931).fix.latitude, 48.0);
+}
+
+#[test]
+fn a_receiver_without_a_position_takes_no_place_from_an_autopilot_that_has_one() {
+    let mut feed = feed();
+    let add = |feed: &mut ReceiverFeed, k: u32, solution: Solution| {
+        let mut fix = pvt(100 * k, 49.0);
+        fix.solution = solution;
+        feed.add(&Packet::NavPvt(fix), 0, OFFSET_NS + u64::from(100 * k + 130) * MS);
+        let raw = Packet::GpsRawInt(AUTOPILOT, raw(u64::from(100 * k), 5));
+        feed.add(&raw, 1, OFFSET_NS + u64::from(100 * k + 131) * MS);
+    };
+    for k in 0..30 {
+        add(&mut feed, k, Solution::None);
+    }
+    assert_eq!(
+        feed.fixes.origin,
+        Some(Origin::new(1, AUTOPILOT.system, AUTOPILOT.component))
+    );
+    for k in 30..60 {
+        add(&mut feed, k, Solution::ThreeDimensional);
+    }
+    assert_eq!(feed.fixes.origin, Some(Origin::new(0, 0, 0)));
+    assert_eq!(publish(&mut feed, 5931).fix.latitude, 49.0);
 }
 
 fn relative(week_time_ms: u32, carrier: Carrier) -> RelativePosition {
