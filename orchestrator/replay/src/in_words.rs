@@ -51,7 +51,7 @@ pub fn report(replayed: &Replayed, options: &Options) -> String {
     }
     if let Some(service) = replayed.not_replayable {
         text += &format!(
-            "The steps of `{service}` are not repeated: in this flight they received poses from the laboratory's cameras.\n"
+            "The steps of `{service}` are not repeated: in this flight they received packets of real sensors.\n"
         );
     }
     if !replayed.external_services.is_empty() {

@@ -271,6 +271,26 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
             Problem::new(at.clone(), reason, "lengths are in m, along the axes of the body")
         })
         .collect();
+    let baselines = [
+        (key(&["navigation", "baseline"]), scenario.baseline()),
+        (
+            key(&["sensors", "gnss", "baseline"]),
+            sensors.and_then(|sensors| sensors.gnss.baseline),
+        ),
+    ];
+    for (at, baseline) in baselines {
+        let long = baseline
+            .map(|baseline| length(&baseline))
+            .filter(|long| *long > LARGEST_LEVER_ARM);
+        if let Some(long) = long {
+            let reason = format!("the two antennas are {long:.2} m apart");
+            warnings.push(Problem::new(
+                at,
+                reason,
+                "lengths are in m, along the axes of the body",
+            ));
+        }
+    }
     if let (Some((at, assumed)), Some([(true_at, antenna), _])) = (stated, simulated) {
         let apart = length(&std::array::from_fn(|axis| assumed[axis] - antenna[axis]));
         if apart > SAME_PLACE {

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use navigation_receivers::Packet;
 use navigation_receivers::counts::{Counts, Message, Reason};
+use navigation_receivers::ubx::{Carrier, RelativePosition};
 use shared_types::gnss::FixKind;
 use shared_types::receiver_source::ReceiverSource;
 
@@ -77,6 +78,31 @@ struct Fix {
     has_vertical_velocity: bool,
 }
 
+/// Baselines of two antennas with a heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Baselines {
+    /// Shortest and longest, m.
+    lengths: [f64; 2],
+    /// How far the rover of the newest is below the moving base, m.
+    down: f64,
+    /// Direction of the newest from true north to the right, rad.
+    heading: f64,
+}
+
+impl Baselines {
+    const NONE: Self = Self {
+        lengths: [f64::INFINITY, 0.0],
+        down: 0.0,
+        heading: 0.0,
+    };
+
+    fn add(&mut self, relative: &RelativePosition, heading: f64) {
+        let [shortest, longest] = self.lengths;
+        self.lengths = [shortest.min(relative.length), longest.max(relative.length)];
+        (self.down, self.heading) = (relative.baseline_ned[2], heading);
+    }
+}
+
 /// Everything that was received.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reception {
@@ -89,7 +115,7 @@ pub(super) struct Reception {
     /// Ages on arrival, s.
     ages: Vec<f64>,
     recent_age: Option<f64>,
-    has_heading: bool,
+    baselines: Option<Baselines>,
     /// Duration of a live reception, s.
     pub listened: Option<f64>,
     /// Speed of a serial line, baud.
@@ -141,7 +167,12 @@ impl Reception {
                 });
             }
             Packet::RelativePosition(relative) => {
-                self.has_heading |= relative.is_valid && relative.is_moving && relative.heading.is_some();
+                let is_used = relative.is_valid && relative.is_moving && relative.carrier == Carrier::Fixed;
+                let heading = relative.heading.filter(|_| is_used);
+                if let Some(heading) = heading {
+                    let baselines = self.baselines.get_or_insert(Baselines::NONE);
+                    baselines.add(relative, heading.angle);
+                }
             }
             _ => {}
         }
@@ -223,6 +254,15 @@ impl Reception {
         if let Some([latitude, longitude, height]) = self.position {
             line(format_args!(
                 "position: {latitude:.7}°, {longitude:.7}°, {height:.2} m above the ellipsoid"
+            ));
+        }
+        if let Some(baselines) = &self.baselines {
+            let [shortest, longest] = baselines.lengths;
+            line(format_args!(
+                "baseline: {shortest:.3} to {longest:.3} m long, the length of `navigation.baseline`; the last from the moving base to \
+                 the rover: {:.1}° from true north, {:.3} m down (compare with a compass)",
+                baselines.heading.to_degrees(),
+                baselines.down
             ));
         }
         if let Some([least, median, _, largest]) = self.age() {
@@ -329,9 +369,11 @@ impl Reception {
 
     /// Adds the messages of an autopilot that do not come.
     fn add_missing(&self, add: &mut dyn FnMut(String)) {
-        let missing: Vec<&str> = [Message::HighresImu, Message::Odometry, Message::GpsRawInt]
+        let has_fixes = self.of(Message::NavPvt).count > 0 && self.kinds[1..].iter().any(|count| *count > 0);
+        let missing: Vec<&str> = [(Message::HighresImu, true), (Message::GpsRawInt, !has_fixes)]
             .into_iter()
-            .filter(|message| self.of(*message).count == 0)
+            .filter(|(message, is_needed)| *is_needed && self.of(*message).count == 0)
+            .map(|(message, _)| message)
             .map(Message::name)
             .collect();
         if let [first, ..] = missing[..] {
@@ -387,7 +429,7 @@ impl Reception {
         if !fix.has_vertical_velocity {
             add("GPS_RAW_INT has no vertical velocity: connect the receiver itself for a flight".to_owned());
         }
-        if self.of(Message::NavRelposned).count > 0 && !self.has_heading {
+        if self.of(Message::NavRelposned).count > 0 && self.baselines.is_none() {
             add("NAV-RELPOSNED has no valid heading of a moving base: both antennas must see the sky, and the moving base must send \
                  its corrections to the rover (RTCM 4072.0 and MSM)"
                 .to_owned());
@@ -468,7 +510,7 @@ fn stamp(packet: &Packet) -> Option<f64> {
 mod tests {
     use super::*;
     use navigation_receivers::stream::Stream;
-    use navigation_receivers::ubx;
+    use navigation_receivers::ubx::{self, Heading};
 
     fn source() -> ReceiverSource {
         ReceiverSource::Path("/dev/ttyACM0".into())
@@ -531,6 +573,30 @@ mod tests {
             text.contains("position: 48.1371540°, 11.5761240°, 565.00 m above the ellipsoid"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn the_baseline_of_two_antennas_is_shown_with_its_heading() {
+        let mut reception = Reception::default();
+        for (k, east) in [0.5, 0.52].into_iter().enumerate() {
+            let relative = RelativePosition {
+                time_of_week_ms: 100 * k as u32,
+                baseline_ned: [0.5, east, -0.02],
+                accuracies_ned: [0.01; 3],
+                length: libm::sqrt(0.25 + east * east + 0.0004),
+                carrier: Carrier::Fixed,
+                is_valid: true,
+                is_moving: true,
+                heading: Some(Heading {
+                    angle: libm::atan2(east, 0.5),
+                    deviation: 0.01,
+                }),
+            };
+            reception.add(&Packet::RelativePosition(relative), None);
+        }
+        let text = reception.describe(&Counts::default());
+        assert!(text.contains("baseline: 0.707 to 0.722 m long"), "{text}");
+        assert!(text.contains("46.1° from true north, -0.020 m down"), "{text}");
     }
 
     #[test]
