@@ -3,7 +3,7 @@
 use scenario::{Gnss, Key, Navigation, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::flight_phase::DESCENT;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
-use shared_types::{ServiceId, Topic};
+use shared_types::{GRAVITY, ServiceId, Topic};
 
 use crate::gain_rules::digits;
 
@@ -24,6 +24,8 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(lever_arm_warnings(scenario))
         .chain(estimate_warning(scenario))
         .chain(unmeasured_warning(scenario, path))
+        .chain(lift_warning(scenario))
+        .chain(envelope_warnings(scenario))
         .collect()
 }
 
@@ -76,6 +78,60 @@ fn mass_warning(scenario: &Scenario) -> Option<Problem> {
         let at = ["controller", "initial", "mass"].into_iter().collect();
         Problem::new(at, reason, "state the weighed mass in both")
     })
+}
+
+/// Thrust over weight above which a calibration is wrong: racing quadcopters have up to 15.
+const MOST_LIFT: f64 = 20.0;
+
+/// Warns of a radio link that carries more thrust than any multicopter has.
+fn lift_warning(scenario: &Scenario) -> Option<Problem> {
+    let [_, thrust] = scenario.rc_output.as_ref()?.thrust_limits();
+    let believed = scenario.model.as_ref().map(|model| model.mass);
+    let mass = believed.unwrap_or(scenario.vehicle.mass);
+    let lift = thrust / (mass * GRAVITY);
+    (lift > MOST_LIFT).then(|| {
+        let reason = format!("the full stick would lift {lift:.0} times the weight of {mass:?} kg");
+        let at = ["rc_output", "thrust_slope"].into_iter().collect();
+        Problem::new(
+            at,
+            reason,
+            "the slope is in N per unit of travel: measure it (`gerono rc identify`)",
+        )
+    })
+}
+
+/// Longest side of the box of a flight by cameras, m.
+const LONGEST_SIDE: f64 = 100.0;
+
+/// Warns of limits of the envelope that an ordinary flight exceeds, or that no cage has.
+fn envelope_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> + use<> {
+    let envelope = scenario.envelope.as_ref();
+    let speed = scenario
+        .flight
+        .as_ref()
+        .zip(envelope)
+        .and_then(|(flight, envelope)| {
+            let limit = envelope.speed.as_ref()?.max;
+            let led = flight.takeoff_speed.max(flight.landing_speed);
+            (limit <= led).then(|| {
+                let reason = format!("take-off and landing are led at up to {led:?} m/s");
+                let at = ["envelope", "speed", "max"].into_iter().collect();
+                Problem::new(at, reason, "give it twice the largest speed of the flight")
+            })
+        });
+    let fence = envelope
+        .and_then(|envelope| envelope.r#box.as_ref())
+        .filter(|_| scenario.navigation.is_none());
+    let wide = fence.and_then(|fence| {
+        let sides: Vector = std::array::from_fn(|axis| fence.max[axis] - fence.min[axis]);
+        let longest = sides.into_iter().fold(0.0, f64::max);
+        (longest > LONGEST_SIDE).then(|| {
+            let at = ["envelope", "box"].into_iter().collect();
+            let reason = format!("a side of the box is {longest:.0} m long, farther than cameras see");
+            Problem::new(at, reason, "lengths are in m: state the volume of the cage")
+        })
+    });
+    speed.into_iter().chain(wide)
 }
 
 /// Fix for points below the ground, which often have the sign of another frame.
@@ -417,6 +473,14 @@ mod tests {
             "schedule.period.'gnss/baseline'=0.1",
             "schedule.latency.'gnss/baseline -> estimator'=0.1",
         ];
+        let far = ["navigation.baseline", "sensors.gnss.baseline"];
+        let both = far.map(|key| format!("{key}=[800.0,0.0,0.0]"));
+        let sets: Vec<_> = stated[1..]
+            .iter()
+            .copied()
+            .chain(both.iter().map(String::as_str))
+            .collect();
+        assert_eq!(keys(&sets), far);
         for (baseline, warned) in [(0.8, &[][..]), (0.81, &["navigation.baseline"])] {
             let assumed = format!("navigation.baseline=[{baseline},0.0,0.0]");
             let sets: Vec<_> = stated.into_iter().chain([assumed.as_str()]).collect();
@@ -431,6 +495,21 @@ mod tests {
             keys(&["sensors.imu.lever_arm=[3.0,0.0,0.0]"]),
             ["sensors.imu.lever_arm"]
         );
+    }
+
+    #[test]
+    fn a_calibration_an_envelope_or_a_box_that_nobody_has_is_a_warning() {
+        let keys = |sets: &[&str]| keys("laboratory", sets, &[]);
+        let without = keys(&[]);
+        for (set, key) in [
+            ("rc_output.thrust_slope=800.0", "rc_output.thrust_slope"),
+            ("envelope.speed.max=0.3", "envelope.speed.max"),
+            ("envelope.box.max=[1500.0,1.5,0.5]", "envelope.box"),
+        ] {
+            let found = keys(&[set]);
+            assert!(found.iter().any(|found| found == key), "{set}: {found:?}");
+            assert!(!without.iter().any(|found| found == key), "{without:?}");
+        }
     }
 
     #[test]
