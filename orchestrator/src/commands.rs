@@ -44,6 +44,7 @@ use command_line::exit::Exit;
 pub use command_line::failure::Failure;
 use command_line::output::{log_path, not_written, note, print, print_as_it_is, write, write_json};
 use flight::interrupt::Interrupt;
+use identification::lateness;
 use plugin::library_file;
 use run_log::run_folder::RunFolder;
 use run_log::{HostLogWriter, LogError, Manifest, RunLogWriter};
@@ -70,8 +71,9 @@ fn refused(arguments: &ScenarioArguments, problem: &Problem) -> Failure {
     }
 }
 
-/// Prints results as text or as JSON.
-fn print_found(found: &(impl Display + Serialize), as_json: bool) -> Result<(), Failure> {
+/// Prints what was identified from a log as text or as JSON, after a note if the flight is unfit for it.
+fn print_identified(log: &Path, found: &(impl Display + Serialize), as_json: bool) -> Result<(), Failure> {
+    lateness::warning(log).into_iter().for_each(note);
     if as_json {
         print(serde_json::to_string_pretty(found).map_err(Failure::trouble)? + "\n");
     } else {

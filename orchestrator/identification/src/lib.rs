@@ -1,7 +1,9 @@
 //! Identification of a laboratory from the log of a flight.
 //!
 //! * [`model`]: marker offset, delay and noise, for the estimator;
-//! * [`link`]: calibration of a radio link's channels.
+//! * [`link`]: calibration of a radio link's channels;
+//! * [`lateness`]: flights that are unfit for both.
 
+pub mod lateness;
 pub mod link;
 pub mod model;

@@ -2,7 +2,7 @@
 
 use identification::model::{self, recording::Recording};
 
-use super::{Failure, log_path, print_found};
+use super::{Failure, log_path, print_identified};
 use crate::cli::Identify;
 
 /// `gerono identify`.
@@ -10,7 +10,8 @@ use crate::cli::Identify;
 /// # Errors
 /// [`Failure`] if the log cannot be read or is too short.
 pub fn identify(arguments: &Identify) -> Result<(), Failure> {
-    let recording = Recording::read(&log_path(&arguments.log)).map_err(Failure::trouble)?;
+    let log = log_path(&arguments.log);
+    let recording = Recording::read(&log).map_err(Failure::trouble)?;
     let found = model::identify(&recording).map_err(Failure::trouble)?;
-    print_found(&found, arguments.json)
+    print_identified(&log, &found, arguments.json)
 }

@@ -4,7 +4,7 @@ use command_line::exit::Exit;
 use identification::link;
 use laboratory_tools::{motor_test, rc_probe};
 
-use super::{Failure, load, log_path, print_found};
+use super::{Failure, load, log_path, print_identified};
 use crate::cli::{RcIdentify, RcMotors, RcProbe};
 
 /// `gerono rc probe`.
@@ -29,6 +29,7 @@ pub fn motors(arguments: &RcMotors) -> Result<Exit, Failure> {
 /// # Errors
 /// [`Failure`] if the log lacks samples for the fit.
 pub fn identify(arguments: &RcIdentify) -> Result<(), Failure> {
-    let found = link::identify(&log_path(&arguments.log), arguments.from.into(), arguments.mass);
-    print_found(&found.map_err(Failure::trouble)?, arguments.json)
+    let log = log_path(&arguments.log);
+    let found = link::identify(&log, arguments.from.into(), arguments.mass).map_err(Failure::trouble)?;
+    print_identified(&log, &found, arguments.json)
 }
