@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use run_log::run_folder::summary_text_beside;
+use run_log::run_folder::read_summary_beside;
 use serde_json::Value;
 
 /// Share of late steps and inputs above which a flight is unfit.
@@ -11,7 +11,7 @@ const MOST_LATE: f64 = 5e-3;
 /// Returns that a flight is unfit for a fit, with the next step; `None` if it was on time, or nothing is known of it.
 #[must_use]
 pub fn warning(log: &Path) -> Option<String> {
-    let summary: Value = serde_json::from_str(&summary_text_beside(log)?).ok()?;
+    let summary: Value = read_summary_beside(log)?;
     let services = summary["timing"]["services"].as_array()?;
     let sum = |name: &str| {
         services

@@ -15,7 +15,7 @@ use metrics::stretch::Metrics;
 use metrics::summary::faults::ReceiverFault;
 use metrics::summary::{FlightSummary, Kill, RunFacts, Summary};
 use metrics::tracker::StateSource;
-use run_log::run_folder::summary_text_beside;
+use run_log::run_folder::read_summary_beside;
 use run_log::{
     FORMAT_VERSION, LogReadError, LogReader, Recovery, files_of_log, host_log_beside, inspect, is_whole,
 };
@@ -209,7 +209,7 @@ impl Info {
             faults: planned_faults(&scenario),
             judged: judge.map(|judge| Judged::from_summary(judge.finish(RunFacts::default()))),
             scenario,
-            summary: summary_beside(log),
+            summary: read_summary_beside(log),
             host: host_beside(log),
             log: log.display().to_string(),
         })
@@ -298,10 +298,6 @@ fn planned_faults(scenario: &Scenario) -> Vec<String> {
     let of_receiver =
         of_receiver.map(|fault| words(fault.at, fault.until.map(|until| until - fault.at), fault.words));
     faults.chain(of_receiver).collect()
-}
-
-fn summary_beside(log: &Path) -> Option<Value> {
-    serde_json::from_str(&summary_text_beside(log)?).ok()
 }
 
 fn host_beside(log: &Path) -> Option<HostInfo> {

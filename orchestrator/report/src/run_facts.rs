@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use run_log::run_folder::summary_text_beside;
+use run_log::run_folder::read_summary_beside;
 
 /// Facts of the run; a field that the summary lacks has its default.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
@@ -26,7 +26,7 @@ pub(super) struct RunFacts {
 
 /// Reads the facts beside a log. `None` if there is no valid summary.
 pub(super) fn beside(log: &Path) -> Option<RunFacts> {
-    serde_json::from_str(&summary_text_beside(log)?).ok()
+    read_summary_beside(log)
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
+
 use crate::{partial_path, recovered_path, written_files};
 
 /// Error of the folder for the results.
@@ -140,9 +142,9 @@ pub fn summary_beside(log: &Path) -> PathBuf {
     log.with_file_name("summary.json")
 }
 
-/// Reads the summary beside a log; `None` if it is missing or too long.
+/// Reads the summary beside a log; `None` if it is missing, too long or not valid.
 #[must_use]
-pub fn summary_text_beside(log: &Path) -> Option<String> {
+pub fn read_summary_beside<T: DeserializeOwned>(log: &Path) -> Option<T> {
     const LONGEST: u64 = 16 << 20;
     let path = summary_beside(log);
     // Reading a pipe with this name could block without a timeout.
@@ -156,7 +158,7 @@ pub fn summary_text_beside(log: &Path) -> Option<String> {
         .take(LONGEST)
         .read_to_string(&mut text)
         .ok()?;
-    Some(text)
+    serde_json::from_str(&text).ok()
 }
 
 /// Resolves a path to a log: the path itself or, for the folder of a run, its best log. A recovered log is preferred, because
