@@ -163,15 +163,12 @@ fn unfit_state(scenario: &Scenario, now: &Situation<'_>) -> Option<String> {
         match NotReady::find(&limits, Some((state, state_age_ns)), frame)? {
             NotReady::State => format!("the vehicle's state is {:.1} s old", seconds(state_age_ns)),
             NotReady::Sight if scenario.navigation.is_some() => {
-                let what = match scenario.fuses_poses() {
-                    Some(true) => "neither fixes nor poses have",
-                    _ => "fixes have not",
-                };
-                let poses = match scenario.fuses_poses() {
-                    Some(true) => {
-                        "; or poses contradict the fixes or the heading: compare `[datum]` with the axes of the cameras"
-                    }
-                    _ => "",
+                let [what, poses] = match scenario.fuses_poses() {
+                    Some(true) => [
+                        "neither fixes nor poses have",
+                        "; or poses contradict the fixes or the heading: compare `[datum]` with the axes of the cameras",
+                    ],
+                    _ => ["fixes have not", ""],
                 };
                 let baseline = match scenario.baseline() {
                     Some(_) => {

@@ -323,7 +323,7 @@ impl Sums {
         let [commanded, measured] =
             [&self.commanded, &self.measured].map(|squares| sum(&|axis| squares[axis]));
         if product > RESPONDS * commanded {
-            product * product / (commanded * measured).max(f64::MIN_POSITIVE)
+            explained(product, commanded, measured)
         } else {
             0.0
         }
@@ -342,7 +342,7 @@ impl Sums {
         let turned = [p[(0, 0)] + p[(1, 1)], p[(1, 0)] - p[(0, 1)]];
         let reflected = [p[(0, 0)] - p[(1, 1)], p[(1, 0)] + p[(0, 1)]];
         let size = |[real, imaginary]: [f64; 2]| libm::hypot(real, imaginary);
-        let explained = |pair| size(pair) * size(pair) / (commanded * measured).max(f64::MIN_POSITIVE);
+        let explained = |pair| explained(size(pair), commanded, measured);
         let responds = |pair| size(pair) > RESPONDS * commanded;
         let as_reflected = || {
             let is_found = explained(reflected) > needed && responds(reflected);
@@ -380,7 +380,7 @@ impl Sums {
     fn pitch_turns_yaw(&self, pitch: f64, yaw_by_yaw: f64) -> Option<String> {
         let is_moved = self.commanded.y > MOVED;
         let response = self.products[(2, 1)].abs();
-        let explained = response * response / (self.commanded.y * self.measured.z).max(f64::MIN_POSITIVE);
+        let explained = explained(response, self.commanded.y, self.measured.z);
         let is_other = self.products[(1, 1)].abs().max(pitch) < 0.5 * response;
         let needed = EXPLAINS.max(yaw_by_yaw + BETTER);
         (is_moved && is_other && explained > needed && response > RESPONDS * self.commanded.y).then(|| {
@@ -392,8 +392,7 @@ impl Sums {
 
     /// Returns the share of the measured rotation about z that the commands about z explain, in either sense.
     fn yaw_by_yaw(&self) -> f64 {
-        let response = self.products[(2, 2)];
-        response * response / (self.commanded.z * self.measured.z).max(f64::MIN_POSITIVE)
+        explained(self.products[(2, 2)], self.commanded.z, self.measured.z)
     }
 
     fn vertical(&self, needed: f64) -> Option<String> {
@@ -401,6 +400,11 @@ impl Sums {
         let is_reversed = -response > RESPONDS * self.commanded.z && self.yaw_by_yaw() > needed;
         (self.commanded.z > MOVED && is_reversed).then(|| wrong_sign("yaw"))
     }
+}
+
+/// Returns the share of measured rotations that commanded ones explain, from their product and the squares of both.
+fn explained(product: f64, commanded: f64, measured: f64) -> f64 {
+    product * product / (commanded * measured).max(f64::MIN_POSITIVE)
 }
 
 /// Names axes that are exchanged or reversed by the angle of q in m = q c*, rad.

@@ -321,29 +321,25 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
     });
     let arms = stated.iter().chain(simulated.iter().flatten());
     let far = arms.filter(|(_, arm)| length(arm) > LARGEST_LEVER_ARM);
+    let in_another_unit =
+        |at, reason| Problem::new(at, reason, "lengths are in m, along the axes of the body");
     let mut warnings: Vec<_> = far
         .map(|(at, arm)| {
             let reason = format!("it is {:.2} m away from the centre of mass", length(arm));
-            Problem::new(at.clone(), reason, "lengths are in m, along the axes of the body")
+            in_another_unit(at.clone(), reason)
         })
         .collect();
+    let true_baseline = sensors.and_then(|sensors| sensors.gnss.baseline);
     let baselines = [
         (key(&["navigation", "baseline"]), scenario.baseline()),
-        (
-            key(&["sensors", "gnss", "baseline"]),
-            sensors.and_then(|sensors| sensors.gnss.baseline),
-        ),
+        (key(&["sensors", "gnss", "baseline"]), true_baseline),
     ];
     for (at, baseline) in baselines {
-        let long = baseline
-            .map(|baseline| length(&baseline))
-            .filter(|long| *long > LARGEST_LEVER_ARM);
-        if let Some(long) = long {
-            let reason = format!("the two antennas are {long:.2} m apart");
-            warnings.push(Problem::new(
+        let apart = baseline.map_or(0.0, |baseline| length(&baseline));
+        if apart > LARGEST_LEVER_ARM {
+            warnings.push(in_another_unit(
                 at,
-                reason,
-                "lengths are in m, along the axes of the body",
+                format!("the two antennas are {apart:.2} m apart"),
             ));
         }
     }
@@ -355,7 +351,6 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
             warnings.push(Problem::new(at, reason, fix));
         }
     }
-    let true_baseline = sensors.and_then(|sensors| sensors.gnss.baseline);
     if let (Some(assumed), Some(baseline)) = (scenario.baseline(), true_baseline) {
         let apart = length(&std::array::from_fn(|axis| assumed[axis] - baseline[axis]));
         if apart > SAME_PLACE {

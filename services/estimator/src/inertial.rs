@@ -64,6 +64,9 @@ const LOWEST_VIBRATION: f64 = 25.0;
 /// Bias of the field over the horizontal field of the earth above which a heading by two antennas is wrong: that of 1.4 rad.
 const MOST_BENT: f64 = 1.3;
 
+/// Latitude from which the vertical component of the earth's field has the sign of the latitude, degrees.
+const LATITUDE_OF_DIP: f64 = 30.0;
+
 /// Time without a fused position above which the state coasts, ns.
 const COASTS_AFTER_NS: u64 = 1_000_000_000;
 /// Time for which poses or baselines must be refused in a row for a vehicle at rest to lose its trust, ns: less than the time after
@@ -463,17 +466,17 @@ impl InertialEstimatorService {
         now.time_ns.saturating_sub(self.time_ns) <= OLDEST_IMU_NS
     }
 
-    /// Returns whether poses or baselines have been refused in the last second, for a time (ns) and more, and none was fused.
-    fn contradicts_poses(&self, now: &Now, for_ns: u64) -> bool {
+    /// Returns for how long poses or baselines have been refused in a row, ns, if some were in the last second, and none was fused.
+    fn contradicted_for_ns(&self, now: &Now) -> Option<u64> {
         [Source::PosePosition, Source::PoseAttitude, Source::Baseline]
             .into_iter()
-            .any(|source| {
+            .filter_map(|source| {
                 let status = self.filter.source(source);
                 let is_refused = status.refused > 0 && is_recent(status.refused_ns, now);
-                is_refused
-                    && !self.is_fused(source, now)
-                    && status.refused_ns.saturating_sub(status.refused_since_ns) >= for_ns
+                (is_refused && !self.is_fused(source, now))
+                    .then(|| status.refused_ns.saturating_sub(status.refused_since_ns))
             })
+            .max()
     }
 
     /// Returns whether a source was fused in the last second.
@@ -503,9 +506,11 @@ impl InertialEstimatorService {
         let coasts = without_ns.is_none_or(|without| without > COASTS_AFTER_NS);
         // At rest poses and baselines reset the heading after some seconds: which of the two is right is not known then.
         let rests = !self.motors_turn && self.is_fused(Source::ZeroVelocity, now);
-        self.was_healthy &= !(rests && self.contradicts_poses(now, CONTRADICTED_FOR_NS));
-        let is_contradicted = self.contradicts_poses(now, 0);
-        let is_healthy = !coasts && !is_contradicted && (self.was_healthy || self.knows_heading(now));
+        let contradicted_for_ns = self.contradicted_for_ns(now);
+        self.was_healthy &=
+            !(rests && contradicted_for_ns.is_some_and(|for_ns| for_ns >= CONTRADICTED_FOR_NS));
+        let is_healthy =
+            !coasts && contradicted_for_ns.is_none() && (self.was_healthy || self.knows_heading(now));
         let since_ns = self.healthy_since_ns.or(Some(now.time_ns)).filter(|_| is_healthy);
         self.healthy_since_ns = since_ns;
         self.was_healthy |=
@@ -653,9 +658,6 @@ impl Service for InertialEstimatorService {
     }
 }
 
-/// Latitude from which the vertical component of the earth's field has the sign of the latitude, degrees.
-const LATITUDE_OF_DIP: f64 = 30.0;
-
 /// Returns whether a source's last sample at a time of validity is recent.
 fn is_recent(time_ns: u64, now: &Now) -> bool {
     now.time_ns.saturating_sub(time_ns) <= COASTS_AFTER_NS
@@ -759,29 +761,24 @@ fn check_vibration(imu: &Imu, schedule: &Schedule) -> Result<(), Problem> {
 fn check_field(datum: &Datum) -> Result<(), Problem> {
     let field = Vector3::from(datum.field_world());
     let strength = field.norm();
-    let [reason, fix] = if !(0.15..0.75).contains(&strength) {
-        [
+    let (reason, fix) = if !(0.15..0.75).contains(&strength) {
+        (
             format!("{strength:.3} G is not the field of the earth, which has 0.2 to 0.7 G"),
-            "give it in gauss: 1 µT are 0.01 G, and 1000 nT too".to_owned(),
-        ]
+            "give it in gauss: 1 µT are 0.01 G, and 1000 nT too",
+        )
     } else if datum.latitude.abs() > LATITUDE_OF_DIP && field.z * datum.latitude < 0.0 {
         let side = if field.z > 0.0 { "down" } else { "up" };
-        [
+        (
             format!(
                 "the field points {side}, and at a latitude of {:?}° it does not",
                 datum.latitude
             ),
-            "its third component is the one downwards, positive in the north and negative in the south"
-                .to_owned(),
-        ]
+            "its third component is the one downwards, positive in the north and negative in the south",
+        )
     } else {
         return Ok(());
     };
-    Err(Problem::new(
-        Key::root().then("datum").then("field"),
-        reason,
-        &fix,
-    ))
+    Err(Problem::new(Key::root().then("datum").then("field"), reason, fix))
 }
 
 /// Checks the times between measurements and frames: with these the state is tracked while all samples arrive.
@@ -805,7 +802,9 @@ fn check_times(
             "shorten it",
         ));
     }
-    // A position is fused when the horizon has come to the time at which it is valid. Where one source measures, another may not.
+    // A sample is fused when the horizon has come to the time at which it is valid.
+    let oldest_ns = |topic| period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
+    // Where one source measures the position, another may not.
     let sensors = scenario.sensors.as_ref();
     let has_fixes = sensors.is_none_or(|sensors| sensors.gnss.least_accurate().is_some());
     let sources = [
@@ -813,7 +812,7 @@ fn check_times(
         (navigation.poses.is_some(), Topic::MocapPose, "pose"),
     ];
     for (_, topic, what) in sources.into_iter().filter(|(is_there, ..)| *is_there) {
-        let age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
+        let age_ns = oldest_ns(topic);
         let age = seconds(age_ns);
         if age_ns > COASTS_AFTER_NS {
             return Err(Problem::new(
@@ -842,7 +841,7 @@ fn check_times(
         .into_iter()
         .filter(|_| is_needed)
     {
-        let age_ns = period_ns(topic) + nanoseconds(navigation.horizon) + imu_age_ns;
+        let age_ns = oldest_ns(topic);
         if age_ns > COASTS_AFTER_NS {
             return Err(Problem::new(
                 key_of("period", topic.name()),

@@ -616,7 +616,6 @@ impl Phases {
             FlightPhase::Armed => {
                 let place = input.vehicle.map_or([0.0; 3], |vehicle| vehicle.position_world);
                 self.persistent.ground = place[2];
-                self.persistent.lifted_ns = 0;
                 self.persistent.ground_known = true.into();
             }
             FlightPhase::TakeOff => {

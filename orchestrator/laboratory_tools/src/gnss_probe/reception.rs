@@ -187,11 +187,14 @@ impl Reception {
         self.newest = Some(fix);
     }
 
+    /// Returns whether one of the fixes has a position.
+    fn has_position(&self) -> bool {
+        self.kinds[1..].iter().any(|count| *count > 0)
+    }
+
     /// Returns whether something arrived that a flight could use: a position, or what an autopilot measures or estimates.
     pub fn is_usable(&self) -> bool {
-        self.kinds[1..].iter().any(|count| *count > 0)
-            || self.of(Message::HighresImu).count > 0
-            || self.of(Message::Odometry).count > 0
+        self.has_position() || self.of(Message::HighresImu).count > 0 || self.of(Message::Odometry).count > 0
     }
 
     fn of(&self, message: Message) -> &Packets {
@@ -369,7 +372,7 @@ impl Reception {
 
     /// Adds the messages of an autopilot that do not come.
     fn add_missing(&self, add: &mut dyn FnMut(String)) {
-        let has_fixes = self.of(Message::NavPvt).count > 0 && self.kinds[1..].iter().any(|count| *count > 0);
+        let has_fixes = self.of(Message::NavPvt).count > 0 && self.has_position();
         let missing: Vec<&str> = [(Message::HighresImu, true), (Message::GpsRawInt, !has_fixes)]
             .into_iter()
             .filter(|(message, is_needed)| *is_needed && self.of(*message).count == 0)

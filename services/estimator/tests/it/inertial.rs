@@ -724,7 +724,7 @@ fn beside_a_magnet_the_heading_is_that_of_two_antennas() {
             }
             (state, _, _, baselines) = published(&mut service, number, &arrived);
         }
-        let heading = libm::atan2(state.world_from_body[3], state.world_from_body[0]).abs();
+        let heading = heading_of(&state).abs();
         assert_eq!(heading < 0.01, is_fixed, "{heading}");
         // A heading by the field alone is not that for which two antennas are stated.
         assert_eq!(state.tracked.is_set(), is_fixed, "{state:?}");
@@ -764,10 +764,7 @@ fn aligned_by_a_bent_field(bend: f64, sign: f64) -> (Option<f64>, f64) {
             tracked_from.get_or_insert(number as f64 * 0.004);
         }
     }
-    (
-        tracked_from,
-        libm::atan2(state.world_from_body[3], state.world_from_body[0]).abs(),
-    )
+    (tracked_from, heading_of(&state).abs())
 }
 
 #[test]
@@ -824,16 +821,14 @@ fn the_alignment_forgets_poses_from_before_a_gap_of_the_inertial_samples() {
             if let Some(pose) = arrived.pose.as_mut() {
                 pose.world_from_body = turned;
             }
-        } else if number < 2500 {
-            arrived = Arrived::default();
-        } else {
-            arrived.pose = None;
-        }
-        if number < 500 {
             arrived = Arrived {
                 pose: arrived.pose,
                 ..Arrived::default()
             };
+        } else if number < 2500 {
+            arrived = Arrived::default();
+        } else {
+            arrived.pose = None;
         }
         state = step(&mut service, number, &arrived);
     }
