@@ -23,7 +23,7 @@ use crate::view;
 /// Rise from which the vehicle is off the ground, m.
 const RISE: f64 = 0.01;
 
-/// Tilt from the attitude on the ground from which it is off it with a leg, rad; it may turn on its legs.
+/// Rotation from the attitude on the ground from which it is off it with a leg, rad.
 const TIPPED: f64 = 0.1;
 
 /// Time between two compared attitudes, ns: the noise of cameras is then small.
@@ -204,7 +204,7 @@ impl ResponseWatch {
         let attitude = from_row_major(&pose.world_from_body);
         let height = -pose.position_world[2];
         let (ground, level) = *self.ground.get_or_insert((height, attitude));
-        self.is_off = self.is_off || height - ground > RISE || turn(&level, &attitude).xy().norm() > TIPPED;
+        self.is_off = self.is_off || height - ground > RISE || turn(&level, &attitude).norm() > TIPPED;
         if !self.is_off {
             return None;
         }
