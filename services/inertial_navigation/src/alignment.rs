@@ -23,7 +23,7 @@ use crate::error_state::{
     GYROSCOPE_BIAS, POSITION, Transition, VELOCITY, add_to_diagonal, symmetrized,
 };
 use crate::horizon::Horizon;
-use crate::measurement::baseline_deviations;
+use crate::measurement::{Baseline, baseline_deviations};
 use crate::nominal::{Biases, Kinematics};
 use crate::parameters::Parameters;
 
@@ -72,6 +72,8 @@ shared_types::sample! {
         pub world_from_body: [f64; 9],
         /// The last baseline of two antennas in {I}, m; zero before the first.
         pub baseline_world: [f64; 3],
+        /// Its reported deviations: of each horizontal component, and of the vertical one, m.
+        pub baseline_accuracies: [f64; 2],
     }
 }
 
@@ -111,14 +113,15 @@ impl Alignment {
         self.world_from_body = to_row_major(world_from_body);
     }
 
-    /// Adds a baseline of two antennas in {I}, m. Begins again if it is not the one before: one of them is wrong.
-    pub fn add_baseline(&mut self, baseline_world: &Vector3<f64>, parameters: &Parameters) {
+    /// Adds a baseline of two antennas. Begins again if it is not the one before: one of them is wrong.
+    pub fn add_baseline(&mut self, baseline: &Baseline, parameters: &Parameters) {
         let last = Vector3::from(self.baseline_world);
-        let most = POSE_FACTOR * baseline_deviations(parameters)[1];
-        if last != Vector3::zeros() && (last - baseline_world).norm() > most {
+        let most = POSE_FACTOR * baseline_deviations(&baseline.accuracies, parameters)[1];
+        if last != Vector3::zeros() && (last - baseline.baseline_world).norm() > most {
             *self = Self::new_zeroed();
         }
-        self.baseline_world = (*baseline_world).into();
+        self.baseline_world = baseline.baseline_world.into();
+        self.baseline_accuracies = baseline.accuracies;
     }
 
     /// Returns the start at `time_ns`, once the sums are long enough. Begins again if the vehicle has moved, or its pose is wrong.
@@ -126,17 +129,21 @@ impl Alignment {
         let posed = from_row_major(&self.world_from_body);
         let has_pose = posed != Matrix3::zeros();
         let baseline_world = Vector3::from(self.baseline_world);
+        let [horizontal, vertical] = baseline_deviations(&self.baseline_accuracies, parameters);
+        let by_antennas = BASELINE_FACTOR * horizontal / baseline_world.xy().norm();
+        // One that is known no better than a field is not used.
         let baseline_body = parameters
             .baseline_body
-            .filter(|_| baseline_world != Vector3::zeros() && !has_pose);
+            .filter(|_| baseline_world != Vector3::zeros() && !has_pose && by_antennas <= HEADING_DEVIATION);
         if self.span < ALIGNMENT || (self.fields == 0.0 && !has_pose && baseline_body.is_none()) {
             return None;
         }
         let rate = Vector3::from(self.turn_body) / self.span;
         let force = Vector3::from(self.push_body) / self.span;
         let is_tilted = has_pose && (posed.tr_mul(&Vector3::z()) + force.normalize()).norm() > MOST_TILT;
+        let deviations = [horizontal, vertical];
         let is_another = baseline_body.is_some_and(|baseline_body| {
-            !is_baseline(&baseline_world, &baseline_body, &-force.normalize(), parameters)
+            !is_baseline(&baseline_world, &baseline_body, &-force.normalize(), &deviations)
         });
         if rate.norm() > MOST_RATE || (force.norm() - GRAVITY).abs() > MOST_FORCE || is_tilted || is_another {
             *self = Self::new_zeroed();
@@ -147,8 +154,7 @@ impl Alignment {
             let deviation = POSE_FACTOR * parameters.pose_deviations[1];
             (posed.tr_mul(&Vector3::x()), Vector3::x(), deviation)
         } else if let Some(baseline_body) = baseline_body {
-            let deviation = BASELINE_FACTOR * baseline_deviations(parameters)[0] / baseline_world.xy().norm();
-            (baseline_body, baseline_world, deviation.min(HEADING_DEVIATION))
+            (baseline_body, baseline_world, by_antennas)
         } else {
             let field_body = Vector3::from(self.field_body) / self.fields;
             (field_body, parameters.field_world, HEADING_DEVIATION)
@@ -178,18 +184,20 @@ impl Alignment {
     }
 }
 
-/// Returns whether a measured baseline has the length of that in {B}, and its angle to the vertical `down_body`, but for noise and the
-/// error of the tilt.
+/// Returns whether a measured baseline has the length of that in {B}, and its angle to the vertical `down_body`, but for noise of
+/// these standard deviations, horizontal and vertical (m), and the error of the tilt. A height that is known badly says nothing of the
+/// length.
 pub(crate) fn is_baseline(
     baseline_world: &Vector3<f64>,
     baseline_body: &Vector3<f64>,
     down_body: &Vector3<f64>,
-    parameters: &Parameters,
+    &[horizontal, vertical]: &[f64; 2],
 ) -> bool {
-    let noise = BASELINE_DEVIATIONS * baseline_deviations(parameters)[1];
+    let noise = BASELINE_DEVIATIONS * vertical;
+    let noise_of_length = BASELINE_DEVIATIONS * vertical.min(2.0 * horizontal);
     let length = baseline_body.norm();
     let depth = baseline_body.dot(down_body);
-    (baseline_world.norm() - length).abs() <= noise
+    (baseline_world.norm() - length).abs() <= noise_of_length
         && (baseline_world.z - depth).abs() <= MOST_TILT * length + noise
 }
 

@@ -419,9 +419,7 @@ impl InertialFilter {
         let [horizontal, vertical] = baseline.accuracies;
         let numbers = [x, y, z, horizontal, vertical, 0.0, 0.0, 0.0, 0.0];
         if self.memory.horizon.is_none() && numbers.is_finite() {
-            self.memory
-                .alignment
-                .add_baseline(&baseline.baseline_world, &self.parameters);
+            self.memory.alignment.add_baseline(baseline, &self.parameters);
             return;
         }
         self.enqueue(Source::Baseline, FixKind::RtkFixed, baseline.time_ns, numbers);
@@ -863,7 +861,8 @@ impl InertialFilter {
             // It counts at rest only, where the mean does not turn.
             Source::Baseline => {
                 let change = (three(residual) - three(&status.innovation)).norm();
-                return change <= POSE_DEVIATIONS * measurement::baseline_deviations(&self.parameters)[1];
+                return change
+                    <= POSE_DEVIATIONS * measurement::baseline_deviations(&[0.0; 2], &self.parameters)[1];
             }
             _ => return true,
         };
@@ -948,7 +947,7 @@ fn shows_heading(horizon: &Horizon, residual: &[f64; 3], parameters: &Parameters
             &baseline_world,
             &baseline_body,
             &r.tr_mul(&Vector3::z()),
-            parameters,
+            &measurement::baseline_deviations(&[0.0; 2], parameters),
         )
     })
 }

@@ -238,14 +238,14 @@ pub fn pose_attitude(
     .with(ATTITUDE, &Matrix3::identity())
 }
 
-/// Returns the standard deviations that are assumed of a baseline: of each horizontal component, and of the vertical one, m. They are
-/// the white ones of a fix; the slow errors are those of both antennas, and cancel.
+/// Returns the standard deviations of a baseline: of each horizontal component, and of the vertical one, m. They are the white ones of
+/// a fix, for the slow errors are those of both antennas and cancel, or what the receiver reports if that is more.
 #[must_use]
-pub fn baseline_deviations(parameters: &Parameters) -> [f64; 2] {
+pub fn baseline_deviations(reported: &[f64; 2], parameters: &Parameters) -> [f64; 2] {
     let errors = &parameters.fixes[FixKind::RtkFixed as usize];
     [
-        errors.position_white,
-        errors.position_white * errors.vertical_factor,
+        errors.position_white.max(reported[0]),
+        (errors.position_white * errors.vertical_factor).max(reported[1]),
     ]
 }
 
@@ -258,11 +258,8 @@ pub fn baseline(
     parameters: &Parameters,
 ) -> Linearized<3> {
     let r = &kinematics.world_from_body;
-    let assumed = baseline_deviations(parameters);
-    let [horizontal, vertical] = [0, 1].map(|axis| {
-        let white = assumed[axis];
-        white * white * factor(sample.accuracies[axis], white)
-    });
+    let [horizontal, vertical] =
+        baseline_deviations(&sample.accuracies, parameters).map(|deviation| deviation * deviation);
     Linearized::new(
         sample.baseline_world - r * baseline_body,
         Vector3::new(horizontal, horizontal, vertical),

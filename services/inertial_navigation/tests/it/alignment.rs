@@ -310,6 +310,43 @@ fn where_two_antennas_measure_their_baseline_the_heading_is_theirs() {
     }
 }
 
+/// A receiver that reports 50 mm in place of 8 mm at a baseline of 0.85 m: the heading is as uncertain as it says. One that reports
+/// 0.5 m knows no heading.
+#[test]
+fn the_heading_by_two_antennas_is_as_accurate_as_the_receiver_reports() {
+    let truth = from_roll_pitch_yaw([0.0, 0.0, 1.0]);
+    let heading_deviation = |accuracies: [f64; 2]| {
+        let mut filter = InertialFilter::new(&two_antennas());
+        for tick in 1..=300 {
+            let time_ns = tick * H_NS;
+            filter.add_baseline(&Baseline {
+                time_ns,
+                baseline_world: truth * two_antennas().baseline_body.unwrap(),
+                accuracies,
+            });
+            filter.add_imu(&ImuSample {
+                time_ns,
+                rate_body: Vector3::zeros(),
+                force_body: Vector3::new(0.0, 0.0, -GRAVITY),
+                is_clipped: false,
+            });
+            if filter.is_aligned() {
+                return Some(filter.horizon().unwrap().covariance[(8, 8)].sqrt());
+            }
+        }
+        None
+    };
+    let length = Vector3::new(0.8, -0.3, 0.0).norm();
+    let close =
+        |found: Option<f64>, expected: f64| found.is_some_and(|found| (found / expected - 1.0).abs() < 0.05);
+    let (fine, coarse) = (heading_deviation([0.0; 2]), heading_deviation([0.05, 0.08]));
+    assert!(
+        close(fine, 2.0 * 0.008 / length) && close(coarse, 2.0 * 0.05 / length),
+        "{fine:?} {coarse:?}"
+    );
+    assert_eq!(heading_deviation([0.5, 0.5]), None);
+}
+
 /// Of another length, at another angle to gravity, or contradicting the one before.
 #[test]
 fn a_baseline_that_is_not_that_of_the_vehicle_does_not_align_it() {
