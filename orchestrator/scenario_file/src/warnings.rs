@@ -22,6 +22,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(inertia_warnings(scenario))
         .chain(descent_warning(scenario, path))
         .chain(lever_arm_warnings(scenario))
+        .chain(fix_latency_warning(scenario))
         .chain(estimate_warning(scenario))
         .chain(unmeasured_warning(scenario, path))
         .chain(lift_warning(scenario))
@@ -363,6 +364,25 @@ fn lever_arm_warnings(scenario: &Scenario) -> Vec<Problem> {
     warnings
 }
 
+/// Time in which no satellite receiver computes a fix and sends it, s.
+const NO_FIX_WITHIN: f64 = 0.02;
+
+/// Warns of fixes that are stated to be younger than those of any receiver: the position would be wrong by speed × time.
+fn fix_latency_warning(scenario: &Scenario) -> Option<Problem> {
+    let latency = scenario.real_receivers()?.fix_latency;
+    (latency < NO_FIX_WITHIN).then(|| {
+        let at = Key::root().then("receivers").then("fix_latency");
+        let reason = format!(
+            "no receiver computes and sends a fix in {latency:?} s; each 0.01 s too little are 1 cm at 1 m/s"
+        );
+        Problem::new(
+            at,
+            reason,
+            "state the least age that `gerono gnss probe` prints, in s; 0.05 to 0.12 are usual",
+        )
+    })
+}
+
 /// Limit of the standard deviation of the position with accurate fixes, m.
 const POSITION_SIGMA: f64 = 0.5;
 
@@ -490,6 +510,19 @@ mod tests {
             keys(&["sensors.imu.lever_arm=[3.0,0.0,0.0]"]),
             ["sensors.imu.lever_arm"]
         );
+    }
+
+    #[test]
+    fn a_fix_that_is_younger_than_any_is_a_warning() {
+        for (latency, warned) in [(0.0, true), (0.08, false)] {
+            let set = format!("receivers.fix_latency={latency:?}");
+            let found = keys("laboratory_outdoor", &[&set], &[]);
+            assert_eq!(
+                found.iter().any(|key| key == "receivers.fix_latency"),
+                warned,
+                "{found:?}"
+            );
+        }
     }
 
     #[test]
