@@ -1,11 +1,13 @@
 //! Failures that end a command early.
 
 use std::error::Error;
+use std::io::ErrorKind;
 use std::iter::successors;
 
 use flight::failure::FlightFailure;
 use flight::journal::JournalError;
 use miette::Report;
+use run_log::run_folder::read_summary_beside;
 use run_log::{HostReadError, LogReadError};
 use scenario_file::ScenarioError;
 use scenario_file::printable::report_of;
@@ -29,12 +31,19 @@ impl Failure {
         }
     }
 
-    /// Creates a failure of the machine, or [`Exit::Incomplete`] if an incomplete or damaged log caused it.
+    /// Creates a failure of the machine, or [`Exit::Incomplete`] if an incomplete or damaged log caused it. Of a missing log the summary
+    /// beside it may say why.
     #[must_use]
     pub fn trouble(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let error = error.into();
-        let mut causes = successors(Some(&*error as &(dyn Error + 'static)), |&error| error.source());
-        let is_incomplete = causes.any(|cause| {
+        let causes = || successors(Some(&*error as &(dyn Error + 'static)), |&error| error.source());
+        if let Some(reason) = causes().find_map(|cause| reason_of_no_log(cause.downcast_ref()?)) {
+            return Self::new(
+                Exit::Trouble,
+                format!("there is no log, for the run ended before it: {reason}"),
+            );
+        }
+        let is_incomplete = causes().any(|cause| {
             let log_error = cause.downcast_ref::<LogReadError>();
             let host_error = cause.downcast_ref::<HostReadError>();
             log_error.is_some_and(LogReadError::is_incomplete)
@@ -58,6 +67,21 @@ impl Failure {
     #[must_use]
     pub fn not_written(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::new(Exit::NotWritten, error)
+    }
+}
+
+/// Returns why the run of a missing log has failed, by the summary beside it.
+fn reason_of_no_log(error: &LogReadError) -> Option<String> {
+    #[derive(serde::Deserialize)]
+    struct Ended {
+        reason: String,
+    }
+    match error {
+        LogReadError::Io { path, source } if source.kind() == ErrorKind::NotFound => {
+            let ended: Ended = read_summary_beside(path)?;
+            Some(ended.reason).filter(|reason| !reason.is_empty())
+        }
+        _ => None,
     }
 }
 
@@ -87,5 +111,27 @@ impl From<FlightFailure> for Failure {
             _ => Exit::Trouble,
         };
         Self::new(exit, failure)
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make their own files")]
+mod tests {
+    use super::*;
+    use run_log::LogReader;
+
+    #[test]
+    fn of_a_run_that_failed_before_its_first_tick_the_summary_says_why_there_is_no_log() {
+        let folder = tempfile::tempdir().unwrap();
+        let complaint = || {
+            let error = LogReader::open(&folder.path().join("run.mcap"))
+                .map(|_| ())
+                .unwrap_err();
+            format!("{:?}", Failure::trouble(error).report)
+        };
+        assert!(complaint().contains("check the path"), "{}", complaint());
+        let summary = r#"{"reason": "the controller died", "seed": 1}"#;
+        std::fs::write(folder.path().join("summary.json"), summary).unwrap();
+        assert!(complaint().contains("the controller died"), "{}", complaint());
     }
 }
