@@ -186,6 +186,36 @@ fn nobody_there_is_told_as_that() {
     assert!(said(&output).contains("nothing was received from 127.0.0.1"));
 }
 
+/// A pipe has no live line: what is missing is said before the end, and once.
+#[test]
+fn a_hand_test_without_cameras_says_so_while_it_waits() {
+    let place = Place::in_real_time();
+    let port = format!("motion_capture.port={}", free_port());
+    let address = [
+        "--set",
+        "motion_capture.server='127.0.0.1'",
+        "--set",
+        "motion_capture.interface='127.0.0.1'",
+    ];
+    let laboratory = common::scenario("laboratory");
+    let mut arguments = vec![
+        "lab",
+        "check",
+        laboratory.to_str().unwrap(),
+        "--set",
+        &port,
+        "--seconds",
+        "5.2",
+    ];
+    arguments.extend(address);
+    let output = output(&mut place.gerono(&arguments));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let shown = String::from_utf8(output.stdout).unwrap();
+    let waits = "no pose so far: nothing was received from 127.0.0.1";
+    assert_eq!(shown.matches(waits).count(), 1, "{shown}");
+    assert!(!place.path("hand_test.json").exists());
+}
+
 /// The sections that were written are those of a scenario, and they let the body lie level at the origin.
 #[test]
 fn a_calibration_is_part_of_a_scenario() {

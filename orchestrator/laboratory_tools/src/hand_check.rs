@@ -15,12 +15,18 @@ use hand_test::cause::NOT_LEVEL;
 use hand_test::record::HandTestRecord;
 use hand_test::steps::{Quantity, Step};
 use hand_test::test::{Awaits, HandTest, Pose, StepResult, Verdict};
+use indicatif::ProgressBar;
 use motion_capture::diagnosis::Diagnosis;
 use motion_capture::feed::{Feed, PoseParts};
-use motion_capture::transport::Address;
-use scenario::{CaptureSystem, Scenario};
+use motion_capture::transport::{Address, CaptureSource};
+use motion_capture::wire::Frame;
+use rustix::fs::Access;
+use scenario::{CaptureSystem, MotionCapture, Scenario};
 
 use crate::mocap_probe::{listen, no_frame_reason};
+
+/// Time after which it is said why there is no pose, s.
+const POSES_WITHIN: f64 = 5.0;
 
 /// Time between two updates of the live line, ns.
 const SHOWN_EVERY_NS: u64 = 100_000_000;
@@ -35,61 +41,43 @@ pub fn check(scenario: &Scenario, name: &str, seconds: f64, file: &Path) -> Resu
             "the scenario's cameras are simulated; state `motion_capture.source`: see docs/motion_capture.md",
         ));
     };
+    // Before the movements: their result must not be lost.
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    rustix::fs::access(folder.unwrap_or(Path::new(".")), Access::WRITE_OK).map_err(|error| {
+        Failure::bad_input(format!(
+            "cannot write the result to {}: {error}; give --out FILE",
+            file.display()
+        ))
+    })?;
     let address = Address::new(system, stated).map_err(Failure::bad_input)?;
-    let mut feed = Feed::new(system, stated).map_err(Failure::bad_input)?;
-    let mut diagnosis = Diagnosis::new(system, stated).map_err(Failure::bad_input)?;
+    let mut check = HandCheck::new(system, stated)?;
     let mut source = address.open().map_err(Failure::trouble)?;
     let interrupt = interrupt::install().map_err(Failure::trouble)?;
-    print(introduction(&stated.object));
-    let live = waiting("no pose yet");
-    let mut test = HandTest::default();
-    let (mut frames, mut latency, mut shown_ns) = (0_u64, None, 0_u64);
-    live.suspend(|| print(instruction(&test)));
-    let signal = listen(seconds, &mut *source, &interrupt, &mut |frame, now_ns| {
-        frames += 1;
-        diagnosis.add(frame);
-        let Some(pose) = feed
-            .accept(frame, now_ns)
-            .filter(|pose| pose.parts == PoseParts::Both)
-        else {
-            return ControlFlow::Continue(());
-        };
-        let seen = Pose {
-            position_world: pose.pose.position_world,
-            world_from_body: pose.pose.world_from_body,
-        };
-        let asked_before = test.awaits() == Awaits::Return;
-        let result = test.add(1e-9 * pose.captured_ns as f64, &seen);
-        if let Some(result) = result {
-            if result.step == Step::Rest {
-                latency = feed.figures().last().map(|second| second.latency);
-            }
-            live.suspend(|| print(described(&test, &result) + &instruction(&test)));
-        } else if test.awaits() == Awaits::Return && !asked_before {
-            live.suspend(|| print("  another movement was seen: bring it back, and repeat\n"));
+    print(introduction(&stated.object) + &instruction(&check.test));
+    let patience = seconds.min(POSES_WITHIN);
+    let mut watch = |check: &mut HandCheck, seconds, since_start| {
+        let mut look = |frame: &Frame, now_ns| check.look(frame, now_ns);
+        let signal = listen(seconds, &mut *source, &interrupt, &mut look);
+        (signal, check.findings(&address, &*source, since_start))
+    };
+    let (mut signal, mut findings) = watch(&mut check, patience, patience);
+    if signal.is_none() && check.test.step().is_some() && seconds > patience {
+        if check.poses == 0 {
+            let waiting = format!("  no pose so far: {findings}; waiting up to {seconds} s\n");
+            check.live.suspend(|| print(waiting));
         }
-        if now_ns.saturating_sub(shown_ns) > SHOWN_EVERY_NS {
-            shown_ns = now_ns;
-            live.set_message(view(&test));
-        }
-        if test.step().is_none() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    });
-    live.finish_and_clear();
+        (signal, findings) = watch(&mut check, seconds - patience, seconds);
+    }
+    check.live.finish_and_clear();
     if let Some(signal) = signal {
         return Ok(Exit::Signal(signal));
     }
+    let HandCheck { test, latency, .. } = check;
     // Vicon's stream has no time stamps: what the feed computes is the stated latency.
     let latency = latency.filter(|_| system != CaptureSystem::ViconUdp);
     let date = in_words(SystemTime::now().into());
     let Some(record) = HandTestRecord::new(&test, scenario, name, date, latency) else {
-        let reason = if frames == 0 {
-            no_frame_reason(&address, &*source, seconds)
-        } else if test.rest().is_none() {
-            let findings = diagnosis.with(&*source, feed.frozen_part()).to_string();
+        let reason = if test.rest().is_none() {
             format!("the vehicle did not lie still in sight of the cameras within {seconds} s; {findings}")
         } else {
             let step = test.step().map_or("", Step::name);
@@ -105,6 +93,86 @@ pub fn check(scenario: &Scenario, name: &str, seconds: f64, file: &Path) -> Resu
     } else {
         Exit::Unfit
     })
+}
+
+/// Test under way.
+struct HandCheck {
+    feed: Feed,
+    diagnosis: Diagnosis,
+    test: HandTest,
+    /// Frames of the cameras.
+    frames: u64,
+    /// Poses of the vehicle.
+    poses: u64,
+    /// Age of the poses while it lay still, s.
+    latency: Option<f64>,
+    live: ProgressBar,
+    shown_ns: u64,
+}
+
+impl HandCheck {
+    fn new(system: CaptureSystem, stated: &MotionCapture) -> Result<Self, Failure> {
+        Ok(Self {
+            feed: Feed::new(system, stated).map_err(Failure::bad_input)?,
+            diagnosis: Diagnosis::new(system, stated).map_err(Failure::bad_input)?,
+            test: HandTest::default(),
+            frames: 0,
+            poses: 0,
+            latency: None,
+            live: waiting("no pose yet"),
+            shown_ns: 0,
+        })
+    }
+
+    /// Takes the pose of a frame, and shows what follows.
+    fn look(&mut self, frame: &Frame, now_ns: u64) -> ControlFlow<()> {
+        self.frames += 1;
+        self.diagnosis.add(frame);
+        let pose = self.feed.accept(frame, now_ns);
+        let Some(pose) = pose.filter(|pose| pose.parts == PoseParts::Both) else {
+            return ControlFlow::Continue(());
+        };
+        self.poses += 1;
+        let seen = Pose {
+            position_world: pose.pose.position_world,
+            world_from_body: pose.pose.world_from_body,
+        };
+        let test = &mut self.test;
+        let asked_before = test.awaits() == Awaits::Return;
+        if let Some(result) = test.add(1e-9 * pose.captured_ns as f64, &seen) {
+            if result.step == Step::Rest {
+                self.latency = self.feed.figures().last().map(|second| second.latency);
+            }
+            self.live
+                .suspend(|| print(described(test, &result) + &instruction(test)));
+        } else if test.awaits() == Awaits::Return && !asked_before {
+            self.live
+                .suspend(|| print("  another movement was seen: bring it back, and repeat\n"));
+        }
+        if now_ns.saturating_sub(self.shown_ns) > SHOWN_EVERY_NS {
+            self.shown_ns = now_ns;
+            self.live.set_message(view(test));
+        }
+        match test.step() {
+            Some(_) => ControlFlow::Continue(()),
+            None => ControlFlow::Break(()),
+        }
+    }
+
+    /// Returns what is wrong with the frames, after `seconds`.
+    fn findings(&self, address: &Address, source: &dyn CaptureSource, seconds: f64) -> String {
+        if self.frames == 0 {
+            return no_frame_reason(address, source, seconds);
+        }
+        let findings = self.diagnosis.with(source, self.feed.frozen_part()).to_string();
+        if !findings.is_empty() {
+            findings
+        } else if self.poses == 0 {
+            "frames come, without a whole pose of the vehicle: do the cameras see it?".to_owned()
+        } else {
+            "its poses come".to_owned()
+        }
+    }
 }
 
 fn in_words(date: DateTime<Utc>) -> String {
