@@ -14,7 +14,9 @@ use common::{Begun, Place, begin, complaint, finish, output, said, succeed, unti
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::ServiceId;
-use shared_types::samples::{GnssFix, ImuSample, MocapPose, PathReference, VehicleState, VehicleTruth};
+use shared_types::samples::{
+    BaselineInnovations, GnssFix, ImuSample, MocapPose, PathReference, VehicleState, VehicleTruth,
+};
 
 const OUTDOOR: &str = "laboratory_outdoor";
 
@@ -41,9 +43,20 @@ fn settings() -> Vec<String> {
     ]
 }
 
-/// Flies from the ground to the path, through a death of the driver, and to the ground. Returns whether the machine let it.
+/// Two antennas, 0.8 m apart.
+fn antennas() -> [String; 3] {
+    [
+        "navigation.baseline=[0.8,0.0,0.0]",
+        "sensors.gnss.baseline=[0.8,0.0,0.0]",
+        "schedule.period.\"gnss/baseline\"=0.1",
+    ]
+    .map(str::to_owned)
+}
+
+/// Flies from the ground to the path, through a death of the driver, and to the ground, with two antennas. Returns whether the machine
+/// let it.
 fn flown(place: &Place, flight: &str, world: &str) -> bool {
-    let settings = settings();
+    let settings = [settings(), antennas().to_vec()].concat();
     let simulated = World::begin_of(OUTDOOR, place, &settings, &["--out", world]);
     until("the world", || place.path(world).exists().then_some(()));
     let run = ["--host", "realtime", "--out", flight];
@@ -252,6 +265,13 @@ fn a_vehicle_outdoors_flies_by_the_packets_of_a_receiver_and_an_autopilot() {
     ages.sort_unstable();
     let median = ages[ages.len() / 2];
     assert!(median >= 100_000_000, "a fix is as old as stated: {median} ns");
+    // Before and after the death of the driver the heading is that of the antennas.
+    let baselines: Vec<BaselineInnovations> = samples(&place.log(flight));
+    let last = baselines.last().unwrap();
+    assert!(
+        last.fused[0] > 100 && last.fused[0] > 20 * last.refused[0],
+        "{last:?}"
+    );
     let report = &place.summary(flight)["laboratory"]["receivers"];
     for sensor in ["inertial", "fixes", "altitudes", "fields"] {
         assert!(report["samples"][sensor].as_u64() > Some(20), "{report:#}");
@@ -303,6 +323,14 @@ fn receivers_that_cannot_be_flown_by_are_refused_with_the_fix() {
         complaint.contains("`udp:192.0.2.1:14550` is no address of this machine"),
         "{complaint}"
     );
+    assert!(!place.path("world").exists());
+    // A flight that waits for a second antenna would never be armed.
+    let [assumed, _, period] = antennas();
+    let single = ["--set", &assumed, "--set", &period, "--out", "world"];
+    let refused = output(&mut place.gerono(&arguments_of(OUTDOOR, "world", &settings, &single)));
+    assert_eq!(refused.status.code(), Some(2));
+    let complaint = common::complaint(&refused);
+    assert!(complaint.contains("state `sensors.gnss.baseline`"), "{complaint}");
     assert!(!place.path("world").exists());
 }
 

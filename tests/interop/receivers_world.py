@@ -14,8 +14,11 @@ from pymavlink.dialects.v20 import common as mavlink
 from pyubx2 import UBXReader
 
 SECONDS = 4.0
-# The datum of the scenario, and its rates of fixes, inertial samples, fields and altitudes, Hz.
+# The datum of the scenario and its azimuth, and its rates of fixes, inertial samples, fields and altitudes, Hz.
 PLACE = (48.137154, 11.576124, 565.0)
+AZIMUTH = 0.5
+# A second antenna in the vehicle's frame, m: forward, right, down.
+BASELINE = (0.8, -0.3, 0.1)
 FIXES, INERTIAL, FIELDS, ALTITUDES = 10, 250, 50, 25
 
 
@@ -71,6 +74,33 @@ def check_fixes(packets):
         check(0 < fix.hAcc < 50 and 0 < fix.vAcc < 50 and 0 < fix.sAcc < 200, f"accuracies of {fix}")
 
 
+def check_baselines(packets):
+    """The vehicle stands level, with its x axis along that of the path's frame."""
+    baselines = [UBXReader.parse(packet) for packet in packets]
+    check_rate("baselines", len(baselines), FIXES)
+    check_increasing("baselines", [baseline.iTOW for baseline in baselines])
+    x, y, z = BASELINE
+    expected = (
+        x * math.cos(AZIMUTH) - y * math.sin(AZIMUTH),
+        x * math.sin(AZIMUTH) + y * math.cos(AZIMUTH),
+        z,
+        math.hypot(x, y, z),
+    )
+    for baseline in baselines:
+        check(baseline.version == 1, f"version of {baseline}")
+        flags = (baseline.gnssFixOK, baseline.relPosValid, baseline.carrSoln, baseline.isMoving)
+        check(flags == (1, 1, 2, 1) and baseline.relPosHeadingValid == 1, f"flags of {baseline}")
+        # The library has added the high-precision parts to the centimetres.
+        parts = (baseline.relPosN, baseline.relPosE, baseline.relPosD, baseline.relPosLength)
+        found = [part / 100 for part in parts]
+        check(all(abs(one - other) < 0.08 for one, other in zip(found, expected)), f"{found}, expected {expected}")
+        check(abs(math.hypot(*found[:3]) - found[3]) < 3e-4, f"the length of {found}")
+        heading = math.degrees(math.atan2(found[1], found[0])) % 360
+        check(abs(baseline.relPosHeading - heading) < 0.02, f"a heading of {baseline.relPosHeading}, expected {heading}")
+        check(abs(baseline.accN - 8) < 0.5 and abs(baseline.accD - 12) < 0.5, f"accuracies of {baseline}")
+        check(0.3 < baseline.accHeading < 0.8, f"the accuracy of the heading of {baseline}")
+
+
 def check_samples(packets):
     reader = mavlink.MAVLink(None)
     samples = [message for packet in packets for message in reader.parse_buffer(bytearray(packet)) or []]
@@ -100,16 +130,25 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         sources = f"receivers.sources=['udp:127.0.0.1:{ports[0]}','udp:127.0.0.1:{ports[1]}']"
         transmitter = f"rc_output.transmitter.udp='127.0.0.1:{ports[2]}'"
-        command = [gerono, "world", scenario, "--set", sources, "--set", transmitter, "--seconds", str(SECONDS)]
+        place = list(BASELINE)
+        antennas = [f"navigation.baseline={place}", f"sensors.gnss.baseline={place}"]
+        antennas.append('schedule.period."gnss/baseline"=0.1')
+        changes = [word for change in antennas for word in ("--set", change)]
+        command = [gerono, "world", scenario, *changes, "--set", sources, "--set", transmitter, "--seconds", str(SECONDS)]
         world = subprocess.Popen([*command, "--quiet", "--out", f"{folder}/world"])
         try:
             packets = received([fixes, motion], time.monotonic() + SECONDS + 2)
         finally:
             code = world.wait(60)
     check(code == 0, f"the world ended with status {code}")
-    check_fixes(packets[0])
+    fixes, baselines = ([packet for packet in packets[0] if packet[3] == id] for id in (0x07, 0x3C))
+    check(len(fixes) + len(baselines) == len(packets[0]), "other packets")
+    check_fixes(fixes)
+    check_baselines(baselines)
     check_samples(packets[1])
-    print(f"a simulated receiver and autopilot: {len(packets[0])} fixes and {len(packets[1])} samples are read")
+    print(
+        f"a simulated receiver and autopilot: {len(fixes)} fixes, {len(baselines)} baselines and {len(packets[1])} samples are read"
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-//! Simulated receivers: a satellite receiver that sends UBX `NAV-PVT`, and an autopilot that sends MAVLink `HIGHRES_IMU`.
+//! Simulated receivers: a satellite receiver that sends UBX `NAV-PVT`, and `NAV-RELPOSNED` with a second antenna, and an autopilot
+//! that sends MAVLink `HIGHRES_IMU`.
 //!
-//! The samples are those of the plant's sensors. A packet is sent the stated latency after its measurement. `NAV-PVT` goes to the
-//! first source of the flight, `HIGHRES_IMU` to the last one.
+//! The samples are those of the plant's sensors. A packet is sent the stated latency after its measurement: those of the satellite
+//! receiver to the first source of the flight, those of the autopilot to the last one.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -10,7 +11,7 @@ use mavlink_frame::{Definition, Sender};
 use runtime::flight_clock::monotonic_ns;
 use scenario::{Receivers, Scenario};
 use shared_types::receiver_source::{ReceiverSource, ReceiverSourceError};
-use shared_types::samples::{BaroAltitude, GnssFix, ImuSample, MagField};
+use shared_types::samples::{BaroAltitude, GnssBaseline, GnssFix, ImuSample, MagField};
 use shared_types::service::nanoseconds;
 
 use super::LateCaptures;
@@ -57,6 +58,12 @@ pub enum ReceiversError {
          `receivers.sources = [\"udp:127.0.0.1:14550\"]`"
     )]
     OtherMachine(SocketAddr),
+    /// The flight has a second antenna, and the simulation has none.
+    #[error(
+        "`navigation.baseline` is stated, and the simulated receiver has no second antenna; state `sensors.gnss.baseline` as well, its \
+         true place"
+    )]
+    OneAntenna,
     /// The socket could not be opened.
     #[error("cannot open a socket: {0}")]
     Socket(#[from] std::io::Error),
@@ -67,6 +74,7 @@ pub enum ReceiversError {
 pub struct Measured {
     pub imu: Option<ImuSample>,
     pub fix: Option<GnssFix>,
+    pub baseline: Option<GnssBaseline>,
     pub altitude: Option<BaroAltitude>,
     pub field: Option<MagField>,
 }
@@ -105,6 +113,10 @@ impl ReceiverSender {
     /// # Errors
     /// [`ReceiversError`].
     pub fn open(scenario: &Scenario, stated: &Receivers) -> Result<Self, ReceiversError> {
+        let sensors = scenario.sensors.as_ref();
+        if scenario.baseline().is_some() && sensors.is_none_or(|sensors| sensors.gnss.baseline.is_none()) {
+            return Err(ReceiversError::OneAntenna);
+        }
         let destinations = stated
             .addresses()?
             .into_iter()
@@ -140,6 +152,14 @@ impl ReceiverSender {
         // Without a position a receiver's packet is not used: none is sent.
         if let Some(fix) = measured.fix.as_ref().filter(|fix| fix.measured.is_set()) {
             self.fixes.push(measured_ns, nav_pvt(fix, since_start_ns));
+        }
+        if let Some(baseline) = measured
+            .baseline
+            .as_ref()
+            .filter(|baseline| baseline.measured.is_set())
+        {
+            self.fixes
+                .push(measured_ns, nav_relposned(baseline, since_start_ns));
         }
         if measured.imu.is_some() || measured.altitude.is_some() || measured.field.is_some() {
             let bytes = highres_imu(measured, since_start_ns, self.height, self.sequence);
@@ -210,6 +230,25 @@ fn is_group(address: IpAddr) -> bool {
     address.is_multicast() || matches!(address, IpAddr::V4(address) if address.is_broadcast())
 }
 
+/// Returns the time of the week at a time since the start, ns, in ms.
+fn week_ms(since_start_ns: u64) -> [u8; 4] {
+    let week_ms = (WEEK_MS + since_start_ns / 1_000_000) % 604_800_000;
+    u32::try_from(week_ms).expect("a week has 6e8 ms").to_le_bytes()
+}
+
+/// Returns the packet of class `NAV` with a payload.
+fn ubx(id: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u8::try_from(payload.len()).expect("payloads are short");
+    let mut packet = vec![0xb5, 0x62, 0x01, id, length, 0];
+    packet.extend(payload);
+    let sum = packet[2..].iter().fold([0_u8, 0], |[first, second], byte| {
+        let first = first.wrapping_add(*byte);
+        [first, second.wrapping_add(first)]
+    });
+    packet.extend(sum);
+    packet
+}
+
 /// Encodes `NAV-PVT` of a fix without UTC, valid at a time since the start, ns.
 #[expect(
     clippy::cast_possible_truncation,
@@ -221,8 +260,7 @@ fn nav_pvt(fix: &GnssFix, since_start_ns: u64) -> Vec<u8> {
     let mut put = |offset: usize, bytes: [u8; 4]| payload[offset..offset + 4].copy_from_slice(&bytes);
     let signed = |value: f64| (libm::round(value) as i32).to_le_bytes();
     let millimetres = |value: f64| (libm::round(1e3 * value) as u32).to_le_bytes();
-    let week_ms = (WEEK_MS + since_start_ns / 1_000_000) % 604_800_000;
-    put(0, (week_ms as u32).to_le_bytes());
+    put(0, week_ms(since_start_ns));
     put(24, signed(1e7 * fix.longitude));
     put(28, signed(1e7 * fix.latitude));
     put(32, signed(1e3 * fix.height));
@@ -237,14 +275,40 @@ fn nav_pvt(fix: &GnssFix, since_start_ns: u64) -> Vec<u8> {
     payload[20] = 3;
     payload[21] = 1 | u8::from(fix.kind > 0) << 1 | fix.kind << 6;
     payload[23] = SATELLITES;
-    let mut packet = vec![0xb5, 0x62, 0x01, 0x07, 92, 0];
-    packet.extend(payload);
-    let sum = packet[2..].iter().fold([0_u8, 0], |[first, second], byte| {
-        let first = first.wrapping_add(*byte);
-        [first, second.wrapping_add(first)]
-    });
-    packet.extend(sum);
-    packet
+    ubx(0x07, &payload)
+}
+
+/// Encodes `NAV-RELPOSNED` of a baseline between a moving base and its rover, valid at a time since the start, ns.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "lengths and angles in the protocol's units; rounded"
+)]
+fn nav_relposned(baseline: &GnssBaseline, since_start_ns: u64) -> Vec<u8> {
+    let mut payload = [0; 64];
+    let [north, east, down] = baseline.baseline_ned;
+    let length = libm::sqrt(north * north + east * east + down * down);
+    let horizontal = libm::hypot(north, east).max(f64::MIN_POSITIVE);
+    let hundred_thousandths = |angle: f64| libm::round(1e5 * angle.to_degrees());
+    let heading = libm::atan2(east, north).rem_euclid(std::f64::consts::TAU);
+    payload[0] = 1;
+    payload[4..8].copy_from_slice(&week_ms(since_start_ns));
+    // Centimetres, and the tenths of millimetres that are left.
+    for (index, component) in [north, east, down, length].into_iter().enumerate() {
+        let tenths = libm::round(1e4 * component) as i32;
+        payload[8 + 4 * index..][..4].copy_from_slice(&(tenths / 100).to_le_bytes());
+        payload[32 + index] = ((tenths % 100) as i8).to_le_bytes()[0];
+    }
+    payload[24..28].copy_from_slice(&(hundred_thousandths(heading) as i32).to_le_bytes());
+    let [accuracy, _, vertical] = baseline.accuracies_ned;
+    for (index, deviation) in [accuracy, accuracy, vertical, accuracy].into_iter().enumerate() {
+        payload[36 + 4 * index..][..4].copy_from_slice(&(libm::round(1e4 * deviation) as u32).to_le_bytes());
+    }
+    payload[52..56].copy_from_slice(&(hundred_thousandths(accuracy / horizontal) as u32).to_le_bytes());
+    // A fix and a baseline that are valid, with corrections, the solution of the carrier, a base that moves, and a valid heading.
+    let carrier = 1 + u32::from(baseline.fixed.is_set());
+    payload[60..64].copy_from_slice(&(0b1_0010_0111 | carrier << 3).to_le_bytes());
+    ubx(0x3c, &payload)
 }
 
 /// Encodes `HIGHRES_IMU` of the samples that are there, at a time since the start, ns.

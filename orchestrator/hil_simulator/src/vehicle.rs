@@ -68,6 +68,7 @@ impl SimulatedVehicle {
         let mut measured = Measured {
             imu: due(Topic::ImuSample).then(FromZeros::new_zeroed),
             fix: due(Topic::GnssFix).then(FromZeros::new_zeroed),
+            baseline: due(Topic::GnssBaseline).then(FromZeros::new_zeroed),
             altitude: due(Topic::BaroAltitude).then(FromZeros::new_zeroed),
             field: due(Topic::MagField).then(FromZeros::new_zeroed),
         };
@@ -78,8 +79,7 @@ impl SimulatedVehicle {
             measured.fix.as_mut().map(IntoBytes::as_mut_bytes),
             measured.altitude.as_mut().map(IntoBytes::as_mut_bytes),
             measured.field.as_mut().map(IntoBytes::as_mut_bytes),
-            // It is not sent.
-            None,
+            measured.baseline.as_mut().map(IntoBytes::as_mut_bytes),
         ];
         let mut outputs = bytes.map(|bytes| OutputSlot { bytes });
         self.plant.step(&now, &inputs, &mut outputs);
