@@ -115,7 +115,7 @@ def main():
     mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         got = probed(gerono, f"udp:{address[0]}:{address[1]}", lambda number: sender.sendto(measured(number, mav), address))
-    words = ["HIGHRES_IMU", "single point 100.0 %", "14 satellites", "does not send ODOMETRY", "no vertical velocity"]
+    words = ["HIGHRES_IMU", "single point 100.0 %", "14 satellites", "a flight needs 200 Hz", "no vertical velocity"]
     check("an autopilot by UDP", got, 0, words)
 
 

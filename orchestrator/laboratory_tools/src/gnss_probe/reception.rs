@@ -10,6 +10,10 @@ use shared_types::receiver_source::ReceiverSource;
 
 /// Least rate of fixes for a flight, Hz.
 const LEAST_RATE: f64 = 5.0;
+/// Least rate of inertial samples for a flight, Hz: two spans of the filter's largest one of 10 ms.
+const LEAST_INERTIAL: f64 = 200.0;
+/// Largest field that can be that of the Earth with the iron of a vehicle, G.
+const FIELD: f64 = 2.0;
 /// Number of periods without a packet that are a gap.
 const GAP: f64 = 3.0;
 /// Reported deviations beyond which PX4 does not arm: of the horizontal position, of the height (m), of the speed (m/s).
@@ -115,6 +119,8 @@ pub(super) struct Reception {
     /// Ages on arrival, s.
     ages: Vec<f64>,
     recent_age: Option<f64>,
+    /// Norm of the newest magnetic field, G.
+    field: Option<f64>,
     baselines: Option<Baselines>,
     /// Duration of a live reception, s.
     pub listened: Option<f64>,
@@ -174,7 +180,11 @@ impl Reception {
                     baselines.add(relative, heading.angle);
                 }
             }
-            _ => {}
+            Packet::HighresImu(_, measured) => {
+                let norm = |field: [f64; 3]| field.iter().map(|part| part * part).sum::<f64>().sqrt();
+                self.field = measured.field_body.map(norm).or(self.field);
+            }
+            Packet::Odometry(..) | Packet::Heartbeat(..) => {}
         }
     }
 
@@ -192,9 +202,9 @@ impl Reception {
         self.kinds[1..].iter().any(|count| *count > 0)
     }
 
-    /// Returns whether something arrived that a flight could use: a position, or what an autopilot measures or estimates.
+    /// Returns whether something arrived that a flight could use: a position, or what an autopilot measures.
     pub fn is_usable(&self) -> bool {
-        self.has_position() || self.of(Message::HighresImu).count > 0 || self.of(Message::Odometry).count > 0
+        self.has_position() || self.of(Message::HighresImu).count > 0
     }
 
     fn of(&self, message: Message) -> &Packets {
@@ -321,6 +331,7 @@ impl Reception {
         }
         if is_autopilot {
             self.add_missing(&mut add);
+            self.add_sample_findings(&mut add);
         }
         self.add_fix_findings(&mut add);
         self.add_timing_findings(counts, &mut add);
@@ -380,10 +391,33 @@ impl Reception {
             .map(Message::name)
             .collect();
         if let [first, ..] = missing[..] {
+            let rate = if first == Message::HighresImu.name() {
+                250
+            } else {
+                10
+            };
             add(format!(
-                "the autopilot does not send {}: in PX4's shell, `mavlink stream -d DEVICE -s {first} -r 100`; with others, \
+                "the autopilot does not send {}: in PX4's shell, `mavlink stream -d DEVICE -s {first} -r {rate}`; with others, \
                  MAV_CMD_SET_MESSAGE_INTERVAL",
                 missing.join(" and ")
+            ));
+        }
+    }
+
+    /// Adds what is wrong with the samples of an autopilot.
+    fn add_sample_findings(&self, add: &mut dyn FnMut(String)) {
+        let samples = self.of(Message::HighresImu);
+        if samples.count > 1 && samples.rate() < 0.98 * LEAST_INERTIAL {
+            add(format!(
+                "HIGHRES_IMU comes at {:.1} Hz, and a flight needs {LEAST_INERTIAL} Hz: in PX4's shell, `mavlink stream -d DEVICE -s \
+                 HIGHRES_IMU -r 250`; with others, MAV_CMD_SET_MESSAGE_INTERVAL of message 105 to 4000 us",
+                samples.rate()
+            ));
+        }
+        if let Some(field) = self.field.filter(|field| *field > FIELD) {
+            add(format!(
+                "a field of {field:.1} G, and that of the Earth has 0.25 to 0.65 G: ArduPilot states milligauss, a thousand times as \
+                 much, and a flight refuses it"
             ));
         }
     }
@@ -680,6 +714,33 @@ mod tests {
             .flat_map(|k| [pvt(100 * k, 3, 2), imu.clone()].concat())
             .collect();
         assert!(!findings(&both).1.contains("NAV-PVT"));
+    }
+
+    #[test]
+    fn an_autopilot_is_told_what_a_flight_needs_of_its_samples() {
+        for (period_us, field, words) in [
+            (4000_u64, 0.48_f32, ""),
+            (
+                20_000,
+                0.48,
+                "HIGHRES_IMU comes at 50.0 Hz, and a flight needs 200 Hz",
+            ),
+            (4000, 480.0, "a field of 480.0 G"),
+        ] {
+            let samples = (0..50).flat_map(|k: u64| {
+                let mut payload = [0; 62];
+                payload[..8].copy_from_slice(&(period_us * k).to_le_bytes());
+                payload[40..44].copy_from_slice(&field.to_le_bytes());
+                payload[60..].copy_from_slice(&0x1ff_u16.to_le_bytes());
+                mavlink(105, 93, &payload)
+            });
+            let fixes = (0..10).flat_map(|k| pvt(100 * k, 3, 2));
+            let (is_usable, found) = findings(&samples.chain(fixes).collect::<Vec<_>>());
+            assert!(
+                is_usable && found.contains(words) && found.is_empty() == words.is_empty(),
+                "{found}"
+            );
+        }
     }
 
     #[test]
