@@ -72,8 +72,14 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
     let report = sender
         .stop()
         .map_err(|_| Failure::trouble("the sender has failed"))?;
-    print(summary(&report));
-    Ok(interrupt.signal().map_or(Exit::Success, Exit::Signal))
+    print(summary(link.link, &report));
+    let signal = interrupt.signal();
+    if signal.is_none() && report.counts.losses > report.counts.recoveries {
+        return Err(Failure::trouble(
+            "the link is lost: the receiver or the vehicle does not take the frames; see that it is switched on, and where they go",
+        ));
+    }
+    Ok(signal.map_or(Exit::Success, Exit::Signal))
 }
 
 fn link_of(scenario: &Scenario) -> Result<&RcLink, Failure> {
@@ -158,11 +164,15 @@ fn attitude_line(link: &RcLink, map: &ChannelMap, stick: usize, sticks: &Sticks)
     }
 }
 
-fn summary(report: &LinkReport) -> String {
+fn summary(link: RadioProtocol, report: &LinkReport) -> String {
     let counts = &report.counts;
+    let busy = match link {
+        RadioProtocol::Crazyflie => "the vehicle did not acknowledge them",
+        _ => "the link was busy",
+    };
     let late = |quantile| report.lateness_ns.value_at_quantile(quantile) as f64 * 1e-6;
     format!(
-        "\n{} frames sent, {} dropped because the link was busy, {} because it was closed; lost {} times, recovered {} times\n\
+        "\n{} frames sent, {} dropped because {busy}, {} because the link was closed; lost {} times, recovered {} times\n\
          lateness: median {:.3} ms, p99 {:.3} ms, maximum {:.3} ms; {} frames skipped\n",
         counts.sent,
         counts.busy,

@@ -8,6 +8,9 @@
 //! of the [`sender`](crate::sender) waits for it, and takes the newest sticks afterwards.
 //!
 //! A lost device or connection is reopened with exponential back-off from [`FIRST_PAUSE_NS`] to [`LONGEST_PAUSE_NS`].
+//! An open one of which no frame has been taken for [`UNTAKEN_NS`] counts as lost too: a vehicle that acknowledges nothing, a
+//! device that is stuck, a machine without a receiver of the UDP packets. It is found again with the first frame that is taken.
+//! A machine that is off refuses no UDP packet, so that this is not noticed.
 
 #[cfg(feature = "crazyradio")]
 mod dongle;
@@ -34,6 +37,13 @@ use crate::frame::CAPACITY;
 pub const FIRST_PAUSE_NS: u64 = 100_000_000;
 /// Longest pause between two attempts, ns.
 pub const LONGEST_PAUSE_NS: u64 = 2_000_000_000;
+
+/// Time without a frame that is taken after which an open port counts as lost, ns.
+pub const UNTAKEN_NS: u64 = 500_000_000;
+/// Time without a refusal after which packets over UDP are taken, ns: a refusal comes after the packet, and takes the next one with it.
+const UNREFUSED_NS: u64 = 100_000_000;
+/// Number of packets over UDP after a refusal from which on they are taken.
+const UNREFUSED: u32 = 2;
 
 /// Maximum number of frames in the kernel's buffer of a serial device.
 const QUEUED_ON_LINE: usize = 2;
@@ -192,9 +202,34 @@ pub struct Port {
     remainder_length: usize,
     /// `true` if the simulator of a Crazyflie has had a null packet since it was reached, from which it learns our address.
     is_greeted: bool,
+    /// The frames that are not taken, if the last one was not.
+    untaken: Option<Untaken>,
     counts: Counts,
     retry_at_ns: u64,
     pause_ns: u64,
+}
+
+/// Frames that are not taken; times in ns.
+#[derive(Clone, Copy, Debug)]
+struct Untaken {
+    since_ns: u64,
+    last_ns: u64,
+    /// Number of packets over UDP since the last refusal.
+    unrefused: u32,
+    /// `true` once they count as a loss.
+    is_loss: bool,
+}
+
+impl Untaken {
+    /// Returns those of a port that was lost at this time, ns.
+    fn lost(now_ns: u64) -> Self {
+        Self {
+            since_ns: now_ns,
+            last_ns: now_ns,
+            unrefused: 0,
+            is_loss: true,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -271,6 +306,7 @@ impl Port {
         Ok(Self {
             state,
             is_greeted: true,
+            untaken: None,
             counts: Counts::default(),
             ..Self::lost(target)
         })
@@ -286,6 +322,7 @@ impl Port {
             remainder: [0; CAPACITY],
             remainder_length: 0,
             is_greeted: false,
+            untaken: Some(Untaken::lost(0)),
             counts: Counts {
                 losses: 1,
                 ..Counts::default()
@@ -316,7 +353,49 @@ impl Port {
             Sent::Busy => self.counts.busy += 1,
             Sent::Closed => self.counts.closed += 1,
         }
+        match sent {
+            Sent::Accepted => self.note_taken(now_ns),
+            Sent::Busy | Sent::Closed => self.note_untaken(now_ns),
+        }
         sent
+    }
+
+    /// Notes that the frame at `now_ns` was not taken. Of a closed port the loss has been counted.
+    fn note_untaken(&mut self, now_ns: u64) {
+        if !matches!(self.state, State::Open(_) | State::Dongle(_)) {
+            return;
+        }
+        // Frames that were not tried for a while say nothing.
+        let goes_on =
+            |untaken: &Untaken| untaken.is_loss || now_ns.saturating_sub(untaken.last_ns) < UNTAKEN_NS;
+        let before = self.untaken.filter(goes_on);
+        let untaken = self.untaken.insert(Untaken {
+            since_ns: before.map_or(now_ns, |before| before.since_ns),
+            last_ns: now_ns,
+            unrefused: 0,
+            is_loss: before.is_some_and(|before| before.is_loss),
+        });
+        if !untaken.is_loss && now_ns.saturating_sub(untaken.since_ns) >= UNTAKEN_NS {
+            untaken.is_loss = true;
+            self.counts.losses += 1;
+        }
+    }
+
+    #[inline]
+    fn note_taken(&mut self, now_ns: u64) {
+        let is_udp = self.target.is_udp();
+        let is_over = |untaken: &mut Untaken| {
+            untaken.unrefused = untaken.unrefused.saturating_add(1);
+            let is_unrefused =
+                untaken.unrefused >= UNREFUSED && now_ns.saturating_sub(untaken.last_ns) >= UNREFUSED_NS;
+            !is_udp || is_unrefused
+        };
+        if let Some(untaken) = self.untaken.take_if(is_over)
+            && untaken.is_loss
+        {
+            self.counts.recoveries += 1;
+            self.pause_ns = FIRST_PAUSE_NS;
+        }
     }
 
     /// Sends a request beside the frames without blocking, or drops it: only the frames are counted, and a loss is found with
@@ -345,6 +424,7 @@ impl Port {
             Err(Errno::AGAIN | Errno::INTR) => 0,
             Err(Errno::CONNREFUSED) if self.target.is_udp() => {
                 self.is_greeted = false;
+                self.note_untaken(now_ns);
                 0
             }
             Err(_) => {
@@ -360,10 +440,15 @@ impl Port {
         self.counts
     }
 
-    /// Returns whether the port is open.
+    /// Returns whether the port is open, and frames are taken.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        matches!(self.state, State::Open(_) | State::Dongle(_))
+        matches!(self.state, State::Open(_) | State::Dongle(_)) && !self.is_refused()
+    }
+
+    /// Returns whether frames have not been taken for so long that the port counts as lost.
+    fn is_refused(&self) -> bool {
+        self.untaken.is_some_and(|untaken| untaken.is_loss)
     }
 
     #[inline]
@@ -411,9 +496,6 @@ impl Port {
                 self.back_off(now_ns);
                 if let Ok(state) = self.target.open() {
                     self.state = state;
-                    if self.is_open() {
-                        self.count_recovery();
-                    }
                 }
             }
         }
@@ -422,18 +504,13 @@ impl Port {
     fn complete_connection(&mut self) {
         if let State::Connecting(socket) = std::mem::replace(&mut self.state, State::Closed) {
             self.state = State::Open(socket);
-            self.count_recovery();
         }
-    }
-
-    fn count_recovery(&mut self) {
-        self.counts.recoveries += 1;
-        self.pause_ns = FIRST_PAUSE_NS;
     }
 
     /// Closes a failed port and schedules the next attempt.
     fn handle_loss(&mut self, now_ns: u64) {
-        self.counts.losses += 1;
+        self.counts.losses += u64::from(!self.is_refused());
+        self.untaken = Some(Untaken::lost(now_ns));
         self.back_off(now_ns);
     }
 

@@ -237,6 +237,29 @@ fn packets_without_a_receiver_are_counted_and_the_socket_stays() {
     assert_eq!(read[..count], frame(5));
 }
 
+/// Every second packet seems to be accepted, for a refusal comes after its packet. A vehicle without power must not be armed.
+#[test]
+fn a_port_whose_frames_nobody_takes_is_lost_until_somebody_does() {
+    let nobody = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = nobody.local_addr().unwrap();
+    let mut port = Port::open(Target::Udp(address)).unwrap();
+    let mut now_ns = 0;
+    let mut send_for = |port: &mut Port, frames: u64| {
+        for _ in 0..frames {
+            now_ns += 10_000_000;
+            port.send(&[1, 2, 3], now_ns);
+            port.receive(&mut [0; 16], now_ns);
+        }
+        (port.is_open(), port.counts().losses, port.counts().recoveries)
+    };
+    assert_eq!(send_for(&mut port, 100), (true, 0, 0));
+    drop(nobody);
+    assert_eq!(send_for(&mut port, 45), (true, 0, 0));
+    assert_eq!(send_for(&mut port, 200), (false, 1, 0));
+    let _peer = UdpSocket::bind(address).unwrap();
+    assert_eq!(send_for(&mut port, 20), (true, 1, 1));
+}
+
 /// A simulator of a Crazyflie, and the thread that answers its first packet.
 fn answering_once(server: UdpSocket) -> std::thread::JoinHandle<UdpSocket> {
     std::thread::spawn(move || {
