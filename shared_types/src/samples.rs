@@ -497,6 +497,12 @@ impl RunEvent {
     /// A value of [`kind`](Self::kind): it ends. Not in the message definition either.
     pub const KIND_RECEIVER_FAULT_ENDS: u32 = 16;
 
+    /// A value of [`kind`](Self::kind): the radio link of a flight in real time is lost. Not in the message definition either.
+    pub const KIND_LINK_LOST: u32 = 17;
+
+    /// A value of [`kind`](Self::kind): it is found again. Not in the message definition either.
+    pub const KIND_LINK_FOUND: u32 = 18;
+
     /// Returns the event as text; the readable part of a text that is not valid UTF-8.
     #[must_use]
     pub fn words(&self) -> Cow<'_, str> {

@@ -87,6 +87,7 @@ fn loss(effect: &FaultEffect) -> Option<MatrixLoss> {
                 Reason::TippedOver => "tipped over",
                 Reason::HitGround => "hit the ground",
                 Reason::MotorsStopped => "motors stopped",
+                Reason::LinkLost => "link lost",
                 Reason::Unseen => "not seen",
                 Reason::NotFinite => "not finite",
             }

@@ -11,7 +11,7 @@ use serde::Serialize;
 use shared_types::FlightPhase;
 use shared_types::flight_phase::GROUNDED_AFTER;
 use shared_types::rotation::tilt;
-use shared_types::samples::{PathReference, RcFrame};
+use shared_types::samples::{PathReference, RcFrame, RunEvent};
 use shared_types::service::{nanoseconds, seconds};
 
 use super::tracker::{Moment, StateSource, Vehicle};
@@ -29,6 +29,9 @@ const NEAR: f64 = 0.1;
 /// Age of a reference above which it is not followed, s.
 const LED: f64 = 1.0;
 
+/// Time without a radio link before a touch-down, s, after which nobody knows how it came about. A restarted process opens it sooner.
+const UNCOMMANDED: f64 = 0.3;
+
 /// Height of a vehicle that touches the ground, m.
 const TOUCHES: f64 = 1e-6;
 
@@ -44,6 +47,8 @@ pub enum Reason {
     HitGround,
     /// Motors stopped in the air: by a kill, by disarming, or without a command.
     MotorsStopped,
+    /// In the air without a radio link: the receiver's failsafe stops the motors, and no command reaches them.
+    LinkLost,
     /// Motors stopped after the position had been unknown for a time in which the vehicle may have landed.
     Unseen,
     /// A number that is not finite, in the position or computed by a service.
@@ -101,6 +106,8 @@ pub struct LossWatch {
     referred_at_ns: u64,
     /// Time since which all frames have stopped the motors, ns, and the reason of the loss if this continues.
     stopped_since: Option<(u64, Reason)>,
+    /// Time since which the radio link is lost, ns.
+    link_lost_since_ns: Option<u64>,
     loss: Option<Loss>,
 }
 
@@ -146,6 +153,7 @@ impl LossWatch {
             unknown_since_ns: None,
             referred_at_ns: 0,
             stopped_since: None,
+            link_lost_since_ns: None,
             loss: None,
         }
     }
@@ -166,6 +174,9 @@ impl LossWatch {
     #[must_use]
     pub fn loss_at_the_end(&self, time_ns: u64) -> Option<Loss> {
         let is_stopped = self.loss.is_none() && self.must_land && self.is_in_the_air();
+        if let Some(since_ns) = self.link_lost_since_ns.filter(|_| is_stopped) {
+            return Some(Loss::new(Reason::LinkLost, seconds(since_ns), self.source));
+        }
         is_stopped.then(|| Loss {
             cause: Some("the flight ended".to_owned()),
             ..Loss::new(self.reason_of_stop(time_ns), seconds(time_ns), self.source)
@@ -186,6 +197,17 @@ impl LossWatch {
                 limit,
                 ..Loss::new(reason, seconds(moment.vehicle.time_ns), self.source)
             });
+        }
+    }
+
+    /// Adds an event of the run, which states whether the radio link is lost.
+    pub fn observe_event(&mut self, event: &RunEvent) {
+        match event.kind {
+            RunEvent::KIND_LINK_LOST => {
+                self.link_lost_since_ns.get_or_insert(event.header.stamp_ns);
+            }
+            RunEvent::KIND_LINK_FOUND => self.link_lost_since_ns = None,
+            _ => {}
         }
     }
 
@@ -213,6 +235,18 @@ impl LossWatch {
             cause => cause >= PathReference::CAUSE_ENVELOPE_KILLS,
         };
         let stamp_ns = reference.header.stamp_ns;
+        // Whatever brought it to the ground, it was no command.
+        if let Some(since_ns) = self.link_lost_since_ns
+            && was_airborne
+            && stamp_ns.saturating_sub(since_ns)
+                >= nanoseconds(if self.is_in_the_air() {
+                    GROUNDED_AFTER
+                } else {
+                    UNCOMMANDED
+                })
+        {
+            self.motors_stopped(Reason::LinkLost, since_ns, PathReference::CAUSE_NONE);
+        }
         // Found on the ground: how the vehicle came down is unknown.
         if self.must_land
             && matches!(before, FlightPhase::TakeOff | FlightPhase::Fly)
@@ -413,6 +447,12 @@ impl Display for Loss {
                     formatter,
                     "the motors were stopped while the cameras did not show whether the vehicle was down: {}",
                     self.stop_in_words()
+                )
+            }
+            (Reason::LinkLost, _) => {
+                write!(
+                    formatter,
+                    "the radio link was lost in the air: no command reached the vehicle"
                 )
             }
             (Reason::NotFinite, _) => write!(formatter, "a number was not finite"),

@@ -502,6 +502,7 @@ impl FlightSummary {
         if event.kind == RunEvent::KIND_OPERATOR_TUNES {
             self.bound = None;
         }
+        self.loss.observe_event(event);
         self.flight.observe_event(event);
     }
 

@@ -311,6 +311,7 @@ impl<'a> Flight<'a> {
                 self.clients.messages.show(answer);
             }
             self.handle_kill_switch();
+            self.note_radio_link();
             let period = if self.supervisor.needs_care() {
                 RESTART_POLL_PERIOD
             } else {
@@ -410,15 +411,17 @@ impl<'a> Flight<'a> {
         if self.conduct.permits_end() {
             return "The run ends.".to_owned();
         }
+        let warning = self.without_link();
+        let warning = warning.map_or_else(String::new, |warning| format!("\nWARNING: {warning}."));
         if self.operator().killed || self.recorder.has_killed() {
-            return "The motors were killed. The run ends 2 s after that.".to_owned();
+            return format!("The motors were killed. The run ends 2 s after that.{warning}");
         }
         let again = match request {
             EndRequest::Land => "The vehicle lands. The run ends 2 s after its motors have stopped.",
             EndRequest::Nothing => "The vehicle is still landing.",
         };
         format!(
-            "{again} Ctrl-C and `gerono stop` change nothing more.\n\
+            "{again}{warning}\nCtrl-C and `gerono stop` change nothing more.\n\
              To stop the motors in the air: gerono kill --run {}",
             self.run
         )
@@ -579,6 +582,21 @@ impl<'a> Flight<'a> {
         if let Some(figures) = self.laboratory.link(block) {
             self.observer.link(&figures);
         }
+    }
+
+    /// Records when the radio link is lost and found again: what the vehicle does meanwhile is not commanded.
+    fn note_radio_link(&mut self) {
+        let block = self.supervisor.page().control_block();
+        let Some(is_lost) = self.laboratory.link_change(block) else {
+            return;
+        };
+        let (kind, text) = if is_lost {
+            (RunEvent::KIND_LINK_LOST, "the radio link is lost")
+        } else {
+            (RunEvent::KIND_LINK_FOUND, "the radio link is found again")
+        };
+        let tick = self.clock.tick().min(self.schedule.last_tick());
+        self.pending_events.push((tick, kind, text.into()));
     }
 
     fn announce_laboratory(&mut self) {

@@ -277,6 +277,58 @@ fn a_real_vehicle_that_is_in_the_air_at_the_end_is_lost_by_it() {
     }
 }
 
+/// The link is lost at 3.2 s, and found again or not.
+#[test]
+fn a_vehicle_that_comes_down_without_a_radio_link_is_lost() {
+    let event = |kind: u32, milliseconds: u64| {
+        let mut event = RunEvent::new_zeroed();
+        (event.kind, event.header.stamp_ns) = (kind, milliseconds * 1_000_000);
+        event
+    };
+    for (found_at, down_at, reason) in [
+        (u64::MAX, 4000, Some(Reason::LinkLost)),
+        (u64::MAX, 9000, Some(Reason::LinkLost)),
+        (4000, 5000, None),
+        (5300, 6000, Some(Reason::LinkLost)),
+    ] {
+        let phased = Scenario {
+            flight: Some(Flight::default()),
+            ..scenario(0.01, 10.0)
+        };
+        let mut watch = LossWatch::new(&phased, StateSource::Estimate);
+        for at in (3000..=10_000).step_by(20) {
+            match at {
+                3200 => watch.observe_event(&event(RunEvent::KIND_LINK_LOST, at)),
+                at if at == found_at => watch.observe_event(&event(RunEvent::KIND_LINK_FOUND, at)),
+                _ => {}
+            }
+            let is_down = at >= down_at;
+            let phase = if is_down {
+                PathReference::PHASE_DISARMED
+            } else {
+                PathReference::PHASE_LAND
+            };
+            let cause = if is_down {
+                PathReference::CAUSE_TOUCHED_DOWN
+            } else {
+                0
+            };
+            let mut newest = reference(phase, cause, !is_down);
+            newest.header.stamp_ns = at * 1_000_000;
+            watch.observe_reference(&newest);
+        }
+        let loss = watch.loss();
+        assert_eq!(loss.map(|loss| loss.reason), reason, "{found_at}, {down_at}");
+        if let Some(loss) = loss {
+            assert_eq!(loss.time, 3.2);
+            assert!(
+                loss.to_string().contains("no command reached the vehicle"),
+                "{loss}"
+            );
+        }
+    }
+}
+
 fn reference(phase: u8, cause: u8, airborne: bool) -> PathReference {
     let mut reference = PathReference::new_zeroed();
     reference.header.stamp_ns = 3_000_000_000;

@@ -54,18 +54,18 @@ impl Flight<'_> {
             Request::Kill => (
                 RunEvent::KIND_OPERATOR_KILLS,
                 "gerono kill",
-                "killed: the motors rest until the end of the run",
+                self.killed_in_words(),
             ),
         };
         let warning = match request {
             Request::Arm => self.warning_at_arming(),
-            Request::Disarm | Request::Land | Request::Kill => None,
+            Request::Disarm | Request::Land | Request::Kill => self.without_link(),
         };
         let warning = warning.map_or_else(String::new, |warning| format!("; warning: {warning}"));
         self.ask(request, kind, event);
         match request {
             // It may come from another room.
-            Request::Kill => self.announce(format!("{text} ({event})")),
+            Request::Kill => self.announce(format!("{text} ({event}){warning}")),
             Request::Arm | Request::Disarm | Request::Land => self.record_event(&format!("{text}{warning}")),
         }
         // The run's identity goes between the action and its detail: "armed run 7-0, …", "killed run 7-0, …: the motors
@@ -85,6 +85,24 @@ impl Flight<'_> {
         let warnings = [self.scatter(), self.unknown_markers(), self.untested()];
         let warnings: Vec<_> = warnings.into_iter().flatten().collect();
         (!warnings.is_empty()).then(|| warnings.join("; "))
+    }
+
+    /// Returns what a kill does.
+    pub(super) fn killed_in_words(&self) -> &'static str {
+        match self.without_link() {
+            None => "killed: the motors rest until the end of the run",
+            Some(_) => "killed: no frame that turns the motors is sent again",
+        }
+    }
+
+    /// Returns that no request reaches the vehicle, if its radio link is lost.
+    pub(super) fn without_link(&self) -> Option<String> {
+        let block = self.supervisor.page().control_block();
+        self.laboratory.is_link_lost(block).then(|| {
+            "the radio link is LOST, and nothing reaches the vehicle: use its own transmitter or its failsafe, and keep away until its \
+             battery is off"
+                .to_owned()
+        })
     }
 
     /// Returns the warning of cameras that scatter more than stated.

@@ -56,6 +56,8 @@ pub struct Laboratory<'a> {
     link: Option<RadioProtocol>,
     /// `true` if link, cameras and receivers were ready at the last report.
     were_ready: [Option<bool>; 3],
+    /// `true` if the radio link was lost when it was last asked about.
+    was_link_lost: bool,
     /// The battery that the link measures, if the scenario states one.
     battery: Option<&'a LinkBattery>,
     battery_state: BatteryState,
@@ -77,6 +79,7 @@ impl<'a> Laboratory<'a> {
                 .map(|stated| (stated, ReceiverFigures::TOPICS.map(rate))),
             link: scenario.radio_link(),
             were_ready: [None; 3],
+            was_link_lost: false,
             battery: scenario
                 .radio_link()
                 .and(scenario.rc_output.as_ref())
@@ -93,11 +96,10 @@ impl<'a> Laboratory<'a> {
     pub fn check_battery(&mut self, block: &ControlBlock, flies: bool) -> Option<String> {
         let stated = self.battery?;
         let reading = self.voltage(block);
-        let is_below = |reading: BatteryReading| stated.lowest.is_some_and(|lowest| reading.voltage < lowest);
         self.low_checks = match reading {
             // Counted before.
             Some(reading) if reading.age >= BETWEEN_CHECKS => self.low_checks,
-            Some(reading) if is_below(reading) => self.low_checks.saturating_add(1),
+            reading if is_below(stated, reading.as_ref()) => self.low_checks.saturating_add(1),
             _ => 0,
         };
         let stays_low = flies && self.battery_state == BatteryState::Low;
@@ -170,6 +172,19 @@ impl<'a> Laboratory<'a> {
         self.link.map(|_| status.read())
     }
 
+    /// Returns whether the radio link is lost now.
+    #[must_use]
+    pub fn is_link_lost(&self, block: &ControlBlock) -> bool {
+        self.link(block)
+            .is_some_and(|figures| figures.state == LinkFigures::STATE_LOST)
+    }
+
+    /// Returns whether the radio link is lost, if that has changed since the last call.
+    pub fn link_change(&mut self, block: &ControlBlock) -> Option<bool> {
+        let is_lost = self.is_link_lost(block);
+        (std::mem::replace(&mut self.was_link_lost, is_lost) != is_lost).then_some(is_lost)
+    }
+
     /// Returns a snapshot for clients with the state of link, cameras and receivers, at a time since the start of the flight.
     #[must_use]
     pub fn snapshot(&self, block: &ControlBlock, elapsed_ns: u64) -> Snapshot {
@@ -219,8 +234,11 @@ impl<'a> Laboratory<'a> {
     /// radio link, of the cameras or of the receivers. Of cameras and receivers together one measures the position.
     #[must_use]
     pub fn failure(&self, block: &ControlBlock, elapsed_ns: u64) -> Option<String> {
-        if self.battery_state == BatteryState::Low {
-            return self.battery_trouble(self.voltage(block).as_ref());
+        let voltage = self.voltage(block);
+        if let Some(stated) = self.battery
+            && (self.battery_state == BatteryState::Low || is_below(stated, voltage.as_ref()))
+        {
+            return battery_trouble(stated, BatteryState::Low, voltage.as_ref());
         }
         let [link, cameras, receivers] = self.failures(block, elapsed_ns);
         if self.cameras.is_none() || self.receivers.is_none() {
@@ -278,10 +296,18 @@ fn link_failure(link: RadioProtocol, figures: &LinkFigures) -> Option<String> {
     match figures.state {
         LinkFigures::STATE_OPEN => None,
         LinkFigures::STATE_LOST => Some(format!(
-            "the radio link `{name}` is lost: its device or peer is gone; it reconnects in the background"
+            "the radio link `{name}` is lost: its device or peer is gone, or takes no frames; it is tried again in the background"
         )),
         _ => Some(format!("the radio link `{name}` has not been opened yet")),
     }
+}
+
+/// Returns whether a recent voltage is below the lowest one. In flight one alone may be that of a manoeuvre; on the ground it is not.
+fn is_below(stated: &LinkBattery, reading: Option<&BatteryReading>) -> bool {
+    stated
+        .lowest
+        .zip(reading)
+        .is_some_and(|(lowest, reading)| reading.voltage < lowest && reading.age <= stated.max_age)
 }
 
 /// Returns the warning of a measured battery, if there is one.
@@ -399,6 +425,7 @@ mod tests {
             receivers: None,
             link: Some(RadioProtocol::Crsf),
             were_ready: [None; 3],
+            was_link_lost: false,
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
@@ -455,6 +482,7 @@ mod tests {
             receivers: None,
             link: None,
             were_ready: [None; 3],
+            was_link_lost: false,
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
@@ -492,6 +520,60 @@ mod tests {
     #[test]
     fn with_cameras_that_are_believed_and_a_link_that_is_open_everybody_may_arm() {
         assert_eq!(refusal(&good(), LinkFigures::STATE_OPEN), None);
+    }
+
+    /// In flight three checks have to find it, for a manoeuvre lowers the voltage; `gerono arm` may come before the first.
+    #[test]
+    fn a_battery_that_is_low_when_it_is_first_read_is_not_armed() {
+        let (stated, battery) = (
+            stated(),
+            LinkBattery {
+                lowest: Some(3.2),
+                ..LinkBattery::default()
+            },
+        );
+        let laboratory = Laboratory {
+            battery: Some(&battery),
+            ..laboratory(&stated)
+        };
+        for (voltage, is_low) in [(3.1, true), (3.7, false)] {
+            let block = told(&good(), LinkFigures::STATE_OPEN);
+            let reading = BatteryReading {
+                voltage,
+                age: 0.1,
+                factor: None,
+            };
+            let link = LinkFigures {
+                state: LinkFigures::STATE_OPEN,
+                pad0: reading.to_word(),
+                ..LinkFigures::new_zeroed()
+            };
+            block.link_status.write(&link);
+            let refusal = laboratory.failure(&block, NOW_NS);
+            assert_eq!(
+                refusal
+                    .as_ref()
+                    .is_some_and(|reason| reason.contains("the battery is low")),
+                is_low,
+                "{refusal:?}"
+            );
+        }
+    }
+
+    /// Each loss and each return is an event of the log, which says that no command reached the vehicle.
+    #[test]
+    fn a_link_that_is_lost_is_an_event_once() {
+        let stated = stated();
+        let mut laboratory = laboratory(&stated);
+        let states = [
+            LinkFigures::STATE_UNKNOWN,
+            LinkFigures::STATE_OPEN,
+            LinkFigures::STATE_LOST,
+            LinkFigures::STATE_LOST,
+            LinkFigures::STATE_OPEN,
+        ];
+        let changes = states.map(|state| laboratory.link_change(&told(&good(), state)));
+        assert_eq!(changes, [None, None, Some(true), None, Some(false)]);
     }
 
     #[test]
