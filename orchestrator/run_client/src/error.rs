@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::runs::{self, MachineRun, User};
-use crate::{Answer, LiveRun, Question};
+use crate::{Answer, LiveRun, Question, Snapshot};
 
 /// Maximum number of runs that a message lists.
 const NAMED: usize = 8;
@@ -89,15 +89,18 @@ pub enum LiveError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Searched {
     scope: Option<PathBuf>,
+    /// Number of live runs outside of the scope.
+    hidden: usize,
     are_others_hidden: bool,
     /// Run folders locked by a process of this user although no run was found: the run is starting or has just ended.
     unsettled: Vec<PathBuf>,
 }
 
 impl Searched {
-    pub(crate) fn here(unsettled: Vec<PathBuf>) -> Self {
+    pub(crate) fn here(scope: Option<PathBuf>, hidden: usize, unsettled: Vec<PathBuf>) -> Self {
         Self {
-            scope: runs::scope(),
+            scope,
+            hidden,
             are_others_hidden: runs::are_hidden(),
             unsettled,
         }
@@ -107,12 +110,15 @@ impl Searched {
 impl std::fmt::Display for Searched {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if let Some(scope) = &self.scope {
-            write!(
-                formatter,
-                " in {}, where {} says to look",
-                scope.display(),
-                runs::SCOPE
-            )?;
+            let (scope, hidden) = (scope.display(), self.hidden);
+            write!(formatter, " in {scope}, the folder of runs in {}", runs::SCOPE)?;
+            if hidden > 0 {
+                write!(
+                    formatter,
+                    " (it hides {hidden} live ones: `unset {}`)",
+                    runs::SCOPE
+                )?;
+            }
         }
         if self.are_others_hidden {
             formatter.write_str(" that this user can see (the system hides the processes of others)")?;
@@ -186,14 +192,21 @@ impl std::fmt::Display for Names {
     }
 }
 
-/// Returns the description of the scenario that a run flies, if it answers.
-fn scenario_of(run: &MachineRun) -> Option<String> {
+/// Returns the snapshot of a run, if it answers at once.
+pub(crate) fn looked_at(run: &MachineRun) -> Option<Snapshot> {
     let look =
         LiveRun::connect(run, PATIENCE_WITH_ONE).and_then(|run| run.ask(&Question::Look, PATIENCE_WITH_ONE));
     match look {
-        Ok(Answer::Snapshot(snapshot)) => Some(snapshot.scenario).filter(|scenario| !scenario.is_empty()),
+        Ok(Answer::Snapshot(snapshot)) => Some(*snapshot),
         _ => None,
     }
+}
+
+/// Returns what a run flies and its phase, if it answers.
+fn scenario_of(run: &MachineRun) -> Option<String> {
+    let snapshot = looked_at(run)?;
+    let phase = snapshot.phase.map(|phase| format!("{phase}: "));
+    Some(phase.unwrap_or_default() + &snapshot.scenario).filter(|words| !words.is_empty())
 }
 
 /// Lists the owners of the runs, and the commands that the owners or root can use.

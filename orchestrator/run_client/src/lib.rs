@@ -27,7 +27,7 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 
 pub use error::{LiveError, Names, Searched};
-pub use search::{abandoned, find, find_to_watch};
+pub use search::{abandoned, find, find_to_kill, find_to_watch};
 pub use snapshot::Snapshot;
 pub use watching::{Description, NewestSamples, identity};
 

@@ -73,7 +73,11 @@ pub trait Newest {
         Snapshot {
             scenario: scenario.description.clone(),
             duration: shared_types::service::seconds(schedule.time_ns(schedule.last_tick())),
-            phase: self.phase(scenario).map(|phase| phase.name().to_owned()),
+            // Of a run that was taken over and has sent none, nobody knows it.
+            phase: self
+                .phase(scenario)
+                .filter(|_| self.newest_bytes(Topic::PathReference).is_some())
+                .map(|phase| phase.name().to_owned()),
             position_error: self.position_error(scenario, schedule),
             mass_estimate: adaptation.map(|adaptation| adaptation.mass_estimate),
             disturbance_estimate: adaptation.map(|adaptation| {

@@ -22,7 +22,7 @@ use rustix::fs::{Mode, OFlags, Stat, fstat, stat};
 use crate::run_process::{self, LabelledProcess, RunProcess};
 pub use crate::run_process::{OrchestratorLabel, label};
 
-/// Environment variable that restricts commands to the runs in a folder, for tests and scripts next to other flights.
+/// Environment variable that restricts commands that name no run to those in a folder, for tests and scripts next to other flights.
 pub const SCOPE: &str = "GERONO_RUNS";
 
 /// Environment variable in which `sudo` passes the calling user.
@@ -108,17 +108,24 @@ impl fmt::Display for User {
 /// # Errors
 /// If /proc cannot be read.
 pub fn all() -> io::Result<Vec<MachineRun>> {
-    let scope = scope();
+    let mut runs = everywhere()?;
+    if let Some(scope) = scope() {
+        runs.retain(|run| run.folder.starts_with(&scope));
+    }
+    Ok(runs)
+}
+
+/// As [`all`], whatever [`SCOPE`] says.
+///
+/// # Errors
+/// If /proc cannot be read.
+pub fn everywhere() -> io::Result<Vec<MachineRun>> {
     let processes = fs::read_dir("/proc")?.flatten().filter_map(|entry| {
         let pid = entry.file_name().to_str()?.parse().ok()?;
         // Other processes, and those that have exited meanwhile, belong to no run.
         LabelledProcess::of(pid)
     });
-    let is_meant = |found: &LabelledProcess| {
-        let is_within = |scope: &PathBuf| found.folder.starts_with(scope);
-        scope.as_ref().is_none_or(is_within)
-    };
-    let processes: Vec<_> = processes.filter(is_meant).collect();
+    let processes: Vec<_> = processes.collect();
     let keys: Vec<_> = processes.iter().map(Key::of).collect();
     let groups = group(&keys);
     let mut runs = Vec::<MachineRun>::new();
@@ -209,7 +216,7 @@ pub(crate) fn is_open_somewhere(file: &Stat) -> bool {
 /// Returns whether a process of the run with this owner and folder lives.
 pub(crate) fn has_processes(owner: User, folder: &Path) -> bool {
     let is_it = |run: &MachineRun| run.owner == owner && run.folder == folder;
-    all().is_ok_and(|runs| runs.iter().any(is_it))
+    everywhere().is_ok_and(|runs| runs.iter().any(is_it))
 }
 
 /// Kills the services of this user's run with this folder, and its standby process, except the PIDs in `kept`, and
@@ -218,7 +225,7 @@ pub(crate) fn has_processes(owner: User, folder: &Path) -> bool {
 /// # Errors
 /// If /proc cannot be read.
 pub fn end_services_except(folder: &Path, kept: &[u32]) -> io::Result<Vec<u32>> {
-    let mut runs = all()?;
+    let mut runs = everywhere()?;
     runs.retain(|run| run.owner == User::this() && run.folder == folder && run.shares_memory_with_this());
     let mut services: Vec<_> = runs.into_iter().flat_map(|run| run.processes).collect();
     services.retain(|process| !process.is_orchestrator && !kept.contains(&process.pid));

@@ -10,7 +10,7 @@ use runtime::control::Host;
 use scenario_file::printable::printable;
 
 use crate::LiveRun;
-use crate::error::{LiveError, Names, Searched};
+use crate::error::{LiveError, Names, Searched, looked_at};
 use crate::retried;
 use crate::run_root;
 use crate::runs::{self, MachineRun, User};
@@ -72,6 +72,31 @@ pub fn find_to_watch(name: Option<&str>, command: &'static str) -> Result<Machin
     )
 }
 
+/// As [`find`]; of several runs of one owner that match, the one that is not disarmed, if all others say that they are: nobody looks
+/// up a name in an emergency.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn find_to_kill(name: Option<&str>) -> Result<MachineRun, LiveError> {
+    match looked_for(name, &MachineRun::is_permitted, &is_in_real_time)? {
+        Found::Several(mut runs) if runs.iter().all(|run| run.owner == runs[0].owner) => {
+            let armed: Vec<_> = (0..runs.len())
+                .filter(|place| !is_disarmed(&runs[*place]))
+                .collect();
+            match armed[..] {
+                [place] => Ok(runs.swap_remove(place)),
+                _ => Err(LiveError::Several(Names::asked(&runs))),
+            }
+        }
+        _ => find(name, "kill"),
+    }
+}
+
+/// Returns whether a run says that its vehicle is disarmed.
+fn is_disarmed(run: &MachineRun) -> bool {
+    looked_at(run).is_some_and(|snapshot| snapshot.phase.as_deref() == Some("disarmed"))
+}
+
 fn is_in_real_time(run: &MachineRun) -> bool {
     run.host == Host::RealTime
 }
@@ -109,10 +134,28 @@ fn select(
     is_permitted: impl Fn(&MachineRun) -> bool,
     is_wanted: impl Fn(&MachineRun) -> bool,
 ) -> Result<Option<MachineRun>, LiveError> {
+    Ok(match looked_for(name, &is_permitted, &is_wanted)? {
+        Found::One(run) => Some(run),
+        Found::Several(runs) => return Err(LiveError::Several(Names::asked(&runs))),
+        Found::Forbidden(names) => return Err(LiveError::NotPermitted(names, command)),
+        Found::Nothing => None,
+    })
+}
+
+/// Returns the live runs of a name, or all, that are wanted and permitted.
+fn looked_for(
+    name: Option<&str>,
+    is_permitted: &dyn Fn(&MachineRun) -> bool,
+    is_wanted: &dyn Fn(&MachineRun) -> bool,
+) -> Result<Found, LiveError> {
     let is_meant = |run: &MachineRun| name.is_none_or(|name| run.is_called(name)) && is_wanted(run);
     let look = || {
-        let runs = runs::all().map_err(LiveError::Processes)?;
-        let meant = runs.into_iter().filter(is_meant);
+        // A name is meant as it is said.
+        let runs = match name {
+            Some(_) => runs::everywhere(),
+            None => runs::all(),
+        };
+        let meant = runs.map_err(LiveError::Processes)?.into_iter().filter(is_meant);
         let (mut permitted, others): (Vec<_>, Vec<_>) = meant.partition(|run| is_permitted(run));
         Ok(match (permitted.pop(), permitted.is_empty()) {
             (Some(run), true) => Found::One(run),
@@ -124,12 +167,7 @@ fn select(
             (None, _) => Found::Forbidden(Names::of(&others)),
         })
     };
-    Ok(match settled(look)? {
-        Found::One(run) => Some(run),
-        Found::Several(runs) => return Err(LiveError::Several(Names::asked(&runs))),
-        Found::Forbidden(names) => return Err(LiveError::NotPermitted(names, command)),
-        Found::Nothing => None,
-    })
+    settled(look)
 }
 
 /// Scans until one run is found, several are found repeatedly, or the search times out.
@@ -152,7 +190,7 @@ fn settled(mut look: impl FnMut() -> Result<Found, LiveError>) -> Result<Found, 
 
 /// Describes a search without result; an error if an invisible run holds a lock.
 fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
-    let scope = runs::scope();
+    let scope = runs::scope().filter(|_| name.is_none());
     let is_within = |place: &Path| scope.as_ref().is_none_or(|scope| place.starts_with(scope));
     let is_meant = |place: &Path| {
         let is_called = |name: &str| place.file_name().is_some_and(|found| found == name);
@@ -160,7 +198,8 @@ fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
     };
     // If the run folders cannot be read, this user has no run.
     let places = run_root::find().unwrap_or_default().live;
-    let runs = runs::all().unwrap_or_default();
+    let runs = runs::everywhere().unwrap_or_default();
+    let hidden = runs.iter().filter(|run| !is_within(&run.folder)).count();
     let is_seen = |place: &PathBuf| runs.iter().any(|run| run.folder == *place);
     let open = places
         .into_iter()
@@ -168,7 +207,7 @@ fn searched(name: Option<&str>) -> Result<Searched, LiveError> {
     let (unsettled, unseen): (Vec<_>, Vec<_>) =
         open.partition(|place| run_root::is_held_by_a_visible_process(place));
     if unseen.is_empty() {
-        Ok(Searched::here(unsettled))
+        Ok(Searched::here(scope, hidden, unsettled))
     } else {
         Err(LiveError::Unseen(unseen))
     }

@@ -84,7 +84,7 @@ fn is_confirmed(prompt: &str) -> bool {
 /// # Errors
 /// [`Failure`] if there is no such run, or if neither its orchestrator nor its services can be reached.
 pub fn kill(arguments: &Operate) -> Result<(), Failure> {
-    let run = run_client::find(arguments.run.as_deref(), "kill").map_err(Failure::trouble)?;
+    let run = run_client::find_to_kill(arguments.run.as_deref()).map_err(Failure::trouble)?;
     // First: the services obey at their next step, even if the orchestrator is stopped or dead.
     let directly = run.ask_directly(Request::Kill);
     let answered = LiveRun::connect(&run, KILL_TIMEOUT)
