@@ -23,6 +23,7 @@ pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
         .chain(descent_warning(scenario, path))
         .chain(lever_arm_warnings(scenario))
         .chain(fix_latency_warning(scenario))
+        .chain(yaw_test_warning(scenario))
         .chain(estimate_warning(scenario))
         .chain(unmeasured_warning(scenario, path))
         .chain(lift_warning(scenario))
@@ -383,6 +384,17 @@ fn fix_latency_warning(scenario: &Scenario) -> Option<Problem> {
     })
 }
 
+/// Warns of a real vehicle whose yaw is not tested at lift-off: a slow one with a wrong sign is never noticed.
+fn yaw_test_warning(scenario: &Scenario) -> Option<Problem> {
+    scenario.radio_link()?;
+    scenario.flight.as_ref()?.yaw_test.is_none().then(|| {
+        let at = Key::root().then("flight").then("yaw_test");
+        let reason =
+            "a yaw with the wrong sign shows only when the vehicle is high, or never where yaw is slow";
+        Problem::new(at, reason, "state 0.2 (rad): a turn at lift-off and back")
+    })
+}
+
 /// Limit of the standard deviation of the position with accurate fixes, m.
 const POSITION_SIGMA: f64 = 0.5;
 
@@ -523,6 +535,22 @@ mod tests {
                 "{found:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_real_vehicle_without_a_test_of_its_yaw_is_a_warning() {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/laboratory.toml");
+        let text = std::fs::read_to_string(&file).unwrap();
+        let untested = text.replace("\nyaw_test", "\n# yaw_test");
+        for (text, warned) in [(&text, false), (&untested, true)] {
+            let scenario = crate::load_from(&file, text, &[], None).unwrap();
+            let found = of_flight(&scenario, &[]);
+            let is_warned = found
+                .iter()
+                .any(|warning| warning.key.to_string() == "flight.yaw_test");
+            assert_eq!(is_warned, warned);
+        }
+        assert!(!keys("takeoff_and_land", &[], &[]).contains(&"flight.yaw_test".to_owned()));
     }
 
     #[test]
