@@ -341,7 +341,7 @@ mod tests {
                 "{refusal}"
             );
         }
-        for (missing, words) in [(None, "no hand test at `hand.json`"), (Some(Err("gone")), "gone")] {
+        for (missing, words) in [(None, "/scenarios/hand.json`"), (Some(Err("gone")), "gone")] {
             let refusal = refused(missing).unwrap();
             assert!(refusal.contains(words), "{refusal}");
         }

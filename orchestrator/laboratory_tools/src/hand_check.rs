@@ -261,6 +261,7 @@ fn conclusion(record: &HandTestRecord, path: &Path) -> String {
     if !record.hand_test_passed {
         return text + "Do not fly: correct what is wrong, and repeat the test.\n";
     }
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let (path, [.., z]) = (path.display(), record.rest.position);
     text + &format!(
         "Axes and signs of the cameras are right: the vehicle may fly with these sections `[motion_capture]` and this body.\n\

@@ -106,6 +106,13 @@ fn load_from_file(
     if let Some(plugins) = &mut scenario.plugins {
         plugins.anchor(folder);
     }
+    if let Some(file) = scenario
+        .flight
+        .as_mut()
+        .and_then(|flight| flight.hand_test.as_mut())
+    {
+        *file = folder.join(&*file).display().to_string();
+    }
     plugin::library_file::pin(&mut scenario)?;
     Ok(scenario)
 }

@@ -29,7 +29,7 @@ pub struct LabCheck {
     /// Longest duration, s.
     #[arg(long, default_value_t = 300.0, value_name = "S", value_parser = between(1.0, 3600.0, "s"))]
     pub seconds: f64,
-    /// File for the result, JSON [default: `flight.hand_test`, or else hand_test.json].
+    /// File for the result, JSON [default: `flight.hand_test`, or else hand_test.json beside the scenario].
     #[arg(long, short, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -62,8 +62,8 @@ pub struct Flight {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     pub ground_tolerance: Option<f64>,
-    /// File of the vehicle's hand test, which `gerono lab check` writes: without a test that this body has passed with these
-    /// cameras, it is not armed by command. No test is needed unless stated.
+    /// File of the vehicle's hand test, relative to the scenario's, which `gerono lab check` writes: without a test that this body
+    /// has passed with these cameras, it is not armed by command. No test is needed unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hand_test: Option<String>,
     /// Action in real time if the vehicle answers the first commands of a take-off about a wrong axis or with a wrong sign;

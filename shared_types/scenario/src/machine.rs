@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kind::{MOTION_CAPTURE, RECEIVERS};
-use super::{Plugins, Programs, RadioProtocol, RcLink, Scenario, VoltageSource};
+use super::{Flight, Plugins, Programs, RadioProtocol, RcLink, Scenario, VoltageSource};
 use crate::range::{between, not_negative, positive};
 use shared_types::schedule::Schedule;
 use shared_types::service::seconds;
@@ -193,8 +193,7 @@ pub enum OrchestratorLoss {
 }
 
 impl Scenario {
-    /// Returns the scenario without the use of the machine: the part that determines the results and that step logic may
-    /// read.
+    /// Returns the scenario without the use of the machine: the part that determines the results and that step logic may read.
     #[must_use]
     pub fn experiment(&self) -> Self {
         Self {
@@ -203,6 +202,10 @@ impl Scenario {
             operator: None,
             // With all gains stated: an external service may derive them by other rules.
             controller: self.controller.with_gains(&self.gains()),
+            flight: self.flight.clone().map(|flight| Flight {
+                hand_test: None,
+                ..flight
+            }),
             plugins: self.plugins.as_ref().map(Plugins::without_folder),
             programs: self.programs.as_ref().map(Programs::without_folder),
             rc_output: self.rc_output.as_ref().map(|link| RcLink {

@@ -35,8 +35,7 @@ impl ThrustChannel {
         offset + slope * (2.0 * (sent - low) / (high - low) - 1.0)
     }
 
-    /// Returns the sent travel of the least thrust: the end of the stick or −100 or 100 % of the link, whichever is
-    /// further.
+    /// Returns the sent travel of the least thrust: the end of the stick or −100 or 100 % of the link, whichever is further.
     #[must_use]
     pub fn motors_off(&self) -> f64 {
         let ([low, high], [_, slope]) = (self.ends, self.calibration);

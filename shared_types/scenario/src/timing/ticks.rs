@@ -40,8 +40,7 @@ impl TickReader {
         })
     }
 
-    /// Converts a time in s to ticks. If it is not an allowed number of ticks, adds a problem and returns the smallest
-    /// allowed one.
+    /// Converts a time in s to ticks. If it is not an allowed number of ticks, adds a problem and returns the smallest allowed one.
     pub(super) fn read(&mut self, key: &Key, time: f64, allowed: RangeInclusive<u64>) -> u64 {
         let least = *allowed.start();
         self.whole_ticks(time, allowed).unwrap_or_else(|(reason, fix)| {
