@@ -162,6 +162,27 @@ fn with_several_runs_the_commands_ask_which_and_reach_no_other() {
     [one, other].into_iter().for_each(end);
 }
 
+/// In an emergency nobody looks up a name. The list says which is which.
+#[test]
+fn of_several_runs_the_only_one_that_is_not_disarmed_is_killed() {
+    let place = Place::in_real_time();
+    let waits = wait_on_the_ground(&place);
+    until("a disarmed vehicle", || {
+        look(&place, &waits).filter(|seen| seen.phase.as_deref() == Some("disarmed"))
+    });
+    let flies = take_off(&place, "other");
+    let asked = complaint(&output(&mut place.gerono(&["stop"])));
+    assert!(asked.contains("(disarmed: "), "{asked}");
+    let killed = said(&succeed(&mut place.gerono(&["kill"])));
+    assert!(
+        killed.contains(&format!("killed run {}", name_of(&flies))),
+        "{killed}"
+    );
+    let are_killed = [&waits, &flies].map(|run| look(&place, run).unwrap().killed);
+    assert_eq!(are_killed, [false, true]);
+    [waits, flies].into_iter().for_each(end);
+}
+
 #[test]
 fn where_there_is_no_run_it_is_said_and_where_was_looked() {
     let place = Place::in_real_time();
@@ -178,7 +199,8 @@ fn where_there_is_no_run_it_is_said_and_where_was_looked() {
             said.contains("no run in real time") || said.contains("no live run `1-0`"),
             "{said}"
         );
-        assert!(said.contains(SCOPE), "{said}");
+        // A name is looked for everywhere.
+        assert_eq!(said.contains(SCOPE), !arguments.contains(&"--run"), "{said}");
     }
 }
 
