@@ -51,11 +51,22 @@ impl New {
 
 /// Returns the parser of the name of a radio link.
 fn radio_link() -> impl TypedValueParser<Value = RadioProtocol> {
-    PossibleValuesParser::new(RadioProtocol::ALL.map(RadioProtocol::name)).map(|word| {
+    /// The link whose packets an ExpressLRS transmitter takes, by the names of that.
+    const OF_CRSF: [&str; 2] = ["elrs", "expresslrs"];
+    let words = RadioProtocol::ALL.map(|link| {
+        let word = PossibleValue::new(link.name());
+        if link == RadioProtocol::Crsf {
+            word.aliases(OF_CRSF)
+        } else {
+            word
+        }
+    });
+    PossibleValuesParser::new(words).map(|word| {
         let mut links = RadioProtocol::ALL.into_iter();
-        links
-            .find(|link| link.name() == word)
-            .expect("the parser accepts no other words")
+        let is_meant = |link: &RadioProtocol| {
+            link.name() == word || (*link == RadioProtocol::Crsf && OF_CRSF.contains(&word.as_str()))
+        };
+        links.find(is_meant).expect("the parser accepts no other words")
     })
 }
 

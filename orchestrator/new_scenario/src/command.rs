@@ -293,6 +293,13 @@ mod tests {
     }
 
     #[test]
+    fn an_expresslrs_transmitter_takes_packets_of_crsf() {
+        let (answers, _) = asked(&["--radio", "elrs"], "0.9\n0.5\n10\n4\nnatnet\n");
+        let (cameras, radio) = (CaptureSystem::Natnet, RadioProtocol::Crsf);
+        assert_eq!(answers.unwrap().1, Surroundings::Laboratory { cameras, radio });
+    }
+
+    #[test]
     fn a_simulation_needs_no_more_answers_and_an_end_of_the_answers_is_an_error() {
         let (answers, _) = asked(&[], "0.9\n0.5\n10\n4\nsimulated\n");
         assert_eq!(answers.unwrap().1, Surroundings::Simulated);

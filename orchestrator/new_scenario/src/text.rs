@@ -334,6 +334,11 @@ fn transmitter(radio: RadioProtocol, cells: u32) -> String {
             "uri = \"udp://127.0.0.1:19850\"   # yours: \"radio://0/80/2M/E7E7E7E7E7\"",
             false,
         ),
+        RadioProtocol::Crsf => (
+            "device = \"/tmp/gerono-radio\"    # yours: a name in /dev/serial/by-id; `gerono world` makes this one\n\
+             # ExpressLRS (docs/elrs_crsf.md): here baud = 400000 and frame_rate = 250.0, and resolution = 10 above",
+            true,
+        ),
         _ => (
             "device = \"/tmp/gerono-radio\"    # yours: a name in /dev/serial/by-id; `gerono world` makes this one",
             true,
