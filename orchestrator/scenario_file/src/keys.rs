@@ -399,7 +399,7 @@ mod tests {
                     .into_iter()
                     .collect()
             ),
-            "`safety.\"vehicle/state -> controller\".jump` is a number above 0: Maximum distance of a state from the prediction of the last valid one, m; unlimited unless stated"
+            "`safety.\"vehicle/state -> controller\".jump` is a number from 0.005 to 10: Maximum distance of a state from the prediction of the last valid one, m; unlimited unless stated"
         );
         assert_eq!(
             advice(&key("estimator")),

@@ -4,17 +4,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
-use crate::range::{length, moment, not_negative, share};
+use crate::range::{between, length, moment, not_negative, share};
 
 /// Imperfections of the motion-capture system. Its rate and latency are those of `mocap/pose` in the schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cameras {
     /// Standard deviation of each component of the position, m.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 1.0), extend("x-hint" = "in m: 0.3 mm are 3e-4"))]
     pub position_deviation: f64,
     /// Standard deviation of the attitude about each axis, rad.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 1.0), extend("x-hint" = "in rad: 0.1° is 1.7e-3"))]
     pub attitude_deviation: f64,
     /// Maximum lead of a frame's exposure over its tick, s; uniformly distributed from 0.
     #[schemars(transform = not_negative)]

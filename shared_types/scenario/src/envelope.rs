@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
-use crate::range::{not_negative, positive};
+use crate::range::{between, positive, positive_up_to};
 use shared_types::samples::RcFrame;
 
 /// Limits that the transmitter checks on its inputs while it sends commands, each with an action.
@@ -14,10 +14,10 @@ use shared_types::samples::RcFrame;
 #[serde(deny_unknown_fields, default)]
 pub struct Envelope {
     /// Time for which a limit must be exceeded continuously before its action, s.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 5.0), extend("x-hint" = "in s: 50 ms are 0.05"))]
     pub after: f64,
     /// Maximum time from the request to land until the vehicle is disarmed, s; then it is killed.
-    #[schemars(transform = positive)]
+    #[schemars(transform = positive_up_to(3600.0), extend("x-hint" = "in s: 20000 ms are 20.0"))]
     pub land_within: f64,
     /// Box that the vehicle must not leave.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,7 +86,7 @@ pub struct Fence {
     pub max: Vector,
     /// Distance outside of the box at which a landing vehicle is killed, m.
     #[serde(default = "default_margin")]
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 20.0), extend("x-hint" = "in m: 50 cm are 0.5"))]
     pub margin: f64,
     /// Action outside of the box.
     pub action: Action,
@@ -110,7 +110,7 @@ impl Fence {
 #[serde(deny_unknown_fields)]
 pub struct EstimateLimit {
     /// Maximum standard deviation of the position, m.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.001, 20.0), extend("x-hint" = "in m: 5 cm are 0.05"))]
     pub position_sigma: f64,
     /// Action above it, and if the state is missing, not tracked or too old.
     pub action: Action,

@@ -1,7 +1,5 @@
 //! State estimator.
 
-use std::ops::Bound::Included;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +19,7 @@ pub struct Estimator {
 #[serde(deny_unknown_fields, default)]
 pub struct Kalman {
     /// Standard deviation of a captured position, each component, m.
-    #[schemars(transform = positive_up_to(Included(0.1)), extend("x-hint" = "3e-4 is usual"))]
+    #[schemars(transform = positive_up_to(0.1), extend("x-hint" = "3e-4 is usual"))]
     pub position_deviation: f64,
     /// Standard deviation of a captured attitude about each axis, rad.
     #[schemars(transform = positive)]

@@ -1,7 +1,5 @@
 //! Planned faults: a service with an outage, or an input of a service whose samples are late, wrong or missing.
 
-use std::ops::Bound::Included;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +39,7 @@ pub struct Fault {
     pub by: Option<f64>,
     /// Share of the samples that are lost; with `intermittent`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = positive_up_to(Included(1.0)), extend("x-hint" = "0.1 is one in ten"))]
+    #[schemars(transform = positive_up_to(1.0), extend("x-hint" = "0.1 is one in ten"))]
     pub fraction: Option<f64>,
     /// Wrong number of the sample, such as `thrust`, or `position_world.2` for one of several; with `wrong`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,13 +1,12 @@
 //! Phases of a flight: the operator's planned requests, and take-off and landing.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
-use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Action, Scenario};
-use crate::range::{moment, not_negative, positive, positive_up_to};
+use crate::range::{between, moment};
 use shared_types::flight_phase::ReadyLimits;
 use shared_types::schedule::OperatorPlan;
 use shared_types::{ServiceId, Topic};
@@ -30,29 +29,29 @@ pub struct Flight {
     #[schemars(transform = moment)]
     pub kill_at: Option<f64>,
     /// Time for which the motors idle between arming and take-off, s.
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 60.0), extend("x-hint" = "in s: 1000 ms are 1.0"))]
     pub spool_up: f64,
     /// Height of the climb before the vehicle flies to the path, m.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.05, 50.0), extend("x-hint" = "in m: 80 cm are 0.8"))]
     pub takeoff_height: f64,
     /// Maximum speed from the ground to the path, m/s.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.01, 5.0), extend("x-hint" = "in m/s: 40 cm/s are 0.4"))]
     pub takeoff_speed: f64,
     /// Time in which the path accelerates from rest to full speed, and later decelerates to rest before the descent, s.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.05, 60.0), extend("x-hint" = "in s: 2000 ms are 2.0"))]
     pub transition_time: f64,
     /// Speed of the descent, m/s.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.01, 3.0), extend("x-hint" = "in m/s: 30 cm/s are 0.3"))]
     pub landing_speed: f64,
     /// Maximum standard deviation of the estimated position for arming, m.
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.001, 20.0), extend("x-hint" = "in m: 1 cm is 0.01"))]
     pub position_sigma_max: f64,
     /// Maximum angle between thrust axis and vertical for arming, rad.
-    #[schemars(transform = positive_up_to(Included(FRAC_PI_2)), extend("x-hint" = "0.35, which is 20°, is much for a vehicle that stands on its legs"))]
+    #[schemars(transform = between(0.02, FRAC_PI_2), extend("x-hint" = "in rad: 0.35, which is 20°, is much for a vehicle that stands on its legs"))]
     pub tilt_max: f64,
     /// Turn at lift-off, and back, which shows a wrong sign of yaw (`wrong_response`), rad; none unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = positive_up_to(Included(FRAC_PI_6)), extend("x-hint" = "0.2, which is 11°, shows the sign"))]
+    #[schemars(transform = between(0.1, FRAC_PI_6), extend("x-hint" = "in rad: 0.2, which is 11°, shows the sign; less is found too late"))]
     pub yaw_test: Option<f64>,
     /// z in {I} of the vehicle on the ground, m: farther from it than `ground_tolerance`, it is not armed by command. Not
     /// checked unless stated.
@@ -60,7 +59,7 @@ pub struct Flight {
     pub ground: Option<f64>,
     /// Maximum distance from `ground` for arming, m; 0.1 unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.005, 10.0), extend("x-hint" = "in m: 5 cm are 0.05"))]
     pub ground_tolerance: Option<f64>,
     /// File of the vehicle's hand test, relative to the scenario's, which `gerono lab check` writes: without a test that this body
     /// has passed with these cameras, it is not armed by command. No test is needed unless stated.

@@ -1,7 +1,6 @@
 //! Limits beyond which a vehicle counts as lost.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,7 +21,7 @@ pub struct Judge {
     #[schemars(transform = positive)]
     pub distance_max: f64,
     /// Angle between thrust and vertical above which the vehicle is lost, rad, once it has been upright within a tenth of `distance_max` of its path; π for never.
-    #[schemars(transform = positive_up_to(Included(PI)), extend("x-hint" = "upside down is π, with which no attitude counts as lost"))]
+    #[schemars(transform = positive_up_to(PI), extend("x-hint" = "upside down is π, with which no attitude counts as lost"))]
     pub tilt_max: f64,
     /// Speed above which the vehicle is lost when it touches the ground, m/s; 1 m/s above `flight.landing_speed` unless stated.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -19,7 +19,7 @@ pub struct Model {
     #[schemars(transform = positive, extend("x-symbol" = "M"))]
     pub mass: f64,
     /// Edges of the cuboid that models the vehicle, along each body axis, m: its J is Ji = M(lj² + lk²)/12.
-    #[schemars(transform = positive, extend("x-symbol" = "l"))]
+    #[schemars(transform = between(0.001, 5.0), extend("x-symbol" = "l", "x-hint" = "in m: 176 mm are 0.176"))]
     pub size: Vector,
     /// Time constant of the thrust, s.
     #[schemars(transform = from_0_to_below(1.0), extend("x-hint" = "0.03 is usual"))]
@@ -36,6 +36,7 @@ pub struct Model {
     pub capture_latency: Option<f64>,
     /// Point that the cameras track, relative to the centre of mass, in {B}, m.
     #[serde(skip_serializing_if = "is_zero")]
+    #[schemars(transform = between(-2.0, 2.0), extend("x-hint" = "in m: 30 mm are 0.03"))]
     pub marker_offset: Vector,
 }
 

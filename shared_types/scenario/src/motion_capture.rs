@@ -1,13 +1,12 @@
 //! Source of poses: the motion-capture system of a laboratory.
 
 use std::net::Ipv4Addr;
-use std::ops::Bound::Included;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Scenario, Vector};
-use crate::range::{angle, between, from_0_to_below, not_negative, positive, positive_up_to};
+use crate::range::{angle, between, from_0_to_below};
 use shared_types::schedule::Schedule;
 use shared_types::service::nanoseconds;
 use shared_types::wiring::Topic;
@@ -121,19 +120,19 @@ pub struct MotionCapture {
     pub latency: Option<f64>,
     /// Minimum and maximum frame rate without a warning, Hz; captures count as missing after two periods of the minimum.
     #[serde(default = "default_rate")]
-    #[schemars(transform = positive_up_to(Included(2000.0)))]
+    #[schemars(transform = between(5.0, 2000.0), extend("x-hint" = "in Hz"))]
     pub rate: [f64; 2],
     /// Maximum speed at which a pose is accepted, m/s.
     #[serde(default = "default_max_speed")]
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.2, 100.0), extend("x-hint" = "in m/s: 600 cm/s are 6.0"))]
     pub max_speed: f64,
     /// Maximum turn rate at which a pose is accepted, rad/s.
     #[serde(default = "default_max_turn_rate")]
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(1.0, 100.0), extend("x-hint" = "in rad/s: 2000 °/s are 34.9"))]
     pub max_turn_rate: f64,
     /// Time for which poses must be consistent before they are accepted, at the start and after a jump, s.
     #[serde(default = "default_settle")]
-    #[schemars(transform = not_negative)]
+    #[schemars(transform = between(0.0, 10.0), extend("x-hint" = "in s: 300 ms are 0.3"))]
     pub settle: f64,
 }
 
@@ -143,6 +142,7 @@ pub struct MotionCapture {
 pub struct FrameTransform {
     /// Origin of the source frame, m.
     #[serde(default)]
+    #[schemars(transform = between(-1000.0, 1000.0), extend("x-hint" = "in m: 1500 mm are 1.5"))]
     pub position: Vector,
     /// Roll, pitch and yaw, rad; without a default, because it replaces the turn of the system's axes into ours.
     #[schemars(transform = angle)]

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Scenario;
-use crate::range::{at_least, between, within};
+use crate::range::{between, within};
 
 /// Valid baud rates of a serial device.
 pub(crate) const BAUDS: RangeInclusive<u32> = 1200..=4_000_000;
@@ -119,7 +119,7 @@ pub struct Transmitter {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failsafe: Option<[f64; 4]>,
     /// Time without commands or states after which the failsafe of the link is used as well, s.
-    #[schemars(transform = at_least(0.1), extend("x-hint" = "a command is only late in a shorter time; 0.5 is usual"))]
+    #[schemars(transform = between(0.1, 10.0), extend("x-hint" = "in s; a command is only late in a shorter time; 0.5 is usual"))]
     pub silence_after: f64,
     /// Settings of `multi`.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -4,7 +4,7 @@
 //! `x-symbol` is the symbol of the number in the paper, and `x-hint` further advice. A time with `x-ticks` is a whole
 //! number of base ticks, and `x-ticks` is its maximum.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_6, PI, TAU};
 use std::fmt::{Display, Formatter};
 use std::ops::{Bound, RangeBounds};
 
@@ -55,12 +55,12 @@ pub(crate) fn at_least<T: Copy + Into<Value>>(least: T) -> impl Fn(&mut Schema) 
 
 /// Declares numbers above 0.
 pub(crate) fn positive(schema: &mut Schema) {
-    positive_up_to(Bound::Unbounded)(schema);
+    within((Bound::Excluded(0.0), Bound::Unbounded))(schema);
 }
 
-/// Declares numbers above 0 with an upper bound.
-pub(crate) fn positive_up_to(most: Bound<f64>) -> impl Fn(&mut Schema) {
-    within((Bound::Excluded(0.0), most))
+/// Declares numbers above 0 with an inclusive upper bound.
+pub(crate) fn positive_up_to(most: f64) -> impl Fn(&mut Schema) {
+    within((Bound::Excluded(0.0), Bound::Included(most)))
 }
 
 /// Declares numbers of 0 or more.
@@ -228,7 +228,7 @@ fn plausible() -> String {
 
 /// Formats a bound, with π for its multiples.
 fn bound(value: f64) -> String {
-    let named = [(FRAC_PI_2, "π/2"), (PI, "π"), (TAU, "2π")];
+    let named = [(FRAC_PI_6, "π/6"), (FRAC_PI_2, "π/2"), (PI, "π"), (TAU, "2π")];
     let sign = if value < 0.0 { "-" } else { "" };
     match named.into_iter().find(|(number, _)| *number == value.abs()) {
         Some((_, name)) => format!("{sign}{name}"),

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::input_validator::Policy;
 
 use super::{EdgeName, Scenario};
-use crate::range::{length, not_negative, positive};
+use crate::range::{between, length, not_negative, positive_up_to};
 use crate::timing::LONGEST_DELAY;
 use shared_types::path_stop::BRAKE;
 use shared_types::service::{nanoseconds, seconds};
@@ -25,23 +25,23 @@ const GRACE: f64 = 0.1;
 #[serde(deny_unknown_fields)]
 pub struct InputSafety {
     /// Age up to which a sample is used, s.
-    #[schemars(transform = length)]
+    #[schemars(transform = length, transform = positive_up_to(10.0), extend("x-hint" = "in s: 200 ms are 0.2"))]
     pub max_age: f64,
     /// Age above which the controller levels the vehicle, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = length)]
+    #[schemars(transform = length, transform = positive_up_to(60.0), extend("x-hint" = "in s: 300 ms are 0.3"))]
     pub level: Option<f64>,
     /// Age above which the level vehicle descends, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = length)]
+    #[schemars(transform = length, transform = positive_up_to(60.0), extend("x-hint" = "in s: 1000 ms are 1.0"))]
     pub descend: Option<f64>,
     /// Age above which the motors are stopped, s; never unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = length)]
+    #[schemars(transform = length, transform = positive_up_to(600.0), extend("x-hint" = "in s: 10000 ms are 10.0"))]
     pub failsafe: Option<f64>,
     /// Maximum distance of a state from the prediction of the last valid one, m; unlimited unless stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = positive)]
+    #[schemars(transform = between(0.005, 10.0), extend("x-hint" = "in m: 20 cm are 0.2"))]
     pub jump: Option<f64>,
     /// Duration of the bumpless transfer to the law's commands when the state is back, s; 0.1 unless stated, 0 for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]

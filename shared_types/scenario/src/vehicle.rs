@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Vector;
-use crate::range::{angle, between, from_0_to_below, moment, not_negative, positive, positive_up_to, share};
+use crate::range::{angle, between, from_0_to_below, moment, not_negative, positive, share, within};
 
 /// The vehicle, its initial state and its changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -265,7 +265,7 @@ pub struct Fan {
     pub reference_distance: f64,
     /// Half the opening angle of the jet, at which the force has fallen to 1/e, rad.
     #[serde(default = "default::jet_half_angle")]
-    #[schemars(transform = positive_up_to(Excluded(FRAC_PI_2)), extend("x-hint" = "a free jet has about 0.2"))]
+    #[schemars(transform = within((Excluded(0.0), Excluded(FRAC_PI_2))), extend("x-hint" = "a free jet has about 0.2"))]
     pub half_angle: f64,
     /// Standard deviation of the force's fluctuation in each component, as a share of the local force.
     #[serde(default)]

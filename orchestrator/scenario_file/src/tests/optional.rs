@@ -336,7 +336,7 @@ fn mistakes_in_phases_and_envelope_are_shown_where_they_are() {
         (
             "landing_speed = 0.2",
             "landing_speed = 0.0",
-            ["is not above 0", "give a number above 0"],
+            ["is below 0.01", "give a number from 0.01 to 3; in m/s"],
         ),
     ] {
         let text = with(&(fig1() + PHASES), part, replacement);

@@ -19,6 +19,9 @@ impl Scenario {
                 bounds.check_disturbance(disturbance, "the new disturbance", &at, found);
             }
         }
+        if let Some(model) = &self.model {
+            bounds.check_mass(model.mass, "the model's mass", &Key::root().then("model"), found);
+        }
         let initial = &self.controller.initial;
         let at = Key::root().then("controller").then("initial");
         bounds.check_mass(initial.mass, "the initial estimate of the mass", &at, found);
@@ -40,7 +43,7 @@ impl Bounds {
         let is_checkable = mass > 0.0 && mass.is_finite() && self.mass_min < self.mass_max;
         if is_checkable && !(self.mass_min..=self.mass_max).contains(&mass) {
             let in_kilograms = mass / GRAMS;
-            let bound = if (self.mass_min..=self.mass_max).contains(&in_kilograms) {
+            let bound = if mass > self.mass_max && in_kilograms > 0.5 * self.mass_min {
                 format!(
                     "masses are in kg: give {in_kilograms:?} if {mass:?} g are meant, else raise `controller.bounds.mass_max`"
                 )
