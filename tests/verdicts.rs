@@ -296,6 +296,9 @@ fn what_a_flight_will_not_survive_is_warned_of_and_one_that_ends_in_the_air_says
     );
     let in_grams = check("takeoff_and_land", "vehicle.inertia=[6500.0, 6500.0, 13000.0]");
     assert!(in_grams.contains("1 g cm² is 1e-7"), "{in_grams}");
+    let in_grams = check("laboratory", "controller.initial.inertia=[0.65, 0.65, 1.3]");
+    let [unit, rule] = ["1 g cm² is 1e-7", "set `controller.beta`"].map(|part| in_grams.find(part).unwrap());
+    assert!(unit < rule, "the advice on another key comes first: {in_grams}");
 
     let flown = run(
         &place,

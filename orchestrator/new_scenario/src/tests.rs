@@ -5,7 +5,7 @@ use std::path::Path;
 use proptest::prelude::*;
 use scenario::{GRAVITY, Scenario};
 
-use scenario_file::gain_rules;
+use scenario_file::{gain_rules, units};
 
 use super::estimates::Estimates;
 use super::*;
@@ -48,6 +48,7 @@ proptest! {
             };
             let scenario = read(&text);
             prop_assert_eq!(gain_rules::warnings(&scenario), []);
+            prop_assert_eq!(units::warnings(&scenario), []);
             prop_assert_eq!(scenario.vehicle.mass, airframe.mass);
         }
     }

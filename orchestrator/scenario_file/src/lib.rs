@@ -20,6 +20,7 @@ mod snippet;
 mod sources;
 mod structure;
 pub mod tuning;
+pub mod units;
 pub mod values;
 pub mod warnings;
 

@@ -13,6 +13,7 @@ mod programs;
 mod radio_link;
 mod semantics;
 mod syntax;
+mod units;
 
 use std::path::{Path, PathBuf};
 

@@ -3,31 +3,37 @@
 use scenario::{Gnss, Key, Navigation, OrchestratorLoss, Problem, Scenario, Vector};
 use shared_types::flight_phase::DESCENT;
 use shared_types::path_stop::{BRAKE, BRAKE_AFTER};
-use shared_types::{GRAVITY, ServiceId, Topic};
+use shared_types::{ServiceId, Topic};
 
-use crate::gain_rules::digits;
+use crate::gain_rules::{self, digits};
+use crate::units;
 
 /// Depth below the ground without a warning, m: the points of a path are rounded.
 const WITHIN: f64 = 1e-3;
 
-/// Returns the warnings about the flight of a checked scenario along the points of its path, in {I}, m.
+/// Returns all warnings about a checked scenario along the points of its path, in {I}, m: first those of a value in another
+/// unit, which breaks rules whose advice is about other keys.
 #[must_use]
-pub fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
+pub fn all(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
+    let rules = gain_rules::warnings(scenario);
+    [units::warnings(scenario), rules, of_flight(scenario, path)].concat()
+}
+
+/// Returns the warnings about the flight of a checked scenario along the points of its path, in {I}, m.
+fn of_flight(scenario: &Scenario, path: &[[f32; 3]]) -> Vec<Problem> {
     path_warnings(scenario, path)
         .chain(fence_warning(scenario, path))
         .chain(duration_warning(scenario, path))
         .chain(landing_warning(scenario, path))
         .chain(tracking_loss_warning(scenario))
         .chain(mass_warning(scenario))
-        .chain(inertia_warnings(scenario))
         .chain(descent_warning(scenario, path))
         .chain(lever_arm_warnings(scenario))
         .chain(fix_latency_warning(scenario))
         .chain(yaw_test_warning(scenario))
         .chain(estimate_warning(scenario))
         .chain(unmeasured_warning(scenario, path))
-        .chain(lift_warning(scenario))
-        .chain(envelope_warnings(scenario))
+        .chain(speed_warning(scenario))
         .collect()
 }
 
@@ -82,58 +88,20 @@ fn mass_warning(scenario: &Scenario) -> Option<Problem> {
     })
 }
 
-/// Thrust over weight above which a calibration is wrong: racing quadcopters have up to 15.
-const MOST_LIFT: f64 = 20.0;
-
-/// Warns of a radio link that carries more thrust than any multicopter has.
-fn lift_warning(scenario: &Scenario) -> Option<Problem> {
-    let [_, thrust] = scenario.rc_output.as_ref()?.thrust_limits();
-    let believed = scenario.model.as_ref().map(|model| model.mass);
-    let mass = believed.unwrap_or(scenario.vehicle.mass);
-    let lift = thrust / (mass * GRAVITY);
-    (lift > MOST_LIFT).then(|| {
-        let reason = format!("the full stick would lift {lift:.0} times the weight of {mass:?} kg");
-        let at = ["rc_output", "thrust_slope"].into_iter().collect();
+/// Warns of a limit of the speed that take-off or landing exceeds.
+fn speed_warning(scenario: &Scenario) -> Option<Problem> {
+    let flight = scenario.flight.as_ref()?;
+    let limit = scenario.envelope.as_ref()?.speed.as_ref()?.max;
+    let led = flight.takeoff_speed.max(flight.landing_speed);
+    (limit <= led).then(|| {
+        let reason = format!("take-off and landing are led at up to {led:?} m/s");
+        let at = ["envelope", "speed", "max"].into_iter().collect();
         Problem::new(
             at,
             reason,
-            "the slope is in N per unit of travel: measure it (`gerono rc identify`)",
+            "it is in m/s: give it twice the largest speed of the flight",
         )
     })
-}
-
-/// Longest side of the box of a flight by cameras, m.
-const LONGEST_SIDE: f64 = 100.0;
-
-/// Warns of limits of the envelope that an ordinary flight exceeds, or that no cage has.
-fn envelope_warnings(scenario: &Scenario) -> impl Iterator<Item = Problem> + use<> {
-    let envelope = scenario.envelope.as_ref();
-    let speed = scenario
-        .flight
-        .as_ref()
-        .zip(envelope)
-        .and_then(|(flight, envelope)| {
-            let limit = envelope.speed.as_ref()?.max;
-            let led = flight.takeoff_speed.max(flight.landing_speed);
-            (limit <= led).then(|| {
-                let reason = format!("take-off and landing are led at up to {led:?} m/s");
-                let at = ["envelope", "speed", "max"].into_iter().collect();
-                Problem::new(at, reason, "give it twice the largest speed of the flight")
-            })
-        });
-    let fence = envelope
-        .and_then(|envelope| envelope.r#box.as_ref())
-        .filter(|_| scenario.navigation.is_none());
-    let wide = fence.and_then(|fence| {
-        let sides: Vector = std::array::from_fn(|axis| fence.max[axis] - fence.min[axis]);
-        let longest = sides.into_iter().fold(0.0, f64::max);
-        (longest > LONGEST_SIDE).then(|| {
-            let at = ["envelope", "box"].into_iter().collect();
-            let reason = format!("a side of the box is {longest:.0} m long, farther than cameras see");
-            Problem::new(at, reason, "lengths are in m: state the volume of the cage")
-        })
-    });
-    speed.into_iter().chain(wide)
 }
 
 /// Fix for points below the ground, which often have the sign of another frame.
@@ -483,7 +451,8 @@ mod tests {
         let file =
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../scenarios/{name}.toml"));
         let sets: Vec<_> = sets.iter().map(ToString::to_string).collect();
-        let warnings = of_flight(&crate::load(&file, &sets, None).unwrap(), path);
+        let scenario = crate::load(&file, &sets, None).unwrap();
+        let warnings = [units::warnings(&scenario), of_flight(&scenario, path)].concat();
         warnings.iter().map(|warning| warning.key.to_string()).collect()
     }
 

@@ -128,14 +128,10 @@ fn quantity(scenario: &Scenario, finding: &gain_rules::Finding) -> String {
 
 /// Returns warnings about a scenario that can be flown.
 pub(super) fn warnings(scenario: &Scenario) -> Vec<String> {
-    let flight_warnings = scenario_file::warnings::of_flight(scenario, &view::path::points(scenario));
-    let warnings = gain_rules::warnings(scenario).into_iter().chain(flight_warnings);
+    let warnings = scenario_file::warnings::all(scenario, &view::path::points(scenario));
     let untested = decisions::arming::without_hand_test(scenario);
     let untested = untested.map(|reason| format!("`gerono arm` will be refused: {reason}"));
-    warnings
-        .map(|warning| warning.to_string())
-        .chain(untested)
-        .collect()
+    warnings.iter().map(ToString::to_string).chain(untested).collect()
 }
 
 /// Lists the programs and plug-ins that replace services, a line each.
