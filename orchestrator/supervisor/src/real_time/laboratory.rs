@@ -388,7 +388,9 @@ fn camera_failure(
         CaptureFigures::HEALTH_DOUBTFUL => Some(format!(
             "the last frame has no pose of `{object}` that can be believed{because}"
         )),
-        _ if figures.rate == 0.0 => Some("the rate of frames has not been measured yet".to_owned()),
+        _ if figures.rate == 0.0 => {
+            Some("frames come, and their rate is known after a second of them: wait".to_owned())
+        }
         _ if !(least..=most).contains(&figures.rate) => Some(format!(
             "{:.1} frames come a second, and `motion_capture.rate` states {least} to {most}: set the system to that rate, or state its \
              own; `gerono mocap probe` shows whether the network loses frames",
