@@ -203,6 +203,9 @@ fn describe_feed(feed: &Feed) -> String {
         .filter(|(_, count)| *count > 0)
         .map(|(name, count)| format!("{name} {count}"))
         .collect();
+    if counts.is_empty() {
+        return "the vehicle's feed: no frame of it has come\n".to_owned();
+    }
     let mut text = format!("the vehicle's feed: {}\n", counts.join(", "));
     if let Some(second) = feed.figures().last() {
         writeln!(

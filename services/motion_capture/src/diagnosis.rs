@@ -218,8 +218,16 @@ impl Findings<'_> {
             return list.add(format_args!("{reason}: select it by `#{number}`, or rename it"));
         }
         match similar.or(self.diagnosis.similar.map(|name| (name, None))) {
-            Some((name, Some(number))) => list.add(format_args!("announced: `{name}`, which is `#{number}`")),
-            Some((name, None)) => list.add(format_args!("announced: `{name}`")),
+            Some((name, number)) => {
+                list.add(format_args!("announced: `{name}`"))?;
+                if let Some(number) = number {
+                    list.formatter.write_fmt(format_args!(", which is `#{number}`"))?;
+                }
+                let formatter = &mut *list.formatter;
+                formatter.write_fmt(format_args!(
+                    ", nearly `{expected}`: state the name as the server has it"
+                ))
+            }
             None => Ok(()),
         }
     }
@@ -299,7 +307,10 @@ mod tests {
     #[test]
     fn units_names_and_stamps_that_cannot_work_are_named() {
         let similar = frame("Quad ", [0.0; 3], 0);
-        assert_eq!(said("quad", &[similar]), "announced: `Quad `");
+        assert_eq!(
+            said("quad", &[similar]),
+            "announced: `Quad `, nearly `quad`: state the name as the server has it"
+        );
         let millimetres = frame("quad", [0.0, 1234.0, 0.0], 0);
         assert_eq!(
             said("quad", &[millimetres]),
@@ -394,7 +405,10 @@ mod tests {
             "another body has the same name or id: select it by `#7`, or rename it"
         );
         let blank = said_by_motive(version, &[(7, "Quad ")], "quad");
-        assert_eq!(blank, "announced: `Quad `, which is `#7`");
+        assert_eq!(
+            blank,
+            "announced: `Quad `, which is `#7`, nearly `quad`: state the name as the server has it"
+        );
     }
 
     #[test]
