@@ -25,6 +25,8 @@ use shared_types::{Topic, service::seconds};
 
 pub use fit::Fit;
 
+use crate::lateness;
+use crate::rehearsal::Rehearsal;
 use fit::Point;
 use history::{Frame, History};
 use measured::{DesiredAcceleration, Pose, Truth};
@@ -123,6 +125,12 @@ impl Calibration {
 /// The calibration of all sticks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
+    /// What replaced the laboratory; `None` for a laboratory, and for a scenario without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rehearsal: Option<Rehearsal>,
+    /// `true` if the machine was late, so that nothing of it is fit for a scenario: not known to the samples.
+    #[serde(skip)]
+    pub is_late: bool,
     /// Source of the measurement.
     pub source: FrameSource,
     /// Mass for the conversion of accelerations to thrust, kg; only with poses.
@@ -137,6 +145,7 @@ pub struct Identification {
 /// Collects the samples of a log for the fit.
 #[derive(Debug)]
 pub struct Gatherer {
+    rehearsal: Option<Rehearsal>,
     link: RcLink,
     model: Model,
     mass: f64,
@@ -159,6 +168,7 @@ impl Gatherer {
     /// [`IdentifyError::NoLink`].
     pub fn new(scenario: &Scenario, source: FrameSource, mass: Option<f64>) -> Result<Self, IdentifyError> {
         Ok(Self {
+            rehearsal: Rehearsal::of(scenario),
             link: scenario.rc_output.clone().ok_or(IdentifyError::NoLink)?,
             model: scenario.model.clone().unwrap_or_default(),
             mass: mass.unwrap_or(scenario.vehicle.mass),
@@ -221,6 +231,8 @@ impl Gatherer {
             FrameSource::Truth => measured::by_truth(&self.truths, &history),
         };
         Ok(Identification {
+            rehearsal: self.rehearsal,
+            is_late: false,
             source: self.source,
             mass: (self.source == FrameSource::Poses).then_some(self.mass),
             sticks: [0, 1, 2, 3].map(|stick| self.calibration(stick, &points[stick])),
@@ -281,7 +293,10 @@ pub fn identify(log: &Path, source: FrameSource, mass: Option<f64>) -> Result<Id
     while let Some(logged) = reader.next_sample()? {
         gatherer.observe(logged.topic, logged.bytes);
     }
-    gatherer.finish()
+    Ok(Identification {
+        is_late: lateness::warning(log).is_some(),
+        ..gatherer.finish()?
+    })
 }
 
 #[cfg(test)]

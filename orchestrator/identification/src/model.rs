@@ -82,6 +82,7 @@ pub fn identify(recording: &Recording) -> Result<Identification, IdentifyError> 
     let (marker_offset, effective_delay) = refine::beside(&stated, &refined);
     Ok(Identification {
         rehearsal: recording.rehearsal(),
+        is_late: recording.is_late,
         answer: refined.answer(recording, &stated),
         marker_offset,
         effective_delay,

@@ -349,3 +349,60 @@ fn a_flight_of_the_time_that_is_needed_is_long_enough() {
         }
     }
 }
+
+#[test]
+fn the_calibration_of_a_rehearsal_is_not_offered_as_that_of_a_vehicle() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/laboratory_simulated.toml");
+    let rehearsal = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let scenario = scenario_file::load(&path, &sets, None).unwrap();
+        Gatherer::new(&scenario, FrameSource::Poses, None)
+            .unwrap()
+            .rehearsal
+    };
+    let fit = Fit {
+        offset: 9.5,
+        slope: 9.5,
+        errors: [0.01; 2],
+        certain: [0.02; 2],
+        residual: 0.01,
+        explained: 0.99,
+        travel_deviation: 0.1,
+        points: 1000,
+    };
+    let told = |rehearsal, is_late| {
+        let sticks = STICKS.map(|stick| Calibration {
+            stick,
+            stated: [6.4, 6.4],
+            fitted: Some(fit),
+            needed: None,
+        });
+        let found = Identification {
+            rehearsal,
+            is_late,
+            source: FrameSource::Poses,
+            mass: Some(0.65),
+            sticks,
+            response: None,
+        };
+        found.to_string()
+    };
+    let line = "thrust_offset = 9.5";
+    let laboratory = told(None, false);
+    assert!(laboratory.contains("Put into the scenario:") && laboratory.contains(line));
+    let world = told(rehearsal(&[]), false);
+    assert!(
+        world.contains("`gerono world`, thrust and body rates") && !world.contains("Put into"),
+        "{world}"
+    );
+    let simulated = told(rehearsal(&["motion_capture.source=simulated"]), false);
+    let late = told(None, true);
+    assert!(
+        simulated.contains("was a rehearsal") && !simulated.contains(line),
+        "{simulated}"
+    );
+    assert!(
+        late.contains("The machine was late") && !late.contains(line),
+        "{late}"
+    );
+}

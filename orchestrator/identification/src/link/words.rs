@@ -4,6 +4,8 @@ use std::fmt::{self, Display, Formatter, Write};
 
 use comfy_table::{Table, presets};
 
+use crate::rehearsal::advice;
+
 use super::{Calibration, EXPLAINS, Identification, STICKS};
 
 /// Path that moves thrust, roll and pitch, within half a metre of a place.
@@ -102,6 +104,8 @@ fn snippet(found: &Identification) -> String {
             slopes[0], slopes[1], slopes[2]
         );
     }
+    let values = "thrust and body rates of the channels";
+    let advise = |lines: &str| advice(found.rehearsal, found.is_late, values, lines);
     if text.is_empty() {
         let count = found
             .sticks
@@ -115,8 +119,13 @@ fn snippet(found: &Identification) -> String {
                 "{count} of 4 sticks were identified, and are as stated. The others were NOT identified:\n"
             ),
         };
+        let advice = advise("");
+        if count > 0 && !advice.is_empty() {
+            text = format!("{advice}\n{text}");
+        }
     } else {
-        text = format!("Put into the scenario:\n\n[rc_output]\n{text}");
+        text = format!("[rc_output]\n{text}");
+        text = advise(&text);
     }
     text + &too_short(found) + &unmoved(found)
 }

@@ -1,6 +1,5 @@
 //! The poses and frames of a log, and the filter over them.
 
-use std::net::IpAddr;
 use std::path::Path;
 
 use estimator::kalman::filter_state::FilterState;
@@ -15,7 +14,8 @@ use shared_types::{ServiceId, Topic};
 use statistics::quantile;
 
 use super::IdentifyError;
-use super::report::Rehearsal;
+use crate::lateness;
+use crate::rehearsal::Rehearsal;
 
 /// Minimum number of captures and of frames: those of ten seconds at slow rates.
 const ENOUGH: usize = 200;
@@ -54,6 +54,8 @@ pub struct Recording {
     /// Latencies of poses and of frames, ns.
     latencies_ns: [u64; 2],
     arrivals: Vec<(u64, Arrival)>,
+    /// `true` if the machine was late in the flight.
+    pub is_late: bool,
 }
 
 /// The filter after the whole recording.
@@ -82,6 +84,7 @@ impl Recording {
             latencies_ns: [0, 1].map(latency_ns),
             scenario: scenario.clone(),
             arrivals: Vec::new(),
+            is_late: false,
         })
     }
 
@@ -92,6 +95,7 @@ impl Recording {
     pub fn read(log: &Path) -> Result<Self, IdentifyError> {
         let mut reader = LogReader::open(log)?;
         let mut recording = Self::new(&reader.manifest().scenario)?;
+        recording.is_late = lateness::warning(log).is_some();
         while let Some(logged) = reader.next_sample()? {
             recording.observe(logged.topic, logged.bytes);
         }
@@ -161,18 +165,7 @@ impl Recording {
     /// Returns what replaced a laboratory.
     #[must_use]
     pub fn rehearsal(&self) -> Option<Rehearsal> {
-        let scenario = &self.scenario;
-        if let Some((_, capture)) = scenario.capture_system() {
-            let server: Option<IpAddr> = capture.server.parse().ok();
-            return server
-                .is_some_and(|server| server.is_loopback())
-                .then_some(Rehearsal::World);
-        }
-        let link = scenario.rc_output.as_ref();
-        let has_link = link.is_some_and(|link| !link.link.is_simulated());
-        let is_of_laboratory = scenario.motion_capture.is_some() || has_link;
-        (scenario.pose_source().is_simulated() && scenario.real_receivers().is_none() && is_of_laboratory)
-            .then_some(Rehearsal::Simulated)
+        Rehearsal::of(&self.scenario)
     }
 
     /// Returns the number of frames.

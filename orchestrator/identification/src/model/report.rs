@@ -6,6 +6,7 @@ use comfy_table::{Table, presets};
 use serde::Serialize;
 
 use super::answer::Answer;
+use crate::rehearsal::{Rehearsal, advice};
 
 /// Prior standard deviation of the marker offset in the identification, m: markers are within three of it.
 pub const MARKER_OFFSET_DEVIATION: f64 = 0.02;
@@ -28,23 +29,8 @@ const EFFECTIVE: &str = "This flight does not tell delay and lags apart: fly aga
 const NOT_SEPARABLE: &str = "The radio_latency includes what no flight distinguishes from the radio: waiting in the transmitter and \
                              on board, and captures that are later than their stamps.";
 
-/// Note on a flight that was simulated, which takes the place of the lines for the scenario.
-const SIMULATED: &str = "This flight was a rehearsal: delay, lags, marker offset and noise are those of the simulation, not of your \
-                         vehicle, radio and cameras. Put none of them into the scenario.";
-
-/// Note on a flight whose cameras were on this machine.
-const WORLD: &str = "The cameras of this flight were on this machine. If that was `gerono world`, these values are those of the \
-                     simulated laboratory, not of your vehicle, radio and cameras: put none of them into the scenario.";
-
-/// Simulation that a laboratory's scenario was flown in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rehearsal {
-    /// Vehicle and cameras were simulated by the flight itself.
-    Simulated,
-    /// The cameras were on the same machine, as those of the simulated laboratory are.
-    World,
-}
+/// What is identified here, in words.
+const VALUES: &str = "delay, lags, marker offset and noise";
 
 /// An identified parameter of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -65,6 +51,9 @@ pub struct Identification {
     /// What replaced the laboratory; `None` for a laboratory, and for a scenario without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rehearsal: Option<Rehearsal>,
+    /// `true` if the machine was late, so that nothing of it is fit for a scenario: not known to the samples.
+    #[serde(skip)]
+    pub is_late: bool,
     /// Tracked point relative to the centre of mass, in {B}, m.
     pub marker_offset: [Quantity; 3],
     /// Effective delay from sending a frame to its effect in the captures, s, with all lag beyond the model's: that of the radio
@@ -266,13 +255,9 @@ impl fmt::Display for Identification {
         if let Some(answer) = &self.answer {
             writeln!(formatter, "\n{answer}")?;
         }
-        if self.rehearsal == Some(Rehearsal::World) {
-            writeln!(formatter, "\n{WORLD}")?;
-        }
-        if self.rehearsal == Some(Rehearsal::Simulated) {
-            writeln!(formatter, "\n{SIMULATED}")?;
-        } else if lines.iter().any(|line| line.verdict == Verdict::Differs) {
-            write!(formatter, "\nPut into the scenario:\n\n{}", self.snippet())?;
+        let advice = advice(self.rehearsal, self.is_late, VALUES, &self.snippet());
+        if !advice.is_empty() {
+            write!(formatter, "\n{advice}")?;
         }
         Ok(())
     }

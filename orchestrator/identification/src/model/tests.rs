@@ -6,8 +6,8 @@ use std::path::Path;
 use host::in_process::{InProcess, TickSink};
 use shared_types::Topic;
 
-use super::report::Rehearsal;
 use super::*;
+use crate::rehearsal::Rehearsal;
 
 impl TickSink for Recording {
     type Error = Infallible;
@@ -99,6 +99,7 @@ fn an_offset_that_no_turn_has_shown_stays_as_stated() {
     };
     let told = Identification {
         rehearsal: None,
+        is_late: false,
         marker_offset: [known, unknown, known],
         effective_delay: close,
         position_deviation: close,
@@ -142,6 +143,7 @@ fn a_word_agrees_with_its_interval() {
         };
         Identification {
             rehearsal: None,
+            is_late: false,
             marker_offset: [offset; 3],
             effective_delay: radio_latency,
             position_deviation: noise,
@@ -192,6 +194,7 @@ fn a_rehearsal_corrects_no_scenario() {
     let told = |rehearsal| {
         let found = Identification {
             rehearsal,
+            is_late: false,
             marker_offset: [far; 3],
             effective_delay: far,
             position_deviation: far,
@@ -203,7 +206,16 @@ fn a_rehearsal_corrects_no_scenario() {
     assert!(told(None).contains("Put into the scenario:") && !told(None).contains("rehearsal"));
     let simulated = told(simulated);
     assert!(simulated.contains("was a rehearsal") && !simulated.contains("radio_latency ="));
-    assert!(told(Some(Rehearsal::World)).contains("`gerono world`"));
+    // Either nothing goes into the scenario, or the lines do: not both in one output.
+    let world = told(Some(Rehearsal::World));
+    assert!(
+        world.contains("`gerono world`") && !world.contains("Put into the scenario"),
+        "{world}"
+    );
+    assert!(
+        world.contains("Only if the vehicle and its cameras were real"),
+        "{world}"
+    );
 }
 
 #[test]
