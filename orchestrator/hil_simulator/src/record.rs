@@ -84,3 +84,28 @@ fn write(log: &mut RunLogWriter, tick: &RecordedTick) -> Result<(), LogError> {
     }
     log.end_tick(header.tick)
 }
+
+#[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests damage their own files")]
+mod tests {
+    use super::*;
+    use run_log::is_whole;
+
+    #[test]
+    fn the_logs_of_a_simulation_are_complete_also_without_a_tick() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = RunFolder::create(Some(&folder.path().join("world")), "world").unwrap();
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenarios/laboratory_simulated.toml"
+        );
+        let scenario = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        Record::begin(&folder, &scenario, 7).unwrap().finish().unwrap();
+        let host = folder.host_log();
+        assert!(is_whole(&folder.run_log()).unwrap());
+        assert!(is_whole(&host).unwrap());
+        let bytes = std::fs::read(&host).unwrap();
+        std::fs::write(&host, &bytes[..bytes.len() - 20]).unwrap();
+        assert!(!is_whole(&host).unwrap_or(false));
+    }
+}

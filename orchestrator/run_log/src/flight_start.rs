@@ -13,7 +13,7 @@ use super::host_writer::HostLogWriter;
 use super::records::{self, RawRecord, Records};
 
 /// Name of the metadata record.
-const RECORD_NAME: &str = "flight";
+pub(crate) const RECORD_NAME: &str = "flight";
 const KEY: &str = "start, ns of CLOCK_MONOTONIC";
 
 /// Writes the beginning of tick 0, ns of `CLOCK_MONOTONIC`.

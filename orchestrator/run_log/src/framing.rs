@@ -422,8 +422,7 @@ impl McapFile {
             source,
         };
         let bytes = fs::metadata(&partial).map_err(written)?.len();
-        // Rename last: a log with its final name is complete, and a process that dies before leaves the partial name for
-        // `recover`.
+        // Rename last: a log with its final name is complete, and a process that dies before leaves the partial name for `recover`.
         fs::rename(&partial, &self.path).map_err(|source| LogError::Rename {
             partial,
             path: self.path.clone(),

@@ -57,8 +57,7 @@ pub enum HostEntry {
     Checkpoint(LoggedCheckpoint),
 }
 
-/// Reader of steps and checkpoints in the order of the file, in constant memory. A file that was not closed is read up to its
-/// break.
+/// Reader of steps and checkpoints in the order of the file, in constant memory. A file that was not closed is read up to its break.
 pub struct HostReader {
     path: PathBuf,
     records: Records<BufReader<File>>,

@@ -60,8 +60,7 @@ pub use size::predicted_bytes;
 pub use view::{ViewError, export_view, view_path};
 pub use writer::RunLogWriter;
 
-/// Returns the record of the machine beside a run's log, complete or not, if it exists; for a recovered log the recovered
-/// one.
+/// Returns the record of the machine beside a run's log, complete or not, if it exists; for a recovered log the recovered one.
 #[must_use]
 pub fn host_log_beside(log: &Path) -> Option<PathBuf> {
     let complete = log.with_file_name("host.mcap");

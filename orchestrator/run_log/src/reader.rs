@@ -318,8 +318,7 @@ impl LogReader {
     ///
     /// # Errors
     /// [`LogReadError::Unclosed`] after the last sample of an incomplete log; [`LogReadError::MissingPart`] after the last
-    /// sample before a missing file; [`LogReadError::Damaged`] and [`LogReadError::Io`] at any position. No sample follows
-    /// an error.
+    /// sample before a missing file; [`LogReadError::Damaged`] and [`LogReadError::Io`] at any position. No sample follows an error.
     pub fn next_sample(&mut self) -> Result<Option<LoggedSample<'_>>, LogReadError> {
         if self.has_ended {
             return Ok(None);

@@ -3,8 +3,7 @@
 //! It contains every message of the log, byte for byte, and on channels `view/…` frames and poses at the rate of a display,
 //! and once the vehicle's shape and the complete trajectories; of a flight with a satellite receiver also its fixes and the
 //! vehicle's place on the earth, for their maps. These are Foxglove's messages as Protocol Buffers, the only
-//! format that all three programs support. The copy is for viewers only: other commands do not accept it as a log of a
-//! flight.
+//! format that all three programs support. The copy is for viewers only: other commands do not accept it as a log of a flight.
 
 mod messages;
 mod scene;

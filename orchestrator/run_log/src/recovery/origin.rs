@@ -8,6 +8,7 @@ use mcap::records::op;
 
 use super::channels::{Channels, Kind, kinds};
 use super::scan::{Chunk, Piece, Scan};
+use crate::flight_start;
 use crate::framing::{LIBRARY, ROS2_PROFILE};
 use crate::manifest::{COPY_RECORD_NAME, Manifest};
 use crate::metadata_index::summary_of;
@@ -62,6 +63,8 @@ fn of_metadata(name: &str) -> Option<Origin> {
     match name {
         Manifest::RECORD_NAME | Part::RECORD_NAME => Some(Origin::Flight),
         COPY_RECORD_NAME => Some(Origin::Foreign),
+        // The record of a simulated laboratory has nothing else.
+        flight_start::RECORD_NAME => Some(Origin::Machine),
         _ => None,
     }
 }
