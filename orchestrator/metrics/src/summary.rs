@@ -32,6 +32,7 @@ use crate::stretch::{Metrics, Stretch};
 use crate::tracker::{StateSource, Tracker, Vehicle};
 use crate::{read, view};
 pub use at_bound::AtBound;
+use at_bound::Calibrated;
 use battery::ModelledBattery;
 use cameras::CameraWatch;
 pub use cameras::LateCameras;
@@ -247,6 +248,7 @@ pub struct FlightSummary {
     bound: Option<f64>,
     /// Bounds of the estimates, for Gerono's own controller.
     bounds: Option<Bounds>,
+    calibrated: Calibrated,
     schedule: Schedule,
     tracker: Tracker,
     loss: LossWatch,
@@ -302,6 +304,7 @@ impl FlightSummary {
             seed: scenario.seed,
             bound: scenario.theorem_bound(),
             bounds: (!scenario.is_foreign(ServiceId::Controller)).then(|| scenario.controller.bounds.clone()),
+            calibrated: Calibrated::in_scenario(scenario),
             loss: LossWatch::new(scenario, tracker.source()),
             tracker,
             kill: KillWatch::default(),
@@ -538,7 +541,11 @@ impl FlightSummary {
             let ends = phases.iter();
             let measured_until = seconds(self.on_path_until_ns);
             ends.flat_map(move |phase| {
-                at_bound::at_bound(bounds, phase.ends.min(measured_until), &phase.parameters)
+                at_bound::at_bound(
+                    (bounds, self.calibrated),
+                    phase.ends.min(measured_until),
+                    &phase.parameters,
+                )
             })
         });
         Summary {

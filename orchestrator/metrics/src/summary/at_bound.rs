@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use scenario::Bounds;
+use scenario::{Bounds, Scenario};
 use serde::Serialize;
 
 use super::Parameters;
@@ -20,10 +20,35 @@ pub struct AtBound {
     pub bound: f64,
     /// The key of the bound.
     pub key: &'static str,
+    #[serde(skip)]
+    calibrated: Calibrated,
+}
+
+/// What of the vehicle the scenario calibrates: a wrong calibration looks like a force.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Calibrated {
+    /// The thrust at the channels of a radio link.
+    thrust: bool,
+    /// The attitude of the body in the cameras.
+    attitude: bool,
+}
+
+impl Calibrated {
+    /// Returns what a scenario calibrates.
+    pub(super) fn in_scenario(scenario: &Scenario) -> Self {
+        Self {
+            thrust: scenario.rc_output.is_some(),
+            attitude: scenario.motion_capture.is_some(),
+        }
+    }
 }
 
 /// Returns the estimates at their bounds at this time, s.
-pub(super) fn at_bound(bounds: &Bounds, time: f64, parameters: &Parameters) -> Vec<AtBound> {
+pub(super) fn at_bound(
+    (bounds, calibrated): (&Bounds, Calibrated),
+    time: f64,
+    parameters: &Parameters,
+) -> Vec<AtBound> {
     let mut found = Vec::new();
     let mut look = |estimate, value: f64, [least, largest]: [f64; 2], keys: [&'static str; 2]| {
         let passed = if value <= least {
@@ -39,6 +64,7 @@ pub(super) fn at_bound(bounds: &Bounds, time: f64, parameters: &Parameters) -> V
             value,
             bound,
             key,
+            calibrated,
         }));
     };
     if let Some(mass) = parameters.mass_estimate {
@@ -47,11 +73,45 @@ pub(super) fn at_bound(bounds: &Bounds, time: f64, parameters: &Parameters) -> V
     }
     let components = parameters.disturbance_estimate.into_iter().flatten();
     for (name, component) in ["b̂x", "b̂y", "b̂z"].into_iter().zip(components) {
-        let keys = ["controller.bounds.disturbance"; 2];
+        let keys = [DISTURBANCE; 2];
         look(name, component, [-bounds.disturbance, bounds.disturbance], keys);
     }
     found
 }
+
+impl AtBound {
+    /// Returns what else than a bound that is too narrow may be the cause, with what to do about it.
+    fn advice(&self) -> String {
+        let Self { key, calibrated, .. } = self;
+        let is_mass = *key != DISTURBANCE;
+        if !is_mass && self.estimate != "b̂z" {
+            let attitude = if calibrated.attitude {
+                ": `motion_capture.body_from_markers`"
+            } else {
+                ""
+            };
+            return format!(
+                "Find what pushes it sideways: wind, or an attitude that is not level when the vehicle is{attitude}. If nothing is \
+                 wrong, set `{key}` wider."
+            );
+        }
+        let wider = if is_mass {
+            format!("`{key}` or `{DISTURBANCE}`")
+        } else {
+            format!("`{key}`")
+        };
+        if calibrated.thrust {
+            return format!(
+                "First compare the thrust with its calibration: `gerono rc identify` finds `rc_output.thrust_offset` and \
+                 `thrust_slope`. Then weigh the vehicle for `controller.initial.mass`. If both are right, set {wider} wider."
+            );
+        }
+        format!("Weigh the vehicle for `controller.initial.mass`. If it is right, set {wider} wider.")
+    }
+}
+
+/// Key of the bound of a disturbance.
+const DISTURBANCE: &str = "controller.bounds.disturbance";
 
 impl Display for AtBound {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> Result {
@@ -61,15 +121,14 @@ impl Display for AtBound {
             value,
             bound,
             key,
+            ..
         } = self;
-        let (unit, other) = match key {
-            &"controller.bounds.disturbance" => ("m/s²", "`controller.initial.mass` nearer to the vehicle's"),
-            _ => ("kg", "`controller.bounds.disturbance` wider"),
-        };
+        let unit = if *key == DISTURBANCE { "m/s²" } else { "kg" };
         write!(
             formatter,
             "At {time} s {estimate} = {value:.3} {unit} rests at its bound of {bound:?} {unit}, so that what is beyond it is \
-             not compensated. Set `{key}` wider, or {other}."
+             not compensated. {}",
+            self.advice()
         )
     }
 }
@@ -84,14 +143,15 @@ mod tests {
             disturbance_estimate: Some(disturbance),
             ..Parameters::default()
         };
-        let found = at_bound(&Bounds::default(), 30.0, &parameters);
+        let found = at_bound((&Bounds::default(), Calibrated::default()), 30.0, &parameters);
         found.iter().map(|found| (found.estimate, found.key)).collect()
     }
 
     #[test]
     fn estimates_within_their_bounds_or_without_a_sample_are_not_told() {
         assert_eq!(found(0.2, [0.3, -0.2, 2.9]), []);
-        assert_eq!(at_bound(&Bounds::default(), 30.0, &Parameters::default()), []);
+        let bounds = (&Bounds::default(), Calibrated::default());
+        assert_eq!(at_bound(bounds, 30.0, &Parameters::default()), []);
     }
 
     #[test]
@@ -103,6 +163,38 @@ mod tests {
         assert_eq!(
             found(0.2, [3.02, 0.0, -3.1]),
             [("b̂x", disturbance), ("b̂z", disturbance)]
+        );
+    }
+
+    #[test]
+    fn a_thrust_beside_its_calibration_is_named_before_a_mass_is_stated() {
+        let told = |calibrated, mass, disturbance| {
+            let parameters = Parameters {
+                mass_estimate: Some(mass),
+                disturbance_estimate: Some(disturbance),
+                ..Parameters::default()
+            };
+            let found = at_bound((&Bounds::default(), calibrated), 30.0, &parameters);
+            found.iter().map(ToString::to_string).collect::<String>()
+        };
+        let laboratory = Calibrated {
+            thrust: true,
+            attitude: true,
+        };
+        for (mass, vertical) in [(0.2, -3.1), (0.2, 3.1), (0.099, 0.0), (0.601, 0.0)] {
+            let text = told(laboratory, mass, [0.0, 0.0, vertical]);
+            let place = |words: &str| text.find(words).unwrap_or_else(|| panic!("{words}: {text}"));
+            assert!(place("`gerono rc identify`") < place("`controller.initial.mass`"));
+            assert!(place("thrust_slope") < place("set `controller.bounds"));
+        }
+        let simulated = told(Calibrated::default(), 0.2, [0.0, 0.0, -3.1]);
+        assert!(simulated.contains("Weigh the vehicle") && !simulated.contains("rc identify"));
+        // Neither a mass nor a thrust pushes sideways.
+        let sideways = told(laboratory, 0.2, [3.1, 0.0, 0.0]);
+        assert!(sideways.contains("wind") && sideways.contains("`motion_capture.body_from_markers`"));
+        assert!(
+            !sideways.contains("mass") && !sideways.contains("thrust"),
+            "{sideways}"
         );
     }
 }
