@@ -682,6 +682,8 @@ fn no_crate_holds_half_of_the_house() {
         let lines = lines_in(&repository(&member.folder));
         let most = match member.folder.as_str() {
             "orchestrator" => 5500,
+            // The verdict on a flight: each of its rules has a test.
+            "orchestrator/metrics" => 8600,
             "orchestrator/run_log" => 8760,
             "services/runtime" => 8730,
             // The parameters of everything with their checks, and a test for each of them: a third of it is tests.

@@ -170,6 +170,9 @@ pub struct Summary {
     /// Flight phases from disarmed to disarmed, in order; empty for a flight that starts in the air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub flight: Vec<FlightPhaseBegin>,
+    /// That no take-off led to the path, and why not, in a sentence; none if one did, or none was ordered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failed_take_off: Option<String>,
     /// The planned faults, as far as they were flown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultReport>,
@@ -573,6 +576,7 @@ impl FlightSummary {
             } else {
                 Vec::new()
             },
+            failed_take_off: self.has_phases.then(|| self.flight.failed_take_off()).flatten(),
             faults: self
                 .faults
                 .as_ref()

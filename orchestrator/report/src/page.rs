@@ -56,6 +56,8 @@ struct PageFlight<'a> {
     bound: Option<f64>,
     lost: Option<LostInWords<'a>>,
     killed: Option<&'a Kill>,
+    /// That no take-off led to the path, and why not.
+    failed_take_off: Option<&'a str>,
     /// A wrong axis or sign in the response to the first commands.
     response: Option<&'a str>,
     envelope_box: Option<&'a Fence>,
@@ -153,6 +155,7 @@ fn page_flight(flight: &Flight) -> PageFlight<'_> {
         bound: flight.summary.ultimate_bound,
         lost: flight.summary.lost.as_ref().map(LostInWords::new),
         killed: flight.summary.killed.as_ref(),
+        failed_take_off: flight.summary.failed_take_off.as_deref(),
         response: flight.summary.response.as_deref(),
         envelope_box: scenario
             .envelope

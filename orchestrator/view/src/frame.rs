@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use metrics::summary::cause_in_words;
 use metrics::tracker::{StateSource, Vehicle, newest_distance};
 use nalgebra::Vector3;
 use report::marks::{Mark, Marks};
@@ -49,6 +50,9 @@ pub struct Frame {
     /// Distance from the path (m), speed (m/s), body rate (rad/s), commanded thrust (N), m̂ (kg), ‖b̂‖ (m/s²).
     #[serde(rename = "q")]
     pub quantities: [f32; 6],
+    /// Why the last take-off was given up, while the vehicle is not armed again.
+    #[serde(rename = "g", skip_serializing_if = "Option::is_none")]
+    pub given_up: Option<String>,
     /// Values of the channels, in their order.
     #[serde(rename = "v")]
     pub values: Vec<f32>,
@@ -146,6 +150,7 @@ impl Encoder {
                 .map(|start| wall_ms(start + vehicle.time_ns)),
             place: place(&vehicle, reference.as_ref()),
             quantities: quantities(&vehicle, distance, command.as_ref(), adaptation.as_ref()),
+            given_up: reference.as_ref().and_then(given_up),
             values: self.values(newest, distance, reference.as_ref()),
         })
     }
@@ -229,6 +234,13 @@ impl Encoder {
     }
 }
 
+/// Returns why a take-off was given up, as long as the phase that began then lasts.
+fn given_up(reference: &PathReference) -> Option<String> {
+    (reference.cause == PathReference::CAUSE_OVERDUE)
+        .then(|| cause_in_words(reference.cause))
+        .flatten()
+}
+
 fn place(vehicle: &Vehicle, reference: Option<&PathReference>) -> [f32; 9] {
     let attitude = roll_pitch_yaw(&from_row_major(&vehicle.world_from_body));
     // Before the vehicle is known, the reference is zero.
@@ -266,4 +278,21 @@ fn wall_ms(monotonic_ns: u64) -> f64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let since = runtime::flight_clock::monotonic_ns() as f64 - monotonic_ns as f64;
     now.map_or(0.0, |now| now.as_secs_f64() * 1e3) - since * 1e-6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn a_take_off_that_was_given_up_says_why_until_the_next_phase() {
+        let mut reference = PathReference::new_zeroed();
+        assert_eq!(given_up(&reference), None);
+        reference.cause = PathReference::CAUSE_OVERDUE;
+        let why = given_up(&reference).unwrap();
+        assert!(why.starts_with("the take-off took too long"), "{why}");
+        reference.cause = PathReference::CAUSE_TOUCHED_DOWN;
+        assert_eq!(given_up(&reference), None);
+    }
 }

@@ -8,6 +8,12 @@ use shared_types::rotation::tilt;
 use shared_types::samples::{PathReference, RcFrame, RunEvent, VehicleState};
 use shared_types::service::seconds;
 
+/// Words for a flight with phases that never left the ground.
+pub(super) const NO_TAKE_OFF: &str = "the vehicle did not take off";
+
+/// Words for a flight that left the ground, and landed before it had come to its path.
+const NOT_ON_PATH: &str = "the vehicle did not reach its path";
+
 /// Maximum number of stored phases and of stored requests of the operator: those of almost eight flights.
 const MOST: usize = 40;
 
@@ -122,6 +128,30 @@ impl FlightWatch {
         begins.collect()
     }
 
+    /// Says that no take-off led to the path, and why the last one did not; `None` if one did, none was ordered, or it is not known
+    /// whether it had lifted the vehicle.
+    pub(super) fn failed_take_off(&self) -> Option<String> {
+        let flew = |change: &Change| change.to == FlightPhase::Fly;
+        let last = self.changes.last()?;
+        if last.to == FlightPhase::TakeOff || self.changes.iter().any(flew) {
+            return None;
+        }
+        let ends = self.changes.windows(2);
+        let mut ends =
+            ends.filter(|pair| pair[0].to == FlightPhase::TakeOff && pair[1].to != FlightPhase::TakeOff);
+        let has_lifted = |pair: &[Change]| {
+            Some(pair[1].to == FlightPhase::Land).filter(|lands| *lands || gave_up_on_the_ground(&pair[1]))
+        };
+        let lifted: Option<Vec<bool>> = ends.clone().map(has_lifted).collect();
+        let what = if lifted?.contains(&true) {
+            NOT_ON_PATH
+        } else {
+            NO_TAKE_OFF
+        };
+        let why = self.reason(&ends.next_back()?[1])?;
+        Some(format!("{what}: {why}"))
+    }
+
     /// Returns the recorded cause of a phase. Evaluated at the end, because the requests of a tick come after its samples.
     fn reason(&self, change: &Change) -> Option<String> {
         if let Some(found) = NotReady::from_cause(change.cause) {
@@ -152,6 +182,15 @@ impl FlightWatch {
         let nearest = of_kind.min_by_key(|request| request.stamp_ns.abs_diff(stamp_ns));
         nearest.map_or_else(|| cause_in_words(cause), |request| Some(request.by.clone()))
     }
+}
+
+/// Returns whether a phase that follows a take-off tells that the vehicle had not lifted off: in the air it would land.
+fn gave_up_on_the_ground(end: &Change) -> bool {
+    let is_demand = match end.cause {
+        PathReference::CAUSE_OVERDUE | PathReference::CAUSE_OPERATOR_LANDS => true,
+        cause => (PathReference::CAUSE_ENVELOPE_LANDS..PathReference::CAUSE_ENVELOPE_KILLS).contains(&cause),
+    };
+    end.to == FlightPhase::Disarmed && is_demand
 }
 
 /// Describes a missing condition of readiness; `tilt` and `tilt_max` in rad.
@@ -356,6 +395,48 @@ mod tests {
     fn the_phases_of_an_ordinary_flight_have_no_reasons() {
         let begins = flying().watch.finish();
         assert!(begins.iter().all(|begin| begin.reason.is_none()), "{begins:?}");
+    }
+
+    #[test]
+    fn a_flight_whose_take_off_led_nowhere_says_so() {
+        let ordered = || {
+            let watched = Watched::default().phase(DISARMED);
+            watched.phase(FlightPhase::Armed).phase(FlightPhase::TakeOff)
+        };
+        let overdue = PathReference::CAUSE_OVERDUE;
+        let failed = |watched: Watched| watched.watch.failed_take_off();
+        let given_up = |cause| failed(ordered().caused(DISARMED, cause));
+        let words = "the take-off took too long: do the motors turn, and is the thrust right?";
+        assert_eq!(
+            given_up(overdue).unwrap(),
+            format!("the vehicle did not take off: {words}")
+        );
+        let limit = PathReference::CAUSE_ENVELOPE_LANDS + RcFrame::LIMIT_BOX;
+        let words_of_limit = "the vehicle did not take off: `envelope.box` was exceeded";
+        assert_eq!(given_up(limit).as_deref(), Some(words_of_limit));
+        // A kill and a lost position may end a take-off in the air.
+        for cause in [
+            PathReference::CAUSE_OPERATOR_KILLS,
+            PathReference::CAUSE_ENVELOPE_KILLS + RcFrame::LIMIT_TILT,
+            PathReference::CAUSE_STRAYED,
+        ] {
+            assert_eq!(given_up(cause), None);
+        }
+        let in_the_air = || ordered().caused(LAND, overdue);
+        let lands = format!("the vehicle did not reach its path: {words}");
+        assert_eq!(failed(in_the_air()).as_ref(), Some(&lands));
+        let landed = in_the_air().caused(DISARMED, PathReference::CAUSE_TOUCHED_DOWN);
+        assert_eq!(failed(landed).as_ref(), Some(&lands));
+        let second_flew = ordered().caused(DISARMED, overdue).phase(FlightPhase::Armed);
+        let second_flew = second_flew.phase(FlightPhase::TakeOff).phase(FLY).phase(LAND);
+        for flown in [
+            second_flew,
+            flying(),
+            ordered(),
+            Watched::default().phase(DISARMED),
+        ] {
+            assert_eq!(failed(flown), None);
+        }
     }
 
     #[test]

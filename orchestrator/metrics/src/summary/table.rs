@@ -6,7 +6,7 @@ use scenario::Vector;
 use shared_types::FlightPhase;
 
 use super::faults::{BEFORE, faults_in_words};
-use super::flight;
+use super::flight::{self, NO_TAKE_OFF};
 use super::innovations::{self, SourceInnovations};
 use super::{AgainstBound, Outcome, Phase, Summary, TopicCount};
 use crate::stretch::Metrics;
@@ -111,14 +111,19 @@ impl Summary {
                 let text = format!("interrupted: {}", run.reason);
                 writeln!(formatter, "{}", wrapped(&text))?;
             }
+            Outcome::Completed if let Some(failed) = &self.failed_take_off => {
+                writeln!(formatter, "{}", wrapped(failed))?;
+            }
             // The command prints the reason of a failure.
             outcome => writeln!(formatter, "{outcome}")?,
         }
         if let Some(kill) = &self.killed {
             writeln!(formatter, "{}", wrapped(&format!("KILLED {kill}")))?;
         }
-        if self.has_stayed_on_the_ground() {
-            writeln!(formatter, "the vehicle did not take off")?;
+        match &self.failed_take_off {
+            Some(failed) if run.outcome != Outcome::Completed => writeln!(formatter, "{}", wrapped(failed))?,
+            None if self.has_stayed_on_the_ground() => writeln!(formatter, "{NO_TAKE_OFF}")?,
+            _ => {}
         }
         if let Some(response) = &self.response {
             writeln!(formatter, "{}", wrapped(&format!("WRONG: {response}")))?;
@@ -164,6 +169,21 @@ impl Summary {
         let problems = self.innovations.iter().filter_map(SourceInnovations::problem);
         let problems: Vec<_> = problems.collect();
         (!problems.is_empty()).then(|| problems.join("; "))
+    }
+
+    /// Returns how the flight went other than as planned: killed, never in the air, wrong in its response, or lost.
+    #[must_use]
+    pub fn misfortunes(&self) -> Vec<String> {
+        let killed = self.killed.as_ref().filter(|kill| !kill.after_landing);
+        let killed = killed.map(|kill| format!("KILLED {kill}"));
+        let grounded = self.failed_take_off.clone();
+        let wrong = self
+            .response
+            .as_ref()
+            .map(|response| format!("WRONG: {response}"));
+        let lost = self.lost.as_ref();
+        let lost = lost.map(|loss| format!("LOST at {} s: {loss}", loss.time));
+        [killed, grounded, wrong, lost].into_iter().flatten().collect()
     }
 
     /// Returns the headline: the number by which a flight is judged.

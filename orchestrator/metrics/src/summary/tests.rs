@@ -269,6 +269,44 @@ fn the_phases_of_a_flight_from_the_ground_are_told_with_their_begins() {
     );
 }
 
+#[test]
+fn a_flight_that_never_left_the_ground_says_so_in_its_headline() {
+    let (mut scenario, schedule) = flight();
+    scenario.flight = Some(scenario::Flight::default());
+    let mut summary = FlightSummary::new(&scenario, &schedule);
+    for tick in 0..=2000 {
+        let mut reference = PathReference::new_zeroed();
+        reference.header = schedule.header(Topic::PathReference, tick);
+        let (phase, cause) = match tick {
+            ..100 => (FlightPhase::Disarmed, PathReference::CAUSE_NONE),
+            100..200 => (FlightPhase::Armed, PathReference::CAUSE_NONE),
+            200..1100 => (FlightPhase::TakeOff, PathReference::CAUSE_NONE),
+            _ => (FlightPhase::Disarmed, PathReference::CAUSE_OVERDUE),
+        };
+        (reference.phase, reference.cause) = (phase.code(), cause);
+        summary.observe(Topic::PathReference, reference.as_bytes());
+    }
+    let completed = summary.clone().finish(facts());
+    let shown = completed.to_string();
+    let (_, verdict) = shown.split_once('\n').unwrap();
+    assert!(
+        verdict.starts_with("the vehicle did not take off: the take-off took too long: do the motors turn,"),
+        "{shown}"
+    );
+    assert_eq!(shown.matches("did not take off").count(), 1, "{shown}");
+    assert!(completed.failed_take_off.is_some());
+    let interrupted = summary.finish(RunFacts {
+        outcome: Outcome::Interrupted,
+        reason: "Ctrl-C".to_owned(),
+        ..facts()
+    });
+    let shown = interrupted.to_string();
+    assert!(
+        shown.contains("interrupted: Ctrl-C\nthe vehicle did not take off: the take-off took"),
+        "{shown}"
+    );
+}
+
 /// The summary of a flight of 20 s that is killed on the ground at 15 s, after its last phase began with this cause.
 fn killed_after(cause: u8, limit: u8) -> Summary {
     let (scenario, schedule) = flight();

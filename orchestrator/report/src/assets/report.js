@@ -380,6 +380,9 @@ function drawHead() {
     byId("banners").append(element("p", { class: hasLanded ? "banner" : "banner alarm", role: "alert" },
       `${named(flight)}the flight was KILLED at ${label(time)} s${hasLanded ? ", after the landing" : ""}: ${by}.`));
   }
+  for (const flight of flights.filter(({ failed_take_off: failed }) => failed !== null)) {
+    byId("banners").append(element("p", { class: "banner alarm", role: "alert" }, `${named(flight)}${flight.failed_take_off}`));
+  }
   for (const flight of flights.filter(({ response }) => response !== null)) {
     byId("banners").append(element("p", { class: "banner alarm", role: "alert" }, `${named(flight)}WRONG: ${flight.response}.`));
   }

@@ -125,16 +125,17 @@ function motors({ phase, armed, killed }) {
 }
 
 /** What keeps the vehicle from flying, or is wrong with its flight. */
-function warnings({ killed, killed_by: by, response, refusal_to_arm: refusal }) {
+function warnings({ g: givenUp } = {}, { killed, killed_by: by, response, refusal_to_arm: refusal }) {
   return [
     killed ? `KILLED${by === null ? "" : `: ${by}`}. The motors rest until the end of the run.` : null,
     response === null ? null : `WRONG: ${response}.`,
+    givenUp === undefined ? null : `The take-off was given up: ${givenUp}`,
     refusal === null || killed ? null : `Will not arm: ${refusal}.`,
   ].filter((text) => text !== null);
 }
 
 function drawWarnings(snapshot) {
-  const texts = warnings(snapshot);
+  const texts = warnings(moments.at(-1), snapshot);
   replaceIfChanged("warnings", texts.map((text) => element("p", { class: "banner alarm" }, text)));
 }
 
