@@ -73,6 +73,12 @@ pub struct Judged {
     /// The kill of the flight, if it was killed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub killed: Option<Kill>,
+    /// That no take-off led to the path, and why not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failed_take_off: Option<String>,
+    /// A wrong axis or sign in the response to the first commands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<String>,
     /// Source of the vehicle's position.
     pub source: StateSource,
     /// Distance from the path in steady state, by which the flight is judged; `None` if steady state was not reached.
@@ -86,6 +92,8 @@ impl Judged {
         Self {
             lost: summary.lost,
             killed: summary.killed,
+            failed_take_off: summary.failed_take_off,
+            response: summary.response,
             source: summary.source,
             steady: summary.steady,
             metrics: summary.metrics,

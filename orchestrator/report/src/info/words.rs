@@ -60,7 +60,12 @@ impl Display for Info {
                 .iter()
                 .map(|(channel, count)| format!("{count} of {}", printable(channel)))
                 .collect();
-            writeln!(formatter, "{}: {state}; {}", host.log, counts.join(", "))?;
+            let counts = if counts.is_empty() {
+                "the start of the run, and no samples".to_owned()
+            } else {
+                counts.join(", ")
+            };
+            writeln!(formatter, "{}: {state}; {counts}", host.log)?;
         }
         Ok(())
     }
@@ -124,6 +129,12 @@ fn write_judged(formatter: &mut Formatter<'_>, judged: &Judged) -> Result {
     if let Some(kill) = &judged.killed {
         writeln!(formatter, "\nKILLED {kill}")?;
     }
+    if let Some(failed) = &judged.failed_take_off {
+        writeln!(formatter, "\n{failed}")?;
+    }
+    if let Some(response) = &judged.response {
+        writeln!(formatter, "\nWRONG: {response}")?;
+    }
     if let Some(loss) = &judged.lost {
         writeln!(formatter, "\nLOST at {} s: {loss}", loss.time)?;
     }
@@ -180,6 +191,15 @@ fn write_phases(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
 
 /// Writes the course of the run. Fields that an older program did not write are skipped.
 fn write_summary(formatter: &mut Formatter<'_>, summary: &Value) -> Result {
+    if summary.get("outcome").is_none()
+        && let (Some(seconds), Some(frames)) = (summary["seconds"].as_f64(), summary["frames"].as_u64())
+    {
+        return writeln!(
+            formatter,
+            "\nthe simulated laboratory of a flight (`gerono world`): {seconds:.3} s simulated, {frames} frames received; the \
+             flight itself has a folder of its own"
+        );
+    }
     let text = |value: &Value| printable(value.as_str().unwrap_or("unknown")).into_owned();
     let list = |key: &str| summary[key].as_array().cloned().unwrap_or_default();
     write!(
@@ -240,6 +260,13 @@ mod tests {
     #[test]
     fn what_a_summary_lacks_is_unknown_or_left_out() {
         assert_eq!(Shown(json!({})).to_string(), "\nthe run: unknown by unknown\n");
+        let world = Shown(json!({ "seconds": 3.9294, "poses": 393, "frames": 0 })).to_string();
+        assert!(
+            world.starts_with(
+                "\nthe simulated laboratory of a flight (`gerono world`): 3.929 s simulated, 0 frames"
+            ),
+            "{world}"
+        );
         let old = json!({
             "outcome": "lost", "host": "lockstep", "reason": "tipped over",
             "restarts": [{ "service": "controller", "tick": 7 }],
