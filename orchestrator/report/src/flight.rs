@@ -72,6 +72,15 @@ impl Flight {
     }
 }
 
+impl Flight {
+    /// Returns how the flight went other than as planned, after its name.
+    pub(super) fn misfortunes(&self) -> Option<String> {
+        let early_end = self.facts.as_ref().and_then(RunFacts::early_end);
+        let told: Vec<_> = early_end.into_iter().chain(self.summary.misfortunes()).collect();
+        (!told.is_empty()).then(|| format!("{}: {}", self.label, told.join("; ")))
+    }
+}
+
 /// Reads to the end of the log. Returns the error if the log breaks off after its first sample.
 fn gather(reader: &mut LogReader, gatherer: &mut Gatherer<'_>) -> Result<Option<String>, LogReadError> {
     loop {

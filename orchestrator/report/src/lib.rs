@@ -76,8 +76,10 @@ pub struct Written {
     pub page: PathBuf,
     /// The figures beside it.
     pub figures: Vec<PathBuf>,
-    /// Reading errors of the logs that break off.
-    pub broken: Vec<String>,
+    /// `true` if no log breaks off.
+    pub is_whole: bool,
+    /// A line for each log that breaks off, with its reading error, and for each flight that went other than as planned.
+    pub notes: Vec<String>,
 }
 
 /// Returns the folder of a report whose user states none: beside the log, and empty or that of an earlier report.
@@ -114,10 +116,14 @@ pub fn write(logs: &[PathBuf], out: &Path, figures: &mut dyn Figures) -> Result<
         .iter()
         .map(|figure| write_file(out, figure.file, &figure.svg, &inputs))
         .collect::<Result<_, _>>()?;
+    let broken = flights.iter().filter_map(|flight| flight.broken.as_ref());
+    let broken = broken.map(|reason| format!("{reason}; the report shows the part before it"));
+    let misfortunes = flights.iter().filter_map(Flight::misfortunes);
     Ok(Written {
         page,
         figures,
-        broken: flights.into_iter().filter_map(|flight| flight.broken).collect(),
+        is_whole: flights.iter().all(|flight| flight.broken.is_none()),
+        notes: broken.chain(misfortunes).collect(),
     })
 }
 

@@ -25,6 +25,9 @@ const HEIGHT: f64 = 400.0;
 /// Columns that a curve is downsampled to: about one a pixel.
 pub const COLUMNS: usize = 800;
 
+/// Columns of text at which the lines below the title wrap.
+const SUBTITLE: usize = 100;
+
 /// Smallest distance drawn, m: a logarithmic axis has no zero.
 pub const FLOOR: f64 = 1e-4;
 
@@ -46,10 +49,14 @@ pub enum PlotError {
     Read(#[from] LogReadError),
     /// A log holds nothing to draw.
     #[error(
-        "the log {} has no distance from the path in this time span: nothing to draw; choose another span with \
-         --from and --to", .0.display()
+        "the log {} has no distance from the path in this time span: nothing to draw; {why}", .log.display()
     )]
-    Empty(PathBuf),
+    Empty {
+        /// The file.
+        log: PathBuf,
+        /// Why not, or the next step.
+        why: String,
+    },
     /// The time span is not within the flights.
     #[error("the flights end at {ends} s, and {option} {stated} s is beyond it; ask for less")]
     BeyondTheEnd {
@@ -104,15 +111,28 @@ pub fn file_beside(log: &Path) -> Result<PathBuf, PlotError> {
 ///
 /// Each column of pixels shows the smallest and the largest of its samples: no peak is lost.
 ///
+/// Returns a line for each flight that went other than as planned; the figure has it below its title.
+///
 /// # Errors
 /// [`PlotError`].
-pub fn distance(logs: &[PathBuf], span: Span, out: &Path) -> Result<(), PlotError> {
+pub fn distance(logs: &[PathBuf], span: Span, out: &Path) -> Result<Vec<String>, PlotError> {
     let curves = curve::read_all(logs, span)?;
     let inputs: Vec<_> = logs.iter().flat_map(|log| files_of_log(log)).collect();
     result_file::write(out, draw(&curves, span), &inputs).map_err(|source| PlotError::Write {
         path: out.to_owned(),
         source,
-    })
+    })?;
+    Ok(misfortunes(&curves))
+}
+
+/// Returns a line for each flight that went other than as planned, with its name if there are several flights.
+fn misfortunes(curves: &[Curve]) -> Vec<String> {
+    let unlucky = curves.iter().filter(|curve| !curve.misfortunes.is_empty());
+    let lines = unlucky.map(|curve| match curves {
+        [_] => curve.misfortunes.clone(),
+        _ => format!("{}: {}", curve.label, curve.misfortunes),
+    });
+    lines.collect()
 }
 
 fn draw(curves: &[Curve], span: Span) -> String {
@@ -148,6 +168,12 @@ fn draw(curves: &[Curve], span: Span) -> String {
         ));
     if let Some(title) = title(curves) {
         layout = layout.with_title(title);
+    }
+    let unlucky = misfortunes(curves);
+    if !unlucky.is_empty() {
+        layout = layout
+            .with_subtitle(unlucky.join("; "))
+            .with_subtitle_wrap(SUBTITLE);
     }
     for region in marks::fault_regions(curves, [from, to]) {
         layout = layout.with_shaded_region(region);

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use run_log::run_folder::read_summary_beside;
+use scenario_file::printable::printable;
 
 /// Facts of the run; a field that the summary lacks has its default.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
@@ -22,6 +23,19 @@ pub(super) struct RunFacts {
     wall_seconds: Option<f64>,
     /// Timing of a flight in real time.
     pub(super) timing: Option<Value>,
+}
+
+impl RunFacts {
+    /// Returns how a run ended that was not flown to its end.
+    pub(super) fn early_end(&self) -> Option<String> {
+        matches!(self.outcome.as_str(), "failed" | "interrupted").then(|| {
+            let reason = printable(&self.reason);
+            match reason.is_empty() {
+                true => format!("the run: {}", self.outcome),
+                false => format!("the run: {}: {reason}", self.outcome),
+            }
+        })
+    }
 }
 
 /// Reads the facts beside a log. `None` if there is no valid summary.
@@ -42,7 +56,11 @@ mod tests {
         let summary = folder.path().join("summary.json");
         std::fs::write(&summary, "{\"host\": \"lockstep\", \"phases\": []}").unwrap();
         let facts = beside(&log).unwrap();
+        assert_eq!(facts.early_end(), None);
         assert_eq!((facts.host.as_str(), facts.timing), ("lockstep", None));
+        std::fs::write(&summary, "{\"outcome\": \"failed\", \"reason\": \"gave up\"}").unwrap();
+        let ended = beside(&log).unwrap().early_end();
+        assert_eq!(ended.as_deref(), Some("the run: failed: gave up"));
         std::fs::write(&summary, "no summary").unwrap();
         assert_eq!(beside(&log), None);
     }

@@ -38,7 +38,8 @@ pub fn plot(arguments: &Plot) -> Result<(), Failure> {
         Some(output) => output.clone(),
         None => plot::file_beside(&logs[0]).map_err(failure)?,
     };
-    plot::distance(&logs, plot::Span { from, to }, &output).map_err(failure)?;
+    let told = plot::distance(&logs, plot::Span { from, to }, &output).map_err(failure)?;
+    told.into_iter().for_each(note);
     print(format!("{}\n", output.display()));
     Ok(())
 }

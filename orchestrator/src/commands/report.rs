@@ -21,12 +21,10 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
         None => report::folder_beside(&logs[0]).map_err(failure)?,
     };
     let written = report::write(&logs, &output, &mut LogFigures::default()).map_err(failure)?;
-    for reason in &written.broken {
-        note(format_args!("{reason}; the report shows the part before it"));
-    }
+    written.notes.iter().for_each(note);
     print(format!("{}\n", written.page.display()));
     for figure in &written.figures {
         print(format!("{}\n", figure.display()));
     }
-    Ok(Exit::of_logs(written.broken.is_empty()))
+    Ok(Exit::of_logs(written.is_whole))
 }

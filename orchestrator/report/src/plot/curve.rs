@@ -7,6 +7,8 @@ use shared_types::service::seconds;
 
 use super::downsample::Extremes;
 use super::{COLUMNS, FLOOR, PlotError};
+use crate::run_facts;
+use metrics::summary::{self, FlightSummary};
 use metrics::tracker::{Moment, StateSource, Tracker};
 use run_log::LogReader;
 
@@ -45,6 +47,8 @@ pub(super) struct Curve {
     pub(super) source: StateSource,
     /// Connected parts; between them there was no path to follow.
     pub(super) stretches: Vec<Vec<(f64, f64)>>,
+    /// How the flight went other than as planned; empty if it did not.
+    pub(super) misfortunes: String,
 }
 
 impl Curve {
@@ -60,17 +64,39 @@ impl Curve {
             source,
         })?;
         let mut tracker = Tracker::new(&schedule, scenario.flight.is_some());
+        let mut summary = FlightSummary::new(&scenario, &schedule);
         let mut pen = Pen::new(span.within(scenario.duration));
-        tracker.follow(&mut reader, |moment| pen.draw(moment))?;
+        while let Some(logged) = reader.next_sample()? {
+            summary.observe(logged.topic, logged.bytes);
+            if let Some(moment) = tracker.observe(logged.topic, logged.bytes) {
+                pen.draw(&moment);
+            }
+        }
+        tracker.last().iter().for_each(|moment| pen.draw(moment));
+        let summary = summary.finish(summary::RunFacts::default());
+        let misfortunes = run_facts::beside(log)
+            .and_then(|facts| facts.early_end())
+            .into_iter()
+            .chain(summary.misfortunes())
+            .collect::<Vec<_>>()
+            .join("; ");
         let stretches = pen.finish();
         if stretches.is_empty() {
-            return Err(PlotError::Empty(log.to_owned()));
+            return Err(PlotError::Empty {
+                log: log.to_owned(),
+                why: if misfortunes.is_empty() {
+                    "choose another span with --from and --to".to_owned()
+                } else {
+                    misfortunes
+                },
+            });
         }
         Ok(Self {
             label: label(log),
             scenario,
             source: tracker.source(),
             stretches,
+            misfortunes,
         })
     }
 }

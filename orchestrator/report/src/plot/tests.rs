@@ -4,7 +4,10 @@ use super::*;
 use run_log::test_flight::{away, record_samples, scenario};
 use run_log::{Compression, Manifest, RunLogWriter};
 use scenario::{Fault, FaultKind};
+use shared_types::samples::{PathReference, RcFrame};
 use shared_types::service::seconds;
+use shared_types::{FlightPhase, Topic};
+use zerocopy::{FromBytes, FromZeros, IntoBytes};
 
 /// A log of 20 s whose error decays from `start` (m), with one peak of a single sample.
 fn decaying(path: &Path, start: f64) {
@@ -126,4 +129,75 @@ fn a_planned_fault_is_shaded_and_named_where_it_is_in_view() {
         );
         assert!(figure.contains("mass becomes"), "{from:?}");
     }
+}
+
+/// A log of 20 s whose take-off is given up on the ground at 10 s, or is killed at 2.5 s.
+fn given_up(path: &Path, is_killed: bool) {
+    let mut scenario = scenario(0.01, 20.0);
+    scenario.flight = Some(scenario::Flight::default());
+    let schedule = scenario.schedule().unwrap();
+    let samples = (0..=schedule.last_tick()).flat_map(|tick| {
+        let [truth, (topic, reference)] = away(&schedule, tick, 0.8);
+        let mut reference = PathReference::read_from_bytes(&reference).unwrap();
+        let (phase, cause) = match tick {
+            ..200 => (FlightPhase::Armed, PathReference::CAUSE_NONE),
+            200..250 => (FlightPhase::TakeOff, PathReference::CAUSE_NONE),
+            _ if is_killed => (FlightPhase::Disarmed, PathReference::CAUSE_OPERATOR_KILLS),
+            250..1000 => (FlightPhase::TakeOff, PathReference::CAUSE_NONE),
+            _ => (FlightPhase::Disarmed, PathReference::CAUSE_OVERDUE),
+        };
+        (reference.phase, reference.cause) = (phase.code(), cause);
+        let mut frame = RcFrame::new_zeroed();
+        frame.header = schedule.header(Topic::RcFrame, tick);
+        if is_killed && tick >= 250 {
+            (frame.failsafe, frame.action) = (true.into(), RcFrame::ACTION_KILL);
+        }
+        [
+            truth,
+            (topic, reference.as_bytes().to_vec()),
+            (Topic::RcFrame, frame.as_bytes().to_vec()),
+        ]
+    });
+    record_samples(path, &scenario, Compression::None, samples);
+}
+
+#[test]
+fn a_flight_that_was_killed_or_never_left_the_ground_says_so_in_its_figure_and_to_the_caller() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = |name: &str| {
+        let run = folder.path().join(name);
+        std::fs::create_dir(&run).unwrap();
+        run.join("run.mcap")
+    };
+    let [killed, grounded, good] = ["killed", "grounded", "good"].map(log);
+    given_up(&killed, true);
+    given_up(&grounded, false);
+    decaying(&good, 1.0);
+    let out = folder.path().join("figure.svg");
+    let drawn = |logs: &[PathBuf]| {
+        let told = distance(logs, Span::default(), &out).unwrap();
+        (told, std::fs::read_to_string(&out).unwrap())
+    };
+    let (told, figure) = drawn(std::slice::from_ref(&killed));
+    assert_eq!(told, ["KILLED at 2.5 s: the operator killed"]);
+    assert!(figure.contains("KILLED at 2.5 s"), "{figure}");
+    let (told, figure) = drawn(&[good.clone(), grounded.clone()]);
+    let words = "grounded: the vehicle did not take off: the take-off took too long";
+    assert!(told.len() == 1 && told[0].starts_with(words), "{told:?}");
+    assert!(figure.contains(words), "{figure}");
+    assert_eq!(drawn(&[good]).0, Vec::<String>::new());
+    // A part of the flight in which nothing was flown is not drawn, and the reason is not the span.
+    let span = Span {
+        from: Some(12.0),
+        to: None,
+    };
+    let refused = distance(&[grounded], span, &out).unwrap_err().to_string();
+    assert!(refused.contains("the vehicle did not take off"), "{refused}");
+    // A run that failed says so in its summary alone.
+    let summary = killed.with_file_name("summary.json");
+    let text = "{\"outcome\": \"failed\", \"reason\": \"the controller gave up\"}";
+    result_file::write(&summary, text, &[]).unwrap();
+    let (told, figure) = drawn(&[killed]);
+    let words = "the run: failed: the controller gave up; KILLED at 2.5 s";
+    assert!(told[0].starts_with(words) && figure.contains(words), "{told:?}");
 }
