@@ -584,10 +584,19 @@ impl<'a> Flight<'a> {
         }
     }
 
-    /// Records when the radio link is lost and found again: what the vehicle does meanwhile is not commanded.
+    /// Records when the radio link is lost and found again: what the vehicle does meanwhile is not commanded. One that has not taken
+    /// off is killed: with the link its motors would come back at the largest thrust, for the law raises it while nothing moves.
     fn note_radio_link(&mut self) {
-        let block = self.supervisor.page().control_block();
-        let Some(is_lost) = self.laboratory.link_change(block) else {
+        let (block, elapsed_ns) = (self.supervisor.page().control_block(), self.clock.elapsed_ns());
+        let change = self.laboratory.link_change(block, elapsed_ns);
+        let is_over = self.operator().killed || block.stopping.load(Ordering::SeqCst) != 0;
+        let is_low = self.phase() == Some(FlightPhase::Armed) || self.is_low();
+        if self.laboratory.is_link_long_lost(elapsed_ns) && self.is_armed() && is_low && !is_over {
+            let event = "the radio link was lost before the vehicle had taken off";
+            self.ask(Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event);
+            self.announce(format!("killed: no frame turns the motors again ({event})"));
+        }
+        let Some(is_lost) = change else {
             return;
         };
         let (kind, text) = if is_lost {

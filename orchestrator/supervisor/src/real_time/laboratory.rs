@@ -29,6 +29,9 @@ const READY: [&str; 3] = [
     "the receivers measure the vehicle",
 ];
 
+/// Time without a radio link after which a vehicle that has not taken off is killed, s.
+const LONG_LOST: f64 = 0.5;
+
 /// Number of checks of the battery, one a second, below its lowest voltage after which it is low: a manoeuvre is shorter.
 const LOW_CHECKS: u32 = 3;
 
@@ -56,8 +59,8 @@ pub struct Laboratory<'a> {
     link: Option<RadioProtocol>,
     /// `true` if link, cameras and receivers were ready at the last report.
     were_ready: [Option<bool>; 3],
-    /// `true` if the radio link was lost when it was last asked about.
-    was_link_lost: bool,
+    /// Time since the start of the flight since which the radio link is lost, ns.
+    link_lost_since_ns: Option<u64>,
     /// The battery that the link measures, if the scenario states one.
     battery: Option<&'a LinkBattery>,
     battery_state: BatteryState,
@@ -79,7 +82,7 @@ impl<'a> Laboratory<'a> {
                 .map(|stated| (stated, ReceiverFigures::TOPICS.map(rate))),
             link: scenario.radio_link(),
             were_ready: [None; 3],
-            was_link_lost: false,
+            link_lost_since_ns: None,
             battery: scenario
                 .radio_link()
                 .and(scenario.rc_output.as_ref())
@@ -179,10 +182,21 @@ impl<'a> Laboratory<'a> {
             .is_some_and(|figures| figures.state == LinkFigures::STATE_LOST)
     }
 
-    /// Returns whether the radio link is lost, if that has changed since the last call.
-    pub fn link_change(&mut self, block: &ControlBlock) -> Option<bool> {
+    /// Returns whether the radio link is lost, if that has changed since the last call; time since the start of the flight in ns.
+    pub fn link_change(&mut self, block: &ControlBlock, elapsed_ns: u64) -> Option<bool> {
         let is_lost = self.is_link_lost(block);
-        (std::mem::replace(&mut self.was_link_lost, is_lost) != is_lost).then_some(is_lost)
+        let since_ns = is_lost.then(|| self.link_lost_since_ns.unwrap_or(elapsed_ns));
+        let before = std::mem::replace(&mut self.link_lost_since_ns, since_ns);
+        (before.is_some() != is_lost).then_some(is_lost)
+    }
+
+    /// Returns whether the radio link had been lost for long at the last [`link_change`](Self::link_change): longer than a process that is
+    /// started again needs to open it.
+    #[must_use]
+    pub fn is_link_long_lost(&self, elapsed_ns: u64) -> bool {
+        let lost_for = |since_ns: u64| seconds(elapsed_ns.saturating_sub(since_ns));
+        self.link_lost_since_ns
+            .is_some_and(|since_ns| lost_for(since_ns) >= LONG_LOST)
     }
 
     /// Returns a snapshot for clients with the state of link, cameras and receivers, at a time since the start of the flight.
@@ -427,7 +441,7 @@ mod tests {
             receivers: None,
             link: Some(RadioProtocol::Crsf),
             were_ready: [None; 3],
-            was_link_lost: false,
+            link_lost_since_ns: None,
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
@@ -484,7 +498,7 @@ mod tests {
             receivers: None,
             link: None,
             were_ready: [None; 3],
-            was_link_lost: false,
+            link_lost_since_ns: None,
             battery: None,
             battery_state: BatteryState::Good,
             low_checks: 0,
@@ -574,8 +588,16 @@ mod tests {
             LinkFigures::STATE_LOST,
             LinkFigures::STATE_OPEN,
         ];
-        let changes = states.map(|state| laboratory.link_change(&told(&good(), state)));
-        assert_eq!(changes, [None, None, Some(true), None, Some(false)]);
+        let mut elapsed_ns = 0;
+        let changes = states.map(|state| {
+            elapsed_ns += 400_000_000;
+            let change = laboratory.link_change(&told(&good(), state), elapsed_ns);
+            (change, laboratory.is_link_long_lost(elapsed_ns + 100_000_000))
+        });
+        let expected = [None, None, Some(true), None, Some(false)]
+            .into_iter()
+            .zip([false, false, false, true, false]);
+        assert!(changes.into_iter().eq(expected), "{changes:?}");
     }
 
     #[test]

@@ -91,7 +91,7 @@ impl Flight<'_> {
     }
 
     /// Returns whether the vehicle is in its take-off and low enough to be dropped.
-    fn is_low(&self) -> bool {
+    pub(super) fn is_low(&self) -> bool {
         let pose = self.recorder.newest::<MocapPose>();
         let rise = pose.and_then(|pose| self.response.rise(&pose));
         self.phase() == Some(FlightPhase::TakeOff) && rise.is_some_and(|rise| rise < DROP)
