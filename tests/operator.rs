@@ -162,7 +162,7 @@ fn with_several_runs_the_commands_ask_which_and_reach_no_other() {
     [one, other].into_iter().for_each(end);
 }
 
-/// In an emergency nobody looks up a name. The list says which is which.
+/// In an emergency there is no time to look up a name. The list says which is which.
 #[test]
 fn of_several_runs_the_only_one_that_is_not_disarmed_is_killed() {
     let place = Place::in_real_time();

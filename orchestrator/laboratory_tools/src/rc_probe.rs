@@ -74,7 +74,7 @@ pub fn probe(scenario: &Scenario, seconds: f64, propellers_off: bool) -> Result<
         .map_err(|_| Failure::trouble("the sender has failed"))?;
     print(summary(link.link, &report));
     let signal = interrupt.signal();
-    if signal.is_none() && report.counts.losses > report.counts.recoveries {
+    if signal.is_none() && report.counts.is_lost() {
         return Err(Failure::trouble(
             "the link is lost: the receiver or the vehicle does not take the frames; see that it is switched on, and where they go",
         ));

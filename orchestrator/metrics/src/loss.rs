@@ -29,7 +29,7 @@ const NEAR: f64 = 0.1;
 /// Age of a reference above which it is not followed, s.
 const LED: f64 = 1.0;
 
-/// Time without a radio link before a touch-down, s, after which nobody knows how it came about. A restarted process opens it sooner.
+/// Time without a radio link before a touch-down, s, after which no command brought it about. A restarted process opens it sooner.
 const UNCOMMANDED: f64 = 0.3;
 
 /// Height of a vehicle that touches the ground, m.

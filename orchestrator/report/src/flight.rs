@@ -75,9 +75,8 @@ impl Flight {
 impl Flight {
     /// Returns how the flight went other than as planned, after its name.
     pub(super) fn misfortunes(&self) -> Option<String> {
-        let early_end = self.facts.as_ref().and_then(RunFacts::early_end);
-        let told: Vec<_> = early_end.into_iter().chain(self.summary.misfortunes()).collect();
-        (!told.is_empty()).then(|| format!("{}: {}", self.label, told.join("; ")))
+        let told = run_facts::misfortunes(self.facts.as_ref(), &self.summary);
+        (!told.is_empty()).then(|| format!("{}: {told}", self.label))
     }
 }
 

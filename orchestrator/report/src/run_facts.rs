@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use metrics::summary::Summary;
 use run_log::run_folder::read_summary_beside;
 use scenario_file::printable::printable;
 
@@ -27,7 +28,7 @@ pub(super) struct RunFacts {
 
 impl RunFacts {
     /// Returns how a run ended that was not flown to its end.
-    pub(super) fn early_end(&self) -> Option<String> {
+    fn early_end(&self) -> Option<String> {
         matches!(self.outcome.as_str(), "failed" | "interrupted").then(|| {
             let reason = printable(&self.reason);
             match reason.is_empty() {
@@ -36,6 +37,13 @@ impl RunFacts {
             }
         })
     }
+}
+
+/// Returns how a flight went other than as planned; empty if it did not.
+pub(super) fn misfortunes(facts: Option<&RunFacts>, summary: &Summary) -> String {
+    let early_end = facts.and_then(RunFacts::early_end);
+    let told: Vec<_> = early_end.into_iter().chain(summary.misfortunes()).collect();
+    told.join("; ")
 }
 
 /// Reads the facts beside a log. `None` if there is no valid summary.

@@ -73,7 +73,7 @@ pub trait Newest {
         Snapshot {
             scenario: scenario.description.clone(),
             duration: shared_types::service::seconds(schedule.time_ns(schedule.last_tick())),
-            // Of a run that was taken over and has sent none, nobody knows it.
+            // Of a run that was taken over and has sent no reference since, it is not known.
             phase: self
                 .phase(scenario)
                 .filter(|_| self.newest_bytes(Topic::PathReference).is_some())

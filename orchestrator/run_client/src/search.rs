@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use runtime::control::Host;
 use scenario_file::printable::printable;
+use shared_types::FlightPhase;
 
 use crate::LiveRun;
 use crate::error::{LiveError, Names, Searched, looked_at};
@@ -40,8 +41,41 @@ enum Found {
 /// # Errors
 /// [`LiveError`].
 pub fn find(name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
-    let found = select(name, command, MachineRun::is_permitted, is_in_real_time)?;
-    found.map_or_else(
+    let found = looked_for(name, MachineRun::is_permitted, is_in_real_time)?;
+    in_real_time(found, name, command)
+}
+
+/// As [`find`]; of several runs of one owner that match, the one that is not disarmed, if all others say that they are: in an emergency
+/// there is no time to look up a name.
+///
+/// # Errors
+/// [`LiveError`].
+pub fn find_to_kill(name: Option<&str>) -> Result<MachineRun, LiveError> {
+    let found = match looked_for(name, MachineRun::is_permitted, is_in_real_time)? {
+        Found::Several(runs) if runs.iter().all(|run| run.owner == runs[0].owner) => only_armed(runs),
+        found => found,
+    };
+    in_real_time(found, name, "kill")
+}
+
+/// Returns the only one of several runs that does not say that its vehicle is disarmed, or all of them.
+fn only_armed(mut runs: Vec<MachineRun>) -> Found {
+    let is_disarmed = |run: &MachineRun| {
+        let phase = looked_at(run).and_then(|snapshot| snapshot.phase);
+        phase.as_deref() == Some(FlightPhase::Disarmed.name())
+    };
+    let armed: Vec<_> = (0..runs.len())
+        .filter(|place| !is_disarmed(&runs[*place]))
+        .collect();
+    match armed[..] {
+        [place] => Found::One(runs.swap_remove(place)),
+        _ => Found::Several(runs),
+    }
+}
+
+/// Returns the one run in real time that was found.
+fn in_real_time(found: Found, name: Option<&str>, command: &'static str) -> Result<MachineRun, LiveError> {
+    single(found, command)?.map_or_else(
         || {
             let searched = searched(name)?;
             Err(match name {
@@ -70,31 +104,6 @@ pub fn find_to_watch(name: Option<&str>, command: &'static str) -> Result<Machin
         },
         Ok,
     )
-}
-
-/// As [`find`]; of several runs of one owner that match, the one that is not disarmed, if all others say that they are: nobody looks
-/// up a name in an emergency.
-///
-/// # Errors
-/// [`LiveError`].
-pub fn find_to_kill(name: Option<&str>) -> Result<MachineRun, LiveError> {
-    match looked_for(name, &MachineRun::is_permitted, &is_in_real_time)? {
-        Found::Several(mut runs) if runs.iter().all(|run| run.owner == runs[0].owner) => {
-            let armed: Vec<_> = (0..runs.len())
-                .filter(|place| !is_disarmed(&runs[*place]))
-                .collect();
-            match armed[..] {
-                [place] => Ok(runs.swap_remove(place)),
-                _ => Err(LiveError::Several(Names::asked(&runs))),
-            }
-        }
-        _ => find(name, "kill"),
-    }
-}
-
-/// Returns whether a run says that its vehicle is disarmed.
-fn is_disarmed(run: &MachineRun) -> bool {
-    looked_at(run).is_some_and(|snapshot| snapshot.phase.as_deref() == Some("disarmed"))
 }
 
 fn is_in_real_time(run: &MachineRun) -> bool {
@@ -134,7 +143,12 @@ fn select(
     is_permitted: impl Fn(&MachineRun) -> bool,
     is_wanted: impl Fn(&MachineRun) -> bool,
 ) -> Result<Option<MachineRun>, LiveError> {
-    Ok(match looked_for(name, &is_permitted, &is_wanted)? {
+    single(looked_for(name, is_permitted, is_wanted)?, command)
+}
+
+/// Returns the one run that was found; `None` if there is none.
+fn single(found: Found, command: &'static str) -> Result<Option<MachineRun>, LiveError> {
+    Ok(match found {
         Found::One(run) => Some(run),
         Found::Several(runs) => return Err(LiveError::Several(Names::asked(&runs))),
         Found::Forbidden(names) => return Err(LiveError::NotPermitted(names, command)),
@@ -145,8 +159,8 @@ fn select(
 /// Returns the live runs of a name, or all, that are wanted and permitted.
 fn looked_for(
     name: Option<&str>,
-    is_permitted: &dyn Fn(&MachineRun) -> bool,
-    is_wanted: &dyn Fn(&MachineRun) -> bool,
+    is_permitted: impl Fn(&MachineRun) -> bool,
+    is_wanted: impl Fn(&MachineRun) -> bool,
 ) -> Result<Found, LiveError> {
     let is_meant = |run: &MachineRun| name.is_none_or(|name| run.is_called(name)) && is_wanted(run);
     let look = || {

@@ -158,7 +158,7 @@ fn at_the_end(report: &LinkReport) -> LinkFigures {
     let late = |quantile| seconds(report.lateness_ns.value_at_quantile(quantile));
     let counts = &report.counts;
     LinkFigures {
-        state: state(counts.losses == counts.recoveries),
+        state: state(!counts.is_lost()),
         sent: counts.sent,
         dropped: counts.busy + counts.closed,
         silent: report.silent,

@@ -219,13 +219,9 @@ impl Findings<'_> {
         }
         match similar.or(self.diagnosis.similar.map(|name| (name, None))) {
             Some((name, number)) => {
-                list.add(format_args!("announced: `{name}`"))?;
-                if let Some(number) = number {
-                    list.formatter.write_fmt(format_args!(", which is `#{number}`"))?;
-                }
-                let formatter = &mut *list.formatter;
-                formatter.write_fmt(format_args!(
-                    ", nearly `{expected}`: state the name as the server has it"
+                let number = number.map_or_else(String::new, |number| format!(", which is `#{number}`"));
+                list.add(format_args!(
+                    "announced: `{name}`{number}, nearly `{expected}`: state the name as the server has it"
                 ))
             }
             None => Ok(()),

@@ -192,6 +192,14 @@ pub struct Counts {
     pub recoveries: u64,
 }
 
+impl Counts {
+    /// Returns whether the device or connection is lost.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.losses > self.recoveries
+    }
+}
+
 /// A serial device or socket.
 #[derive(Debug)]
 pub struct Port {

@@ -74,12 +74,7 @@ impl Curve {
         }
         tracker.last().iter().for_each(|moment| pen.draw(moment));
         let summary = summary.finish(summary::RunFacts::default());
-        let misfortunes = run_facts::beside(log)
-            .and_then(|facts| facts.early_end())
-            .into_iter()
-            .chain(summary.misfortunes())
-            .collect::<Vec<_>>()
-            .join("; ");
+        let misfortunes = run_facts::misfortunes(run_facts::beside(log).as_ref(), &summary);
         let stretches = pen.finish();
         if stretches.is_empty() {
             return Err(PlotError::Empty {

@@ -61,11 +61,11 @@ impl Flight<'_> {
             Request::Arm => self.warning_at_arming(),
             Request::Disarm | Request::Land | Request::Kill => self.without_link(),
         };
-        let warning = warning.map_or_else(String::new, |warning| format!("; warning: {warning}"));
+        let warning = after_the_answer(warning);
         self.ask(request, kind, event);
         match request {
             // It may come from another room.
-            Request::Kill => self.announce(format!("{text} ({event}){warning}")),
+            Request::Kill => self.announce_kill(event),
             Request::Arm | Request::Disarm | Request::Land => self.record_event(&format!("{text}{warning}")),
         }
         // The run's identity goes between the action and its detail: "armed run 7-0, …", "killed run 7-0, …: the motors
@@ -87,8 +87,14 @@ impl Flight<'_> {
         (!warnings.is_empty()).then(|| warnings.join("; "))
     }
 
+    /// Announces what a kill does, and that it does not reach the vehicle if the radio link is lost.
+    pub(super) fn announce_kill(&mut self, event: &str) {
+        let warning = after_the_answer(self.without_link());
+        self.announce(format!("{} ({event}){warning}", self.killed_in_words()));
+    }
+
     /// Returns what a kill does.
-    pub(super) fn killed_in_words(&self) -> &'static str {
+    fn killed_in_words(&self) -> &'static str {
         match self.without_link() {
             None => "killed: the motors rest until the end of the run",
             Some(_) => "killed: no frame that turns the motors is sent again",
@@ -260,4 +266,9 @@ impl Flight<'_> {
 enum Break {
     Kill,
     Freeze,
+}
+
+/// Returns a warning as the end of an answer.
+fn after_the_answer(warning: Option<String>) -> String {
+    warning.map_or_else(String::new, |warning| format!("; warning: {warning}"))
 }

@@ -92,11 +92,7 @@ impl Flight<'_> {
         let age_ns = u64::try_from(at.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let tick = self.clock.elapsed_ns().saturating_sub(age_ns) / self.clock.tick_ns;
         self.ask_at(tick, Request::Kill, RunEvent::KIND_OPERATOR_KILLS, event.clone());
-        let warning = self
-            .without_link()
-            .map_or_else(String::new, |warning| format!("; warning: {warning}"));
-        let text = format!("{} ({event}){warning}", self.killed_in_words());
-        self.announce(text);
+        self.announce_kill(&event);
     }
 
     /// Handles the loss of the kill switch, with its reason, or its return.

@@ -553,18 +553,8 @@ mod tests {
             ..laboratory(&stated)
         };
         for (voltage, is_low) in [(3.1, true), (3.7, false)] {
-            let block = told(&good(), LinkFigures::STATE_OPEN);
-            let reading = BatteryReading {
-                voltage,
-                age: 0.1,
-                factor: None,
-            };
-            let link = LinkFigures {
-                state: LinkFigures::STATE_OPEN,
-                pad0: reading.to_word(),
-                ..LinkFigures::new_zeroed()
-            };
-            block.link_status.write(&link);
+            let block = measured(voltage, 0.1);
+            block.cameras_status.write(&good());
             let refusal = laboratory.failure(&block, NOW_NS);
             assert_eq!(
                 refusal
